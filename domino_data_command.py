@@ -1,4 +1,5 @@
-"""The commands `domino-data` and `puma`. They are outside of all packages so that they can refuse foreign ones in one line."""
+"""The commands `domino-data` and `puma`. They are outside of all packages so that they can refuse
+foreign ones in one line."""
 
 import sys
 from importlib import import_module
@@ -9,16 +10,22 @@ PACKAGES = ("pipeline", "training")
 
 
 def find_foreign() -> str:
-    """Which package another one of the same name shadows, where it is, and the fix, in one line; "" if none does."""
+    """Which package another one of the same name shadows, where it is, and the fix, in one line; ""
+    if none does."""
     home = Path(__file__).resolve().parent
     for name in PACKAGES:
         spec = find_spec(name)
         origin = spec and spec.origin
         if origin is None or Path(origin).resolve().parents[1] != home:
-            found = f"{Path(origin).parent} is imported instead" if origin else "it is missing, or another folder hides it"
+            found = (
+                f"{Path(origin).parent} is imported instead"
+                if origin
+                else "it is missing, or another folder hides it"
+            )
             return (
-                f"the package `{name}` of domino-data is not the one that Python finds: {found}; remove that from PYTHONPATH, "
-                f"or install domino-data into an environment of its own (uv tool install)"
+                f"the package `{name}` of domino-data is not the one that Python finds: {found};"
+                " remove that from PYTHONPATH, or install domino-data into an environment of its"
+                " own (uv tool install)"
             )
     return ""
 

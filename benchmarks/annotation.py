@@ -1,15 +1,17 @@
-"""Frames per second of each annotation stage against its floor, and bytes per frame against the original's layout.
+"""Frames per second of each annotation stage against its floor, and bytes per frame against the
+original's layout.
 
 Also files and pairs against that layout, and Farneback against exact flow on moving targets.
 
     python -m benchmarks.annotation [--dataset OUT] [--episodes 4] [--frames 150] [--models small|full|none] [--image PNG]
 
-Without --dataset the episodes are drawn (benchmarks/export.py). Floors are bare calls on the same frames in the same process:
-JPEG decode, resize, grey, Farneback, polar, HSV for flow; the networks' forward passes on ready tensors at the same batch for masks
-and features. Networks have the real architecture and random weights: `small` is what a CPU can bear (DINOv2-S, SAM 2 Hiera-T,
-GroundingDINO Swin-T on small images), `full` is the default models' size. Exact flow needs --dataset with real episodes; where
-they store no depth and segmentation they are rendered again.
-"""
+Without --dataset the episodes are drawn (benchmarks/export.py). Floors are bare calls on the same
+frames in the same process: JPEG decode, resize, grey, Farneback, polar, HSV for flow; the networks'
+forward passes on ready tensors at the same batch for masks and features. Networks have the real
+architecture and random weights: `small` is what a CPU can bear (DINOv2-S, SAM 2 Hiera-T,
+GroundingDINO Swin-T on small images), `full` is the default models' size. Exact flow needs
+--dataset with real episodes; where they store no depth and segmentation they are rendered again.
+"""  # noqa: E501
 
 import argparse
 import os
@@ -57,7 +59,9 @@ def best(call: Callable[[], object], repeats: int) -> tuple[float, float]:
     return min(w for w, _ in runs), min(c for _, c in runs)
 
 
-def compare(ours: Callable[[], object], floor: Callable[[], object], repeats: int) -> list[tuple[float, float]]:
+def compare(
+    ours: Callable[[], object], floor: Callable[[], object], repeats: int
+) -> list[tuple[float, float]]:
     """Least wall and CPU seconds of both, run in turns so that a busy moment meets either."""
     runs = [(timed(ours), timed(floor)) for _ in range(repeats)]
     return [(min(r[i][0] for r in runs), min(r[i][1] for r in runs)) for i in range(2)]
@@ -80,7 +84,9 @@ def flow_floor(dataset: Path, paths: Sequence[Path], stride: int = 4) -> None:
             small = cv2.resize(decode_frame(data), (64, 64), interpolation=cv2.INTER_AREA)
             grey.append(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY))
         for t in range(len(grey)):
-            flow = cv2.calcOpticalFlowFarneback(grey[max(0, t - stride)], grey[t], flow, 0.5, 3, 15, 3, 5, 1.2, 0)
+            flow = cv2.calcOpticalFlowFarneback(
+                grey[max(0, t - stride)], grey[t], flow, 0.5, 3, 15, 3, 5, 1.2, 0
+            )
             magnitude, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
             p99 = max(float(np.percentile(np.asarray(magnitude, np.float32), 99)), 1e-6)
             value = np.clip(magnitude / p99 * 255, 0, 255)
@@ -92,10 +98,16 @@ def farneback_only(dataset: Path, path: Path) -> float:
     """CPU ms of one bare calcOpticalFlowFarneback at 64x64."""
     with open_episode(dataset / "episodes" / path) as e:
         flow = np.zeros((64, 64, 2), np.float32)
-        pair = [cv2.cvtColor(cv2.resize(e.rgb(CAMERA, t), (64, 64)), cv2.COLOR_RGB2GRAY) for t in (0, 4)]
+        pair = [
+            cv2.cvtColor(cv2.resize(e.rgb(CAMERA, t), (64, 64)), cv2.COLOR_RGB2GRAY) for t in (0, 4)
+        ]
     with bit_stable():
         _, cpu = best(
-            lambda: [cv2.calcOpticalFlowFarneback(pair[0], pair[1], flow, 0.5, 3, 15, 3, 5, 1.2, 0) for _ in range(100)], 5
+            lambda: [
+                cv2.calcOpticalFlowFarneback(pair[0], pair[1], flow, 0.5, 3, 15, 3, 5, 1.2, 0)
+                for _ in range(100)
+            ],
+            5,
         )
     return cpu * 10
 
@@ -114,14 +126,20 @@ def run_stage(stage: Stage, dataset: Path, paths: Sequence[Path]) -> Callable[[]
     return call
 
 
-def model_floors(options: AnnotateOptions, dataset: Path, paths: Sequence[Path]) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Calls that run the bare forward passes of masks (one caption) and features for every frame, on ready tensors."""
+def model_floors(
+    options: AnnotateOptions, dataset: Path, paths: Sequence[Path]
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Calls that run the bare forward passes of masks (one caption) and features for every frame,
+    on ready tensors."""
     import torch
 
     device = pick_device("auto")
     m, f = options.masks, options.features
     files = resolve(m.detector)
-    detector, segmenter = load_detector(files, device, m.precision), load_segmenter(resolve(m.segmenter), device, m.precision)
+    detector, segmenter = (
+        load_detector(files, device, m.precision),
+        load_segmenter(resolve(m.segmenter), device, m.precision),
+    )
     encoder = load_encoder(resolve(f.encoder), f.size, device, f.precision)
     short = image_settings(files)["size"]["shortest_edge"]
     counts = frame_counts(dataset, paths)
@@ -144,8 +162,14 @@ def model_floors(options: AnnotateOptions, dataset: Path, paths: Sequence[Path])
         with inference(device, m.precision):
             for n in batches(m.batch):
                 words = {k: v.expand(n, -1) for k, v in text.items()}
-                detector.model(pixel_values=image[:n], pixel_mask=torch.ones_like(image[:n, 0], dtype=torch.long), **words)
-                segmenter.model(pixel_values=square[:n], input_boxes=boxes[:n], multimask_output=False)
+                detector.model(
+                    pixel_values=image[:n],
+                    pixel_mask=torch.ones_like(image[:n, 0], dtype=torch.long),
+                    **words,
+                )
+                segmenter.model(
+                    pixel_values=square[:n], input_boxes=boxes[:n], multimask_output=False
+                )
         done()
 
     def features() -> None:
@@ -157,11 +181,15 @@ def model_floors(options: AnnotateOptions, dataset: Path, paths: Sequence[Path])
     return masks, features
 
 
-def stage_rows(dataset: Path, paths: Sequence[Path], models: tuple[MaskOptions, FeatureOptions] | None) -> list[list[str]]:
+def stage_rows(
+    dataset: Path, paths: Sequence[Path], models: tuple[MaskOptions, FeatureOptions] | None
+) -> list[list[str]]:
     """Rows of the table of stages."""
     options = AnnotateOptions()
     flow = build_stages(options, ["flow"], None)[0]
-    pairs: list[tuple[Stage, Callable[[], object], Sequence[Path], int]] = [(flow, lambda: flow_floor(dataset, paths), paths, 3)]
+    pairs: list[tuple[Stage, Callable[[], object], Sequence[Path], int]] = [
+        (flow, lambda: flow_floor(dataset, paths), paths, 3)
+    ]
     if models is not None:
         options = AnnotateOptions(masks=models[0], features=models[1])
         few = paths[:1]
@@ -173,9 +201,17 @@ def stage_rows(dataset: Path, paths: Sequence[Path], models: tuple[MaskOptions, 
         frames = sum(frame_counts(dataset, used))
         call = run_stage(stage, dataset, used)
         ours, bare = compare(call, floor, repeats)
-        size = sum(annotation_path(dataset, directory_of(stage), p).stat().st_size for p in used) / frames
+        size = (
+            sum(annotation_path(dataset, directory_of(stage), p).stat().st_size for p in used)
+            / frames
+        )
         reuse, _ = timed(lambda stage=stage, used=used: list(StageWorker(stage, dataset).run(used)))
-        rates = [f"{frames / ours[0]:.1f}", f"{frames / bare[0]:.1f}", f"{ours[0] / bare[0]:.2f}", f"{ours[1] / bare[1]:.2f}"]
+        rates = [
+            f"{frames / ours[0]:.1f}",
+            f"{frames / bare[0]:.1f}",
+            f"{ours[0] / bare[0]:.2f}",
+            f"{ours[1] / bare[1]:.2f}",
+        ]
         rates.append(f"{1e3 * ours[1] / frames:.2f}")
         rows.append([stage.name, str(frames), *rates, f"{size:.0f}", f"{frames / reuse:.0f}"])
     return rows
@@ -190,9 +226,12 @@ def frame_counts(dataset: Path, paths: Sequence[Path]) -> list[int]:
     return out
 
 
-def original_layout(dataset: Path, directory: str, paths: Sequence[Path], root: Path) -> list[tuple[str, int, int, int]]:
-    """(what, computed, files, bytes) of the original's caches for the same frames, written for real: per step and offset one npz,
-    four flow pairs (history 4, stride 4) and four future masks."""
+def original_layout(
+    dataset: Path, directory: str, paths: Sequence[Path], root: Path
+) -> list[tuple[str, int, int, int]]:
+    """(what, computed, files, bytes) of the original's caches for the same frames, written for
+    real: per step and offset one npz, four flow pairs (history 4, stride 4) and four future
+    masks."""
     flow, masks = [0, 0, 0], [0, 0, 0]
     for path in paths:
         entry = read_entry(annotation_path(dataset, directory, path))
@@ -203,7 +242,11 @@ def original_layout(dataset: Path, directory: str, paths: Sequence[Path], root: 
             for offset in range(4):
                 rgb = entry.arrays["rgb"][max(0, step - 4 * offset)]
                 np.savez(root / "a.npz", flow_rgb=rgb)
-                np.savez(root / "b.npz", mask=np.zeros((height, width), np.uint8), box=np.zeros(4, np.float32))
+                np.savez(
+                    root / "b.npz",
+                    mask=np.zeros((height, width), np.uint8),
+                    box=np.zeros(4, np.float32),
+                )
                 for count, name in ((flow, "a.npz"), (masks, "b.npz")):
                     count[0] += 1
                     count[1] += 1
@@ -215,13 +258,20 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print aligned columns."""
     widths = [max(len(str(r[i])) for r in [head, *rows]) for i in range(len(head))]
     for row in [head, *rows]:
-        print("  ".join(str(x).rjust(w) if i else str(x).ljust(w) for i, (x, w) in enumerate(zip(row, widths, strict=True))))
+        print(
+            "  ".join(
+                str(x).rjust(w) if i else str(x).ljust(w)
+                for i, (x, w) in enumerate(zip(row, widths, strict=True))
+            )
+        )
     print()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--dataset", type=Path)
     parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument("--frames", type=int, default=150)
@@ -230,7 +280,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     a = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     machine = platform.processor() or platform.machine()
-    print(f"{machine}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; OpenCV {cv2.__version__}")
+    print(
+        f"{machine}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; OpenCV"
+        f" {cv2.__version__}"
+    )
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         if a.dataset:
@@ -238,13 +291,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         else:
             dataset = root / "data"
             for i in range(a.episodes):
-                drawn_episode(dataset / f"episodes/benchmark/aloha-agilex/L1/clean/episode_{i:07d}.hdf5", a.frames, i)
+                drawn_episode(
+                    dataset / f"episodes/benchmark/aloha-agilex/L1/clean/episode_{i:07d}.hdf5",
+                    a.frames,
+                    i,
+                )
         everything = episode_paths(dataset)
         paths = everything[: a.episodes]
         models = random_models(root / "models", a.models) if a.models != "none" else None
         rows = stage_rows(dataset, paths, models)
-        table(["stage", "frames", "frames/s", "floor/s", "wall ratio", "CPU ratio", "CPU ms", "bytes/frame", "reused/s"], rows)
-        print(f"bare Farneback at 64x64: {farneback_only(dataset, paths[0]):.2f} ms of CPU a pair\n")
+        table(
+            [
+                "stage",
+                "frames",
+                "frames/s",
+                "floor/s",
+                "wall ratio",
+                "CPU ratio",
+                "CPU ms",
+                "bytes/frame",
+                "reused/s",
+            ],
+            rows,
+        )
+        print(
+            f"bare Farneback at 64x64: {farneback_only(dataset, paths[0]):.2f} ms of CPU a pair\n"
+        )
         print_layout(dataset, paths, root)
         if a.dataset:
             print_errors(dataset, everything, a.image)
@@ -257,9 +329,18 @@ def print_layout(dataset: Path, paths: Sequence[Path], root: Path) -> None:
     size = sum(annotation_path(dataset, directory, p).stat().st_size for p in paths)
     theirs = original_layout(dataset, directory, paths, root)
     rows = [["flow, ours (raw + RGB)", f"{pairs}", f"{len(paths)}", f"{size / 1e6:.1f}"]]
-    rows += [[f"{name}, original", f"{n}", f"{files}", f"{b / 1e6:.1f}"] for name, n, files, b in theirs]
+    rows += [
+        [f"{name}, original", f"{n}", f"{files}", f"{b / 1e6:.1f}"] for name, n, files, b in theirs
+    ]
     _, n, files, total = theirs[0]
-    rows.append(["flow, original / ours", f"{n / pairs:.2f}", f"{files / len(paths):.0f}", f"{total / size:.2f}"])
+    rows.append(
+        [
+            "flow, original / ours",
+            f"{n / pairs:.2f}",
+            f"{files / len(paths):.0f}",
+            f"{total / size:.2f}",
+        ]
+    )
     table(["layout", "computed", "files", "MB"], rows)
 
 
@@ -275,7 +356,10 @@ def print_errors(dataset: Path, paths: Sequence[Path], image: Path | None) -> No
     annotate(dataset, ["flow", "masks"], options=sim, **options)
     report = flow_agreement(dataset, paths, CAMERA)
     names = ["pairs", "exact", "measured", "error", "angle", "error_still"]
-    table(["level", *names], [[level, *(str(row[n]) for n in names)] for level, row in report["levels"].items()])
+    table(
+        ["level", *names],
+        [[level, *(str(row[n]) for n in names)] for level, row in report["levels"].items()],
+    )
     if image is not None:
         moving = [p for p in paths if p.parts[2] != "L0"] or list(paths)
         sheet = annotation_sheet(dataset, moving[-1], CAMERA)

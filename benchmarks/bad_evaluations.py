@@ -1,4 +1,5 @@
-"""Cases of bad input about what evaluations and plugins read: results, manifests of seeds, directories of plugins."""
+"""Cases of bad input about what evaluations and plugins read: results, manifests of seeds,
+directories of plugins."""
 
 import json
 from collections.abc import Iterator
@@ -7,9 +8,20 @@ from pathlib import Path
 from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.scenes.manifests import Manifests
 from tests.commands.bad_input import Case
-from tests.evaluate.test_bad_files import CELL, FIELDS, LINES, OTHERS, ROW, TEXTS, changed, manifest_values
+from tests.evaluate.test_bad_files import (
+    CELL,
+    FIELDS,
+    LINES,
+    OTHERS,
+    ROW,
+    TEXTS,
+    changed,
+    manifest_values,
+)
 
-WORDS = "evaluate --policy random --tasks click_bell --levels 1 --episodes 1 --executor inline --quiet"
+WORDS = (
+    "evaluate --policy random --tasks click_bell --levels 1 --episodes 1 --executor inline --quiet"
+)
 EVALUATE = tuple(WORDS.split())
 
 PLUGINS = {
@@ -21,8 +33,12 @@ PLUGINS = {
     "deep": {"own.py": "x = " + "(" * 5000 + ")" * 5000},
     "module": {"numpy.py": ""},
     "package": {"json/__init__.py": ""},
-    "task": {"own.py": "from pipeline.tasks import TASKS\nTASKS.add('click_bell', TASKS['click_bell'])"},
-    "policy": {"own.py": "from pipeline.evaluate.names import POLICIES\nPOLICIES.add('random', None)"},
+    "task": {
+        "own.py": "from pipeline.tasks import TASKS\nTASKS.add('click_bell', TASKS['click_bell'])"
+    },
+    "policy": {
+        "own.py": "from pipeline.evaluate.names import POLICIES\nPOLICIES.add('random', None)"
+    },
     "number": {"1own.py": "1/0"},
 }
 """Files by name of a directory of plugins that cannot be used."""
@@ -32,9 +48,14 @@ NO_PLUGINS = ("missing", "file", "file/inside", "", "a\x1b[31mb", "x" * 300)
 
 
 def evaluations(root: Path) -> Iterator[Case]:
-    """Evaluations whose results or manifests hold something else; the files are written below `root`."""
+    """Evaluations whose results or manifests hold something else; the files are written below
+    `root`."""
     rows = [json.dumps(ROW | {key: value}).encode() for key, value in FIELDS]
-    rows += [json.dumps({key: value for key, value in ROW.items() if key != name}).encode() for name in ROW if name != "probe"]
+    rows += [
+        json.dumps({key: value for key, value in ROW.items() if key != name}).encode()
+        for name in ROW
+        if name != "probe"
+    ]
     for number, line in enumerate((*rows, *LINES)):
         out = root / "results" / str(number)
         out.mkdir(parents=True)
@@ -46,11 +67,17 @@ def evaluations(root: Path) -> Iterator[Case]:
     texts = [json.dumps(changed(whole, path, value)).encode() for path, value in OTHERS]
     for number, text in enumerate((*texts, *TEXTS)):
         write_atomic(Manifests(root / "seeds" / str(number)).path(CELL), text)
-        yield Case((*EVALUATE, "--out", "OUT", "--manifests", f"seeds/{number}"), "delete it to draw them again")
+        yield Case(
+            (*EVALUATE, "--out", "OUT", "--manifests", f"seeds/{number}"),
+            "delete it to draw them again",
+        )
     for place in ("file", "file/inside"):
         yield Case((*EVALUATE, "--out", place), "is no directory")
         yield Case((*EVALUATE, "--out", "OUT", "--manifests", place), "is no directory")
-        yield Case(("ladder", "--tasks", "click_bell", "--executor", "inline", "--quiet", "--out", place), "is no directory")
+        yield Case(
+            ("ladder", "--tasks", "click_bell", "--executor", "inline", "--quiet", "--out", place),
+            "is no directory",
+        )
 
 
 def plugins(root: Path) -> Iterator[Case]:

@@ -1,8 +1,9 @@
-"""Bad input: how many command lines are refused in one line, with exit code 2 and nothing changed; time and memory they take.
+"""Bad input: how many command lines are refused in one line, with exit code 2 and nothing changed;
+time and memory they take.
 
-Written cases, the hostile set of every option of every command, files of evaluations that hold something else, and, with --slow,
-commands in processes of their own: servers that are no Ray, policies and plugins that fail, a directory that another
-command writes.
+Written cases, the hostile set of every option of every command, files of evaluations that hold
+something else, and, with --slow, commands in processes of their own: servers that are no Ray,
+policies and plugins that fail, a directory that another command writes.
 
 python -m benchmarks.bad_input [--all] [--slow]
 """
@@ -28,7 +29,8 @@ from tests.commands.bad_places import furnish
 from tests.commands.hostile import refused, words_of
 
 HANGS = 90
-"""Seconds after which a command counts as hung: asking what is no Ray cluster may take 45 s after the imports."""
+"""Seconds after which a command counts as hung: asking what is no Ray cluster may take 45 s after
+the imports."""
 
 POLICIES = {
     "raises": "def make_policy(): raise KeyError('x')",
@@ -56,7 +58,11 @@ REMOTE = (
     "ws://é:x",
 )
 WORDS = "evaluate --tasks click_bell --levels 0 --episodes 1 --workers 1 --quiet --out OUT --policy"
-SERVERS = {"silent": None, "http": b"HTTP/1.1 400 Bad Request\r\n\r\n", "http2": bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])}
+SERVERS = {
+    "silent": None,
+    "http": b"HTTP/1.1 400 Bad Request\r\n\r\n",
+    "http2": bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]),
+}
 """What a server that is no Ray answers to every connection; None for nothing."""
 
 
@@ -64,7 +70,13 @@ def generated() -> Iterator[Case]:
     """The hostile set of every option."""
     for words, param, text in refused():
         if "\0" not in text:  # which no command line can hold
-            yield Case((*(words[1:] if words[0] == "domino-data" else words), *words_of(words, param, text)), name_of(param))
+            yield Case(
+                (
+                    *(words[1:] if words[0] == "domino-data" else words),
+                    *words_of(words, param, text),
+                ),
+                name_of(param),
+            )
 
 
 @contextmanager
@@ -87,12 +99,23 @@ def listening(answer: bytes | None) -> Iterator[int]:
 
 
 def run(case: Case, root: Path) -> Outcome:
-    """The command of a case in a process of its own; one that waits for a server may take until it counts as hung."""
+    """The command of a case in a process of its own; one that waits for a server may take until it
+    counts as hung."""
     before, began = state_of(root), time.perf_counter()
-    command, paths = [sys.executable, "-m", "pipeline.cli", *case.words], os.environ | {"PYTHONPATH": str(Path.cwd())}
+    command, paths = (
+        [sys.executable, "-m", "pipeline.cli", *case.words],
+        os.environ | {"PYTHONPATH": str(Path.cwd())},
+    )
     try:
         done = subprocess.run(
-            command, cwd=root, env=paths, capture_output=True, text=True, timeout=HANGS, check=False, stdin=subprocess.DEVNULL
+            command,
+            cwd=root,
+            env=paths,
+            capture_output=True,
+            text=True,
+            timeout=HANGS,
+            check=False,
+            stdin=subprocess.DEVNULL,
         )
         code, out, err = done.returncode, done.stdout, done.stderr
     except subprocess.TimeoutExpired:
@@ -104,7 +127,10 @@ def slow(root: Path) -> Iterator[tuple[Case, Outcome]]:
     """Cases that need a process of their own, and what came of them."""
     for name, answer in SERVERS.items():
         with listening(answer) as port:
-            case = Case((*f"build --tasks click_bell --out OUT-{name} --address 127.0.0.1:{port}".split(),), "no Ray cluster")
+            case = Case(
+                (*f"build --tasks click_bell --out OUT-{name} --address 127.0.0.1:{port}".split(),),
+                "no Ray cluster",
+            )
             yield case, run(case, root)
     for name, text in POLICIES.items():
         (root / f"{name}.py").write_text(text)
@@ -122,8 +148,12 @@ def slow(root: Path) -> Iterator[tuple[Case, Outcome]]:
 def main() -> None:
     """Try every case and print one table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--all", action="store_true", help="print every command line and what it answers")
-    parser.add_argument("--slow", action="store_true", help="also the cases that take a process each")
+    parser.add_argument(
+        "--all", action="store_true", help="print every command line and what it answers"
+    )
+    parser.add_argument(
+        "--slow", action="store_true", help="also the cases that take a process each"
+    )
     options = parser.parse_args()
     kept: Counter[str] = Counter()
     tried: Counter[str] = Counter()
@@ -131,7 +161,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         furnish(root)
-        outcomes = ((case, attempt(case, root)) for cases in (CASES, generated(), evaluations(root)) for case in cases)
+        outcomes = (
+            (case, attempt(case, root))
+            for cases in (CASES, generated(), evaluations(root))
+            for case in cases
+        )
         for case, outcome in (*outcomes, *(slow(root) if options.slow else ())):
             fault, verb = outcome.fault(case), case.words[0]
             tried[verb] += 1
@@ -145,7 +179,10 @@ def main() -> None:
     for verb, count in sorted(tried.items()):
         print(f"| {verb} | {count} | {kept[verb]} |")
     print(f"| all | {sum(tried.values())} | {sum(kept.values())} |")
-    print(f"\nslowest {seconds:.1f} s (imports included), largest growth of the process {megabytes:.0f} MB")
+    print(
+        f"\nslowest {seconds:.1f} s (imports included), largest growth of the process"
+        f" {megabytes:.0f} MB"
+    )
     print("\n".join(faults))
 
 

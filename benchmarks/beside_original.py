@@ -38,21 +38,25 @@ REVOLVED = (Bowl, Can, Cup, PillBottle)
 """Bodies of revolution, which stand upright: their yaw changes nothing but the print on them."""
 
 SAME_SHAPE = 0.0005
-"""A vertex of a turned body lies nearer (m) to one of the body as it was where the two look the same."""
+"""A vertex of a turned body lies nearer (m) to one of the body as it was where the two look the
+same."""
 
 SEEN = 0.01
-"""A target's region counts as cut by the image of the head camera where more than this (m) of an end is not seen."""
+"""A target's region counts as cut by the image of the head camera where more than this (m) of an
+end is not seen."""
 
 Facts = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a body may stand, over both sides of the table: x, y and least |x| (m), and how it is turned there.
+    """Where a body may stand, over both sides of the table: x, y and least |x| (m), and how it is
+    turned there.
 
-    Yaw (rad) goes up to `yaw` to either side of each of `headings`, counted over the whole turn: two headings where the left and
-    the right side of the table differ. After every 1/`turns` of a turn the body looks the same; 0: at every yaw (a body of
-    revolution), so that yaws are left out when two are compared. `least` are the least distances (m) from other bodies, by name.
+    Yaw (rad) goes up to `yaw` to either side of each of `headings`, counted over the whole turn:
+    two headings where the left and the right side of the table differ. After every 1/`turns` of a
+    turn the body looks the same; 0: at every yaw (a body of revolution), so that yaws are left out
+    when two are compared. `least` are the least distances (m) from other bodies, by name.
     """
 
     x: tuple[float, float]
@@ -65,7 +69,11 @@ class Extent:
 
     def __str__(self) -> str:
         x = f"±{self.x[1]:.2f}" if abs(sum(self.x)) < ALIKE and self.x[1] > 0 else span(self.x)
-        far = f", not within {self.away:.2f}" if self.away > ALIKE and self.x[0] < 0 < self.x[1] else ""
+        far = (
+            f", not within {self.away:.2f}"
+            if self.away > ALIKE and self.x[0] < 0 < self.x[1]
+            else ""
+        )
         apart = "".join(f"; {distance:.2f} from {name}" for name, distance in self.least)
         return f"x {x}{far}; y {span(self.y)}; yaw {self._describe_yaw()}{apart}"
 
@@ -74,16 +82,20 @@ class Extent:
         about = " and ".join(f"{heading:.2f}" for heading in self.headings)
         if not self.yaw:
             return about if any(self.headings) else "0"
-        return f"±{self.yaw:.2f}" + (f" about {about}" if any(self.headings) and self.yaw < np.pi - ALIKE else "")
+        return f"±{self.yaw:.2f}" + (
+            f" about {about}" if any(self.headings) and self.yaw < np.pi - ALIKE else ""
+        )
 
     def differs(self, other: "Extent") -> bool:
-        """Whether any end is another one, the yaw has another range or other headings, or a least distance is another one."""
+        """Whether any end is another one, the yaw has another range or other headings, or a least
+        distance is another one."""
         ours, theirs = ((*e.x, *e.y, e.away) for e in (self, other))
         moved = bool((np.abs(np.subtract(ours, theirs)) > ALIKE).any())
         return moved or self.least != other.least or (self.turns > 0 and self._turns_differ(other))
 
     def _turns_differ(self, other: "Extent") -> bool:
-        """Headings count relative to the first one: which way the original's meshes face at yaw 0 is not known."""
+        """Headings count relative to the first one: which way the original's meshes face at yaw 0
+        is not known."""
         period = 2 * np.pi / self.turns
         yaws = [min(e.yaw, period / 2) for e in (self, other)]
         if abs(yaws[0] - yaws[1]) > ALIKE or len(self.headings) != len(other.headings):
@@ -114,7 +126,10 @@ def reasons() -> Mapping[str, str]:
 @cache
 def layouts(task: str, rules: RuleSet = "strict") -> list[list[Placement]]:
     """Layouts of a task before anything is placed."""
-    draws = (Draw(np.random.default_rng([0, seed]), np.random.default_rng([1, seed]), Rules(rules)) for seed in range(DRAWS))
+    draws = (
+        Draw(np.random.default_rng([0, seed]), np.random.default_rng([1, seed]), Rules(rules))
+        for seed in range(DRAWS)
+    )
     return [list(TASKS[task].layout(draw)) for draw in draws]
 
 
@@ -125,8 +140,12 @@ def extents(task: str) -> dict[str, Extent]:
         placements = [p for layout in layouts(task) for p in layout if p.name == name]
         regions = [p.region for p in placements]
         x, y = (np.array([sorted(getattr(r, axis)) for r in regions]) for axis in ("x", "y"))
-        away = min(max(r.away_from_centre, 0.0, *np.multiply((1, -1), sorted(r.x))) for r in regions)
-        turns = min(symmetry(p.instance) for p in {type(p.instance): p for p in placements}.values())
+        away = min(
+            max(r.away_from_centre, 0.0, *np.multiply((1, -1), sorted(r.x))) for r in regions
+        )
+        turns = min(
+            symmetry(p.instance) for p in {type(p.instance): p for p in placements}.values()
+        )
         yaw = max((r.yaw[1] - r.yaw[0]) / 2 for r in regions)
         least = tuple(sorted(placements[0].distances.items()))
         ends = (x.min(), x.max()), (y.min(), y.max())
@@ -139,13 +158,16 @@ def _headings(regions: Iterable[Region], turns: int) -> tuple[float, ...]:
     middles = sorted({round(sum(r.yaw) / 2, 3) + 0.0 for r in regions}, key=abs)
     kept = list[float]()
     for middle in middles:
-        if not any(abs(np.angle(np.exp(1j * (middle - other) * max(turns, 1)))) < ALIKE for other in kept):
+        if not any(
+            abs(np.angle(np.exp(1j * (middle - other) * max(turns, 1)))) < ALIKE for other in kept
+        ):
             kept.append(middle)
     return tuple(kept)
 
 
 def symmetry(instance: Family) -> int:
-    """After how many equal parts of a turn about z a body looks the same: 4, 2 or 1, from its vertices; 0 where after any."""
+    """After how many equal parts of a turn about z a body looks the same: 4, 2 or 1, from its
+    vertices; 0 where after any."""
     if isinstance(instance, REVOLVED):
         return 0
     points = np.concatenate([mesh.vertices for mesh, _ in instance.shape().visual])
@@ -158,7 +180,8 @@ def symmetry(instance: Family) -> int:
 
 
 def visible_range(task: str) -> tuple[float, float] | None:
-    """Least and greatest x (m) at which the head camera sees a target on the table, anywhere in its region's y.
+    """Least and greatest x (m) at which the head camera sees a target on the table, anywhere in its
+    region's y.
 
     None if it sees the whole region."""
     region, head = extents(task)[TASKS[task].target], cameras_of(get_embodiment("aloha-agilex"))[0]
@@ -171,7 +194,11 @@ def visible_range(task: str) -> tuple[float, float] | None:
 
 def originals(task: str) -> dict[str, Extent]:
     """The same of the original's dynamic version, with the symmetry of our bodies."""
-    regions = {name: body["region"] for name, body in original()[task]["bodies"].items() if "region" in body}
+    regions = {
+        name: body["region"]
+        for name, body in original()[task]["bodies"].items()
+        if "region" in body
+    }
     return {
         name: Extent(
             tuple(r["x"]),
@@ -193,7 +220,8 @@ def moved(task: str) -> tuple[str, ...]:
 
 
 def conditions(task: str) -> tuple[list[str], list[str]]:
-    """Names of the conditions that both sets of rules ask for, and of those that only strict rules do."""
+    """Names of the conditions that both sets of rules ask for, and of those that only strict rules
+    do."""
     spec = EpisodeSpec(task, "aloha-agilex", 0, 0.0, "clean", 0, 0)
     strict, domino = (_names(build_scene(spec, rules)) for rules in (Rules(), Rules("domino")))
     return domino, [name for name in strict if name not in domino]
@@ -201,7 +229,9 @@ def conditions(task: str) -> tuple[list[str], list[str]]:
 
 def _names(scene: Scene) -> list[str]:
     """Condition names, asked of two frames in which nothing happens."""
-    links = [f"{side}_{f}" for side, arm in scene.embodiment.arms.items() for f in arm.gripper.fingers]
+    links = [
+        f"{side}_{f}" for side, arm in scene.embodiment.arms.items() for f in arm.gripper.fingers
+    ]
     names, vector = (*scene.bodies, *links, "table"), scene.embodiment.vector_names
     poses = np.zeros((2, len(names), 7))
     poses[..., 3] = 1

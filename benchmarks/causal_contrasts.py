@@ -1,4 +1,5 @@
-"""The arms of the study of states and the contrasts of its pre-registration (docs/science/preregistration.md)."""
+"""The arms of the study of states and the contrasts of its pre-registration
+(docs/science/preregistration.md)."""
 
 import itertools
 from collections.abc import Iterator
@@ -49,7 +50,10 @@ class Contrast:
     second: Side
 
     def __str__(self) -> str:
-        one, other = self._distinguish(self.first, self.second), self._distinguish(self.second, self.first)
+        one, other = (
+            self._distinguish(self.first, self.second),
+            self._distinguish(self.second, self.first),
+        )
         same = [] if self.first.n != self.second.n else [f"N = {self.first.n}"]
         if self.first.arm == self.second.arm:
             same.append(self.first.arm)
@@ -93,13 +97,22 @@ def exploratory() -> Iterator[Contrast]:
         yield Contrast(TASKS[0], level, Side("foresighted", n), Side("planned", n))
         yield Contrast(TASKS[0], level, Side("reactive", n), Side("foresighted", n))
     for level in LEVELS:
-        yield Contrast(TASKS[0], level, Side("reactive", min(MORE_SIZES)), Side("planned", min(MORE_SIZES)))
+        yield Contrast(
+            TASKS[0], level, Side("reactive", min(MORE_SIZES)), Side("planned", min(MORE_SIZES))
+        )
     n, holding = max(SIZES), Side("reactive", max(SIZES), HOLDING)
-    pairs = ((holding, Side("planned", n, HOLDING)), (holding, Side("reactive", n, "two_frames")), (Side("reactive", n), holding))
+    pairs = (
+        (holding, Side("planned", n, HOLDING)),
+        (holding, Side("reactive", n, "two_frames")),
+        (Side("reactive", n), holding),
+    )
     for (first, second), level in itertools.product(pairs, LEVELS):
         yield Contrast(TASKS[0], level, first, second)
     most = Side("reactive", LARGEST)
-    pairs = ((most, Side("planned", LARGEST)), *((Side(arm, LARGEST), Side(arm, n)) for arm in ("reactive", "planned")))
+    pairs = (
+        (most, Side("planned", LARGEST)),
+        *((Side(arm, LARGEST), Side(arm, n)) for arm in ("reactive", "planned")),
+    )
     for (first, second), level in itertools.product(pairs, LEVELS):
         yield Contrast(TASKS[0], level, first, second)
     new = Side("new scenes", max(SIZES))
@@ -120,7 +133,14 @@ def secondary() -> Iterator[Contrast]:
     planned, reactive, half = Side("planned", n), Side("reactive", n), Side("half", n)
     pairs = [(half, planned), (reactive, half), (Side("static", n), planned)]
     for inputs in ("position", "two_frames"):
-        pairs += [(Side("reactive", n, inputs), Side("planned", n, inputs)), (reactive, Side("reactive", n, inputs))]
-    pairs += [(Side("reactive", most), Side("planned", most)), (Side("reactive", most), reactive), (Side("planned", most), planned)]
+        pairs += [
+            (Side("reactive", n, inputs), Side("planned", n, inputs)),
+            (reactive, Side("reactive", n, inputs)),
+        ]
+    pairs += [
+        (Side("reactive", most), Side("planned", most)),
+        (Side("reactive", most), reactive),
+        (Side("planned", most), planned),
+    ]
     for (first, second), level in itertools.product(pairs, LEVELS):
         yield Contrast(TASKS[0], level, first, second)

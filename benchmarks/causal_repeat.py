@@ -1,9 +1,12 @@
-"""The repetition of the study of states with new demonstrations, networks and scenes: fourth addendum of preregistration.md.
+"""The repetition of the study of states with new demonstrations, networks and scenes: fourth
+addendum of preregistration.md.
 
-python -m benchmarks.causal_repeat run DIR [--rows FILE]   makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal_repeat report [--rows FILE]    tables of docs/science/causal_repeat.md, and its figure
+python -m benchmarks.causal_repeat run DIR [--rows FILE] makes what is missing, one unit after
+another; the same command resumes python -m benchmarks.causal_repeat report [--rows FILE] tables of
+docs/science/causal_repeat.md, and its figure
 
-A row of FILE is one network on the scenes of one level, as in benchmarks/causal.py, and `contact`, what the first touch does.
+A row of FILE is one network on the scenes of one level, as in benchmarks/causal.py, and `contact`,
+what the first touch does.
 """
 
 import itertools
@@ -14,13 +17,31 @@ import matplotlib.pyplot as plt
 
 from benchmarks.causal import Scenes, Study, Unit
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
-from benchmarks.causal_tables import Rates, Row, add_missing, command_line, fill_in, percent, read, table
+from benchmarks.causal_tables import (
+    Rates,
+    Row,
+    add_missing,
+    command_line,
+    fill_in,
+    percent,
+    read,
+    table,
+)
 from benchmarks.study.rows import markdown
 from pipeline.evaluate.scoring.difference import interval
 
 HERE = Path(__file__).parents[1]
-ROWS, PAGE = (HERE / "docs" / "science" / f"causal_repeat{suffix}" for suffix in ("_rows.jsonl", ".md"))
-TASKS = ("click_bell", "press_stapler", "beat_block_hammer", "grab_roller", "move_can_pot", "place_mouse_pad")
+ROWS, PAGE = (
+    HERE / "docs" / "science" / f"causal_repeat{suffix}" for suffix in ("_rows.jsonl", ".md")
+)
+TASKS = (
+    "click_bell",
+    "press_stapler",
+    "beat_block_hammer",
+    "grab_roller",
+    "move_can_pot",
+    "place_mouse_pad",
+)
 HELD, N, SEED = TASKS[:5], 150, 2
 STOP, HOLD = Scenes((0, *LEVELS), 100, 1), Scenes(LEVELS, 100, 1, "hold")
 PAIR, OTHERS = ("planned", "reactive"), ("half", "new scenes", "static")
@@ -62,29 +83,57 @@ def others() -> Iterator[Contrast]:
 
 def report(rows: Path, page: Path) -> None:
     """Write tables and figure of the page."""
-    stop, hold = ([row for row in read(rows) if row["contact"] == scenes.contact] for scenes in (STOP, HOLD))
+    stop, hold = (
+        [row for row in read(rows) if row["contact"] == scenes.contact] for scenes in (STOP, HOLD)
+    )
     fill_in(page, "primary", table(stop, pairs(LEVELS, TASKS), ()))
-    fill_in(page, "secondary", table(stop, (), (("secondary", itertools.chain(pairs((0,), TASKS), others())),)))
+    fill_in(
+        page,
+        "secondary",
+        table(stop, (), (("secondary", itertools.chain(pairs((0,), TASKS), others())),)),
+    )
     fill_in(page, "hold", table(hold, (), (("secondary", pairs(LEVELS, HELD)),)))
-    head = ("task", "arm", "networks", *(f"level {level}: SR % (95 %)" for level in STOP.levels), "level 1 / 3, each network")
+    head = (
+        "task",
+        "arm",
+        "networks",
+        *(f"level {level}: SR % (95 %)" for level in STOP.levels),
+        "level 1 / 3, each network",
+    )
     fill_in(page, "success", markdown(head, list(success(stop))))
     draw(stop, page.with_suffix(".png"))
 
 
 def success(rows: Sequence[Row]) -> Iterator[list[object]]:
-    """A line for each task and arm that has networks: their success at each level, and that of each of them."""
+    """A line for each task and arm that has networks: their success at each level, and that of each
+    of them."""
     for task, arm in itertools.product(TASKS, (*PAIR, *OTHERS)):
         side, rates = Side(arm, N), {level: Rates(rows, task, level) for level in STOP.levels}
         if seeds := rates[0].seeds(side):
-            alone = zip(*(100 * rates[level].each(side)[0].mean(1) for level in LEVELS), strict=True)
-            cells = ("{:.0f} ({:.0f}-{:.0f})".format(*percent(rates[level], side)) for level in STOP.levels)
-            yield [task, arm, len(seeds), *cells, ", ".join(f"{one:.0f}/{other:.0f}" for one, other in alone)]
+            alone = zip(
+                *(100 * rates[level].each(side)[0].mean(1) for level in LEVELS), strict=True
+            )
+            cells = (
+                "{:.0f} ({:.0f}-{:.0f})".format(*percent(rates[level], side))
+                for level in STOP.levels
+            )
+            yield [
+                task,
+                arm,
+                len(seeds),
+                *cells,
+                ", ".join(f"{one:.0f}/{other:.0f}" for one, other in alone),
+            ]
 
 
 def draw(rows: Sequence[Row], plot: Path) -> None:
     """The primary contrasts that have rows, with their intervals over scenes."""
     figure, ax = plt.subplots(figsize=(7, 3.2), layout="constrained")
-    found = {contrast.task for contrast in pairs(LEVELS, TASKS) if Rates(rows, contrast.task, contrast.level).seeds(contrast.first)}
+    found = {
+        contrast.task
+        for contrast in pairs(LEVELS, TASKS)
+        if Rates(rows, contrast.task, contrast.level).seeds(contrast.first)
+    }
     tasks = [task for task in TASKS if task in found]
     for (number, level), (place, task) in itertools.product(enumerate(LEVELS), enumerate(tasks)):
         one, other = Rates(rows, task, level).of(Side("reactive", N), Side("planned", N))
@@ -92,7 +141,13 @@ def draw(rows: Sequence[Row], plot: Path) -> None:
         where = place + 0.2 * number - 0.1
         bars = [[100 * (mean - low)], [100 * (high - mean)]]
         ax.errorbar(
-            [100 * mean], [where], xerr=bars, fmt="o", color=f"C{number}", capsize=2, label="" if place else f"level {level}"
+            [100 * mean],
+            [where],
+            xerr=bars,
+            fmt="o",
+            color=f"C{number}",
+            capsize=2,
+            label="" if place else f"level {level}",
         )
     ax.axvline(0, color="grey", linewidth=0.8)
     ax.set_yticks(range(len(tasks)), tasks)

@@ -1,14 +1,17 @@
-"""What 117,600 slots cost a build, its status and its report: the real build, index and crew around a fake stage of 1 ms.
+"""What 117,600 slots cost a build, its status and its report: the real build, index and crew around
+a fake stage of 1 ms.
 
     python -m benchmarks.dataset_size [--episodes 112] [--out DIRECTORY] [--ray 16]
 
-35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The stage sleeps, writes an empty file
-in place of an episode and returns an entry with real keys, one to three attempts and eleven assets. Every row of the table is a
-process of its own: seconds by the clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a
-slot beyond the stage, by the clock, which on a busy machine counts the work of others; `processor ms` is what a slot takes of the
-processor, stage included. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them
-begins. The report has no films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers,
-which are not replaced: after 500 slots, when they would be, real ones have worked for half an hour.
+35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The
+stage sleeps, writes an empty file in place of an episode and returns an entry with real keys, one
+to three attempts and eleven assets. Every row of the table is a process of its own: seconds by the
+clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a slot
+beyond the stage, by the clock, which on a busy machine counts the work of others; `processor ms` is
+what a slot takes of the processor, stage included. `resume` grows the finished dataset by an
+episode a cell: the time is that until the first of them begins. The report has no films, because
+the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers, which are
+not replaced: after 500 slots, when they would be, real ones have worked for half an hour.
 """
 
 import argparse
@@ -63,20 +66,41 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
         cell = vars(job.slot.cell) | {"slot": index}
         rows = [
             cell
-            | {"attempt": n, "seed": job.recipe.spec(job.slot, n).seed, "outcome": "failed", "stage": "dry_run", "conditions": []}
+            | {
+                "attempt": n,
+                "seed": job.recipe.spec(job.slot, n).seed,
+                "outcome": "failed",
+                "stage": "dry_run",
+                "conditions": [],
+            }
             | {
                 "reason": "no_motion",
-                "detail": f"workspace {job.recipe.spec(job.slot, n).seed % 997}, visibility 1, blocked {171 + index}",
+                "detail": (
+                    f"workspace {job.recipe.spec(job.slot, n).seed % 997}, visibility 1, blocked"
+                    f" {171 + index}"
+                ),
                 "sim_steps": 0,
                 "seconds": 0.4,
             }
             for n in range(1 + index % 3)
         ]
-        moved = dict.fromkeys(("average_speed", "maximum_speed", "end_speed", "displacement"), 0.05 + 1e-4 * index)
-        rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "sim_steps": 900} | moved
-        facts = FileFacts.of(path.stat(), 75, SHA256[:32], [known[(index + n) % ASSETS] for n in range(11)])
+        moved = dict.fromkeys(
+            ("average_speed", "maximum_speed", "end_speed", "displacement"), 0.05 + 1e-4 * index
+        )
+        rows[-1] |= {
+            "outcome": "accepted",
+            "stage": "",
+            "reason": "",
+            "detail": "",
+            "sim_steps": 900,
+        } | moved
+        facts = FileFacts.of(
+            path.stat(), 75, SHA256[:32], [known[(index + n) % ASSETS] for n in range(11)]
+        )
         spent = time.perf_counter() - began
-        return SlotRecord(slot_keys(job.recipe, job.slot), True, SHA256, tuple(rows), {"stage": spent}, file=facts)
+        return SlotRecord(
+            slot_keys(job.recipe, job.slot), True, SHA256, tuple(rows), {"stage": spent}, file=facts
+        )
 
     return fill
 
@@ -84,7 +108,9 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
 def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     """One row, in this process."""
     began = time.time()
-    recipe = recipe_from({"embodiments": ROBOTS.split(","), "domains": ["clean", "randomized"], "episodes": episodes})
+    recipe = recipe_from(
+        {"embodiments": ROBOTS.split(","), "domains": ["clean", "randomized"], "episodes": episodes}
+    )
     building.slot_worker = fake_worker
     first = root.parent / STARTED
     first.unlink(missing_ok=True)
@@ -98,53 +124,112 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
         found["slots"] = result.made
         found["first job s"] = first.stat().st_mtime - began
         spent = float(stage.sum())
-        found["overhead ms"] = 1000 * (time.time() - first.stat().st_mtime - spent / workers) / result.made
+        found["overhead ms"] = (
+            1000 * (time.time() - first.stat().st_mtime - spent / workers) / result.made
+        )
         if workers == 1 and not name.startswith("ray"):
-            found["processor ms"] = 1000 * (time.process_time() - float(first.read_text())) / result.made
+            found["processor ms"] = (
+                1000 * (time.process_time() - float(first.read_text())) / result.made
+            )
     if name == "report":
         page = refresh(Dataset(root), annotation_sheet)
         pages = [page, *(page.parent / "tasks").glob("*.html")]
         found["largest page kB"] = max(p.stat().st_size for p in pages) / 1000
     found["seconds"] = time.time() - began
     used = resource.getrusage(resource.RUSAGE_SELF)
-    return found | {"processor s": used.ru_utime + used.ru_stime, "memory MB": used.ru_maxrss / 1000}
+    return found | {
+        "processor s": used.ru_utime + used.ru_stime,
+        "memory MB": used.ru_maxrss / 1000,
+    }
 
 
 def status(root: Path) -> dict[str, float]:
     """The command itself, from start to end."""
     began = time.time()
-    subprocess.run([sys.executable, "-m", "pipeline.cli", "status", root], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, "-m", "pipeline.cli", "status", root],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return {"seconds": time.time() - began, "processor s": used.ru_utime + used.ru_stime, "memory MB": used.ru_maxrss / 1000}
+    return {
+        "seconds": time.time() - began,
+        "processor s": used.ru_utime + used.ru_stime,
+        "memory MB": used.ru_maxrss / 1000,
+    }
 
 
-COLUMNS = ("slots", "seconds", "processor s", "first job s", "overhead ms", "processor ms", "largest page kB", "memory MB")
+COLUMNS = (
+    "slots",
+    "seconds",
+    "processor s",
+    "first job s",
+    "overhead ms",
+    "processor ms",
+    "largest page kB",
+    "memory MB",
+)
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--episodes", type=int, default=112)
-    parser.add_argument("--ray", type=int, default=16, help="episodes a cell of the builds with Ray")
-    parser.add_argument("--out", type=Path, default=None, help="directory for the datasets, kept afterwards")
+    parser.add_argument(
+        "--ray", type=int, default=16, help="episodes a cell of the builds with Ray"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=None, help="directory for the datasets, kept afterwards"
+    )
     parser.add_argument("--step", default="")
     given = parser.parse_args()
     if given.step:
-        found = status(given.out) if given.step == "status" else step(given.step, given.out, given.episodes)
+        found = (
+            status(given.out)
+            if given.step == "status"
+            else step(given.step, given.out, given.episodes)
+        )
         print(json.dumps(found))
         return
     with tempfile.TemporaryDirectory() as folder:
         base = given.out or Path(folder)
         base.mkdir(parents=True, exist_ok=True)
-        rows = [("build", "data", given.episodes), ("status", "data", 0), ("resume", "data", given.episodes + 1)]
-        rows += [("report", "data", given.episodes + 1), ("ray 1", "ray-1", given.ray), ("ray 2", "ray-2", given.ray)]
+        rows = [
+            ("build", "data", given.episodes),
+            ("status", "data", 0),
+            ("resume", "data", given.episodes + 1),
+        ]
+        rows += [
+            ("report", "data", given.episodes + 1),
+            ("ray 1", "ray-1", given.ray),
+            ("ray 2", "ray-2", given.ray),
+        ]
         print(hardware())
         print(f"\n| | {' | '.join(COLUMNS)} |\n|---|{'---:|' * len(COLUMNS)}")
         for name, place, episodes in rows:
-            command = [sys.executable, "-m", "benchmarks.dataset_size", "--step", name, "--out", base / place]
-            done = subprocess.run([*command, "--episodes", str(episodes)], check=True, stdout=subprocess.PIPE, text=True)
+            command = [
+                sys.executable,
+                "-m",
+                "benchmarks.dataset_size",
+                "--step",
+                name,
+                "--out",
+                base / place,
+            ]
+            done = subprocess.run(
+                [*command, "--episodes", str(episodes)],
+                check=True,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
             found = json.loads(done.stdout.splitlines()[-1])
-            print(f"| {name} | {' | '.join(f'{found[c]:.6g}' if c in found else '' for c in COLUMNS)} |", flush=True)
+            print(
+                f"| {name} |"
+                f" {' | '.join(f'{found[c]:.6g}' if c in found else '' for c in COLUMNS)} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

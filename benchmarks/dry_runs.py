@@ -1,7 +1,9 @@
-"""Yield of the static dry runs on fresh layouts: `python -m benchmarks.dry_runs --tasks grab_roller --robots all --layouts 20`.
+"""Yield of the static dry runs on fresh layouts: `python -m benchmarks.dry_runs --tasks grab_roller
+--robots all --layouts 20`.
 
-Every run lays out the scene of one seed at level 0 and runs the task's expert there (`stages.dry_run`); no target moves. Prints per
-cent accepted, tasks down, robots across, the means with Wilson's 95 % intervals, and the failures by stage, reason and detail.
+Every run lays out the scene of one seed at level 0 and runs the task's expert there
+(`stages.dry_run`); no target moves. Prints per cent accepted, tasks down, robots across, the means
+with Wilson's 95 % intervals, and the failures by stage, reason and detail.
 """
 
 import argparse
@@ -32,7 +34,8 @@ from pipeline.world.robots import MODELS, get_embodiment
 
 @dataclass(frozen=True)
 class Run:
-    """One dry run: empty `failure` when accepted, else stage, reason and detail; seconds of processor time."""
+    """One dry run: empty `failure` when accepted, else stage, reason and detail; seconds of
+    processor time."""
 
     spec: EpisodeSpec
     failure: str
@@ -52,7 +55,10 @@ def one(spec: EpisodeSpec, rules: Rules) -> Run:
 def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[Run]:
     """All specs in fresh processes; a bar shows how far and how well it goes."""
     runs = list[Run]()
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(specs), unit="run") as bar:
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
+        tqdm(total=len(specs), unit="run") as bar,
+    ):
         for r in pool.map(partial(one, rules=rules), specs, chunksize=1):
             runs.append(r)
             bar.update()
@@ -61,15 +67,26 @@ def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[Run]:
 
 
 def rates(runs: Sequence[Run], robots: Sequence[str]) -> str:
-    """Markdown: tasks down, robots across, per cent of dry runs accepted; below it means with intervals and the lowest pairs."""
+    """Markdown: tasks down, robots across, per cent of dry runs accepted; below it means with
+    intervals and the lowest pairs."""
     tasks = sorted({r.spec.task for r in runs})
     rows = [" | ".join(["| task", *robots, "s per run |"]), "|---|" + "---:|" * (len(robots) + 1)]
     for task in tasks:
         of_task = [r for r in runs if r.spec.task == task]
         cells = [_per_cent([r for r in of_task if r.spec.embodiment == robot]) for robot in robots]
-        rows.append(" | ".join([f"| {task}", *cells, f"{np.mean([r.seconds for r in of_task]):.1f} |"]))
+        rows.append(
+            " | ".join([f"| {task}", *cells, f"{np.mean([r.seconds for r in of_task]):.1f} |"])
+        )
     of_robots = [[r for r in runs if r.spec.embodiment == robot] for robot in robots]
-    rows.append(" | ".join(["| **mean**", *(f"**{_per_cent(group)}**" for group in of_robots), f"{_mean_seconds(runs)} |"]))
+    rows.append(
+        " | ".join(
+            [
+                "| **mean**",
+                *(f"**{_per_cent(group)}**" for group in of_robots),
+                f"{_mean_seconds(runs)} |",
+            ]
+        )
+    )
     rows.append(" | ".join(["| 95 % interval", *(_interval(group) for group in of_robots), " |"]))
     return "\n".join(rows)
 
@@ -88,7 +105,8 @@ def _interval(runs: Sequence[Run]) -> str:
 
 
 def failures(runs: Sequence[Run]) -> str:
-    """Markdown: why dry runs failed, per task and robot, with the seeds; numbers in the details are left out of the grouping."""
+    """Markdown: why dry runs failed, per task and robot, with the seeds; numbers in the details are
+    left out of the grouping."""
     seeds: dict[tuple[str, str, str], list[int]] = {}
     for r in runs:
         if r.failure:
@@ -96,7 +114,9 @@ def failures(runs: Sequence[Run]) -> str:
             seeds.setdefault(key, []).append(r.spec.seed)
     rows = ["| task | robot | failure | runs | seeds |", "|---|---|---|---:|---|"]
     for (task, robot, failure), which in sorted(seeds.items()):
-        rows.append(f"| {task} | {robot} | {failure} | {len(which)} | {' '.join(map(str, which))} |")
+        rows.append(
+            f"| {task} | {robot} | {failure} | {len(which)} | {' '.join(map(str, which))} |"
+        )
     return "\n".join(rows)
 
 
@@ -108,22 +128,36 @@ def lowest(runs: Sequence[Run], count: int = 5) -> str:
         total[pair] += 1
         bad[pair] += bool(r.failure)
     pairs = sorted(total, key=lambda pair: (-bad[pair] / total[pair], pair))[:count]
-    shares = (f"{task} on {robot} {100 * (1 - bad[task, robot] / total[task, robot]):.0f} %" for task, robot in pairs)
+    shares = (
+        f"{task} on {robot} {100 * (1 - bad[task, robot] / total[task, robot]):.0f} %"
+        for task, robot in pairs
+    )
     return "Lowest pairs: " + ", ".join(shares)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tasks", default="all", help="names, separated by commas")
     parser.add_argument("--robots", default="all", help="names, separated by commas")
     parser.add_argument("--layouts", type=int, default=20, help="layouts for each task and robot")
-    parser.add_argument("--layout", default="ours", choices=("ours", "original"), help="where the robots' bases stand")
+    parser.add_argument(
+        "--layout",
+        default="ours",
+        choices=("ours", "original"),
+        help="where the robots' bases stand",
+    )
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="also write the tables here")
     args = parser.parse_args()
     tasks = expand_tasks(args.tasks.split(","))
-    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = (
+        list(MODELS)
+        if args.robots == "all"
+        else [get_embodiment(r).name for r in args.robots.split(",")]
+    )
     specs = [
         EpisodeSpec(task, robot, 0, 0.0, "clean", 0, seed)
         for task in tasks
@@ -131,7 +165,10 @@ def main() -> None:
         for seed in range(args.first_seed, args.first_seed + args.layouts)
     ]
     runs = run(specs, Rules(layout=args.layout), args.workers)
-    what = f"{len(runs)} static dry runs, {args.layouts} layouts a pair, seeds from {args.first_seed}, layout {args.layout}"
+    what = (
+        f"{len(runs)} static dry runs, {args.layouts} layouts a pair, seeds from {args.first_seed},"
+        f" layout {args.layout}"
+    )
     head = f"{what}, {_mean_seconds(runs)} s of processor time each."
     text = "\n\n".join([head, hardware(), rates(runs, robots), lowest(runs), failures(runs)])
     print(text)

@@ -1,7 +1,8 @@
-"""Speed of the gymnasium environments without a camera: `python -m benchmarks.environments [--tasks ...]`.
+"""Speed of the gymnasium environments without a camera: `python -m benchmarks.environments [--tasks
+...]`.
 
-Both arms sway about home. The floor is the same drive targets in a simulation that nobody observes, records or judges. Processor
-time, the fastest of five rounds.
+Both arms sway about home. The floor is the same drive targets in a simulation that nobody observes,
+records or judges. Processor time, the fastest of five rounds.
 """
 
 import argparse
@@ -35,7 +36,9 @@ def seconds(work: Callable[[], object]) -> float:
 def bare(env: DominoEnv, actions: NDArray[np.float64]) -> Callable[[], None]:
     """What steps a bare simulation of the environment's scene through actions (T,A)."""
     assert env.case is not None
-    simulation = build_scene(env.case.spec).start(env.case.target_motion, DEFAULT_FPS, "evaluate").simulation
+    simulation = (
+        build_scene(env.case.spec).start(env.case.target_motion, DEFAULT_FPS, "evaluate").simulation
+    )
     steps, limits = PHYSICS_HZ // DEFAULT_FPS, env.trial.limits
 
     def work() -> None:
@@ -64,7 +67,9 @@ def measure(env: DominoEnv) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tasks", default="click_bell,shake_bottle,place_container_plate")
     body: list[tuple[object, ...]] = []
     with TemporaryDirectory() as kept:
@@ -72,8 +77,21 @@ def main() -> None:
             for name, kind in KINDS.items():
                 env = DominoEnv(task, level=0, setup=BLIND, scenes=1, manifests=Path(kept), **kind)
                 reset, step, floor = measure(env)
-                body.append((task, name, f"{1e3 * reset:.0f}", f"{1 / step:.0f}", f"{1 / floor:.0f}", f"{floor / step:.2f}"))
-    print(markdown(("task", "environment", "reset, ms", "steps/s", "bare, steps/s", "ratio"), body), hardware(), sep="\n\n")
+                body.append(
+                    (
+                        task,
+                        name,
+                        f"{1e3 * reset:.0f}",
+                        f"{1 / step:.0f}",
+                        f"{1 / floor:.0f}",
+                        f"{floor / step:.2f}",
+                    )
+                )
+    print(
+        markdown(("task", "environment", "reset, ms", "steps/s", "bare, steps/s", "ratio"), body),
+        hardware(),
+        sep="\n\n",
+    )
 
 
 if __name__ == "__main__":

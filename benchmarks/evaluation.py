@@ -1,9 +1,11 @@
-"""Closed-loop evaluation, measured: `python -m benchmarks.evaluation` prints control steps a second against the floor of bare
-physics and rendering.
+"""Closed-loop evaluation, measured: `python -m benchmarks.evaluation` prints control steps a second
+against the floor of bare physics and rendering.
 
-`together` compares one scene at a time with many scenes, for a policy that takes 5 ms an answer. `run --rows DIR` runs the study of
-the reference policies (benchmarks/study) into DIR and resumes where it was stopped; `page --rows DIR` writes its tables and plots
-into docs/measurements/evaluation.md. `resume` kills evaluations half-way and compares one process with two workers.
+`together` compares one scene at a time with many scenes, for a policy that takes 5 ms an answer.
+`run --rows DIR` runs the study of the reference policies (benchmarks/study) into DIR and resumes
+where it was stopped; `page --rows DIR` writes its tables and plots into
+docs/measurements/evaluation.md. `resume` kills evaluations half-way and compares one process with
+two workers.
 """
 
 import argparse
@@ -41,7 +43,8 @@ PARTS = ("scene", "policy", "render", "physics", "score")
 
 @dataclass(frozen=True)
 class Speed:
-    """Wall seconds of an episode by what they were spent on, its processor time (s) over all threads, its control periods, and the
+    """Wall seconds of an episode by what they were spent on, its processor time (s) over all
+    threads, its control periods, and the
     floor: bare physics, bare rendering."""
 
     periods: int
@@ -57,7 +60,8 @@ class Speed:
 
 
 def measure(case: Case, setup: Setup) -> Speed:
-    """A replayed episode in a setup, and its floor: the same drive targets in a bare simulation, as many images drawn."""
+    """A replayed episode in a setup, and its floor: the same drive targets in a bare simulation, as
+    many images drawn."""
     expert_actions(case)  # remembered: the expert is not what is measured
     began = time.process_time()
     row = run_episode(EpisodeJob(case, policy_name("replay"), parse_clock("sim"), setup=setup))
@@ -69,7 +73,9 @@ def measure(case: Case, setup: Setup) -> Speed:
     eyes = Eyes(scene, setup) if setup.cameras else None
     physics, render, every = 0.0, 0.0, PHYSICS_HZ // DEFAULT_FPS
     for action in actions:
-        rows, velocity = interpolate_targets(simulation.command, np.asarray(action), every, every / PHYSICS_HZ)
+        rows, velocity = interpolate_targets(
+            simulation.command, np.asarray(action), every, every / PHYSICS_HZ
+        )
         began = time.perf_counter()
         if eyes:
             eyes.look(actor.recorder)
@@ -83,7 +89,8 @@ def measure(case: Case, setup: Setup) -> Speed:
 
 
 def fastest(found: Iterable[Speed]) -> Speed:
-    """The shortest episode and the shortest floor: what else runs on the machine can only lengthen them."""
+    """The shortest episode and the shortest floor: what else runs on the machine can only lengthen
+    them."""
     speeds = list(found)
     floor = min(speeds, key=lambda s: s.floor)
     return replace(
@@ -110,12 +117,25 @@ def speed(tasks: Sequence[str], repeats: int = 5) -> str:
     for task in tasks:
         case = first_case(task)
         for cameras in ((), MOUNTED[:1], MOUNTED):
-            s = fastest(measure(case, Setup(cameras=cameras, textures="unseen")) for _ in range(repeats))
+            s = fastest(
+                measure(case, Setup(cameras=cameras, textures="unseen")) for _ in range(repeats)
+            )
             total = sum(s.seconds.values())
             shares = (f"{100 * s.seconds.get(part, 0.0) / total:.0f}" for part in PARTS)
-            ratio = (f"{s.periods / total:.0f}", f"{1000 * s.processor / s.periods:.1f}", f"{s.floor / total:.0%}")
+            ratio = (
+                f"{s.periods / total:.0f}",
+                f"{1000 * s.processor / s.periods:.1f}",
+                f"{s.floor / total:.0%}",
+            )
             body.append(
-                (task, len(cameras), *ratio, *shares, f"{s.periods / s.floor:.0f}", f"{100 * s.bare_physics / s.floor:.0f}")
+                (
+                    task,
+                    len(cameras),
+                    *ratio,
+                    *shares,
+                    f"{s.periods / s.floor:.0f}",
+                    f"{100 * s.bare_physics / s.floor:.0f}",
+                )
             )
     return markdown(head, body)
 
@@ -129,12 +149,24 @@ def first_case(task: str) -> Case:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="?", choices=("speed", "together", "run", "page", "resume"), default="speed")
-    parser.add_argument("--rows", type=Path, default=Path("out/study"), help="where the rows of the study are")
-    parser.add_argument("--tasks", default="", help="names; three for speed, ten for the study by default")
-    parser.add_argument("--seeds", type=int, default=20, help="admitted scenes of every task and cell")
-    parser.add_argument("--episodes", type=int, default=100, help="episodes that are killed and gone on with")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "what", nargs="?", choices=("speed", "together", "run", "page", "resume"), default="speed"
+    )
+    parser.add_argument(
+        "--rows", type=Path, default=Path("out/study"), help="where the rows of the study are"
+    )
+    parser.add_argument(
+        "--tasks", default="", help="names; three for speed, ten for the study by default"
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=20, help="admitted scenes of every task and cell"
+    )
+    parser.add_argument(
+        "--episodes", type=int, default=100, help="episodes that are killed and gone on with"
+    )
     args = parser.parse_args()
     tasks = args.tasks.split(",") if args.tasks else ()
     match args.what:
@@ -146,10 +178,14 @@ def main() -> None:
             with TemporaryDirectory() as where:
                 print(compare(Path(where), args.episodes), hardware(), sep="\n")
         case "together":
-            print(hardware(), "", together.table(first_case((tasks or ("click_bell",))[0])), sep="\n")
+            print(
+                hardware(), "", together.table(first_case((tasks or ("click_bell",))[0])), sep="\n"
+            )
         case _:
             device = ensure_renderer()
-            print(f"{hardware(device)}\n\n{speed(tasks or ('click_bell', 'shake_bottle', 'place_container_plate'))}")
+            print(
+                f"{hardware(device)}\n\n{speed(tasks or ('click_bell', 'shake_bottle', 'place_container_plate'))}"  # noqa: E501
+            )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""The 35 tasks beside the original's, number by number: `python -m benchmarks.fidelity` writes the tables of
-docs/measurements/fidelity.md.
+"""The 35 tasks beside the original's, number by number: `python -m benchmarks.fidelity` writes the
+tables of docs/measurements/fidelity.md.
 
-Our values come from the code, the original's from original_tasks.json. fidelity_reasons.json has the reasons for regions that
-differ, the docstring of a task those for its success.
+Our values come from the code, the original's from original_tasks.json. fidelity_reasons.json has
+the reasons for regions that differ, the docstring of a task those for its success.
 """
 
 import argparse
@@ -12,7 +12,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.beside_original import DRAWS, conditions, extents, layouts, moved, original, originals, reasons, span, visible_range
+from benchmarks.beside_original import (
+    DRAWS,
+    conditions,
+    extents,
+    layouts,
+    moved,
+    original,
+    originals,
+    reasons,
+    span,
+    visible_range,
+)
 from pipeline.tasks import TASKS, Task
 from pipeline.tasks.contract import expand_tasks
 
@@ -22,8 +33,14 @@ BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 INSTANCES = 6
 """Layouts drawn to find masses and friction."""
 
-LIMITS = "task | limit | strict | domino | original, static | original, dynamic | unit | asked under both rules | only strict rules"
-BODIES = "task | body | mass (kg) | original's mass | friction | original's instances | goal (cm), strict · original and domino"
+LIMITS = (
+    "task | limit | strict | domino | original, static | original, dynamic | unit | asked under"
+    " both rules | only strict rules"
+)
+BODIES = (
+    "task | body | mass (kg) | original's mass | friction | original's instances | goal (cm),"
+    " strict · original and domino"
+)
 
 
 def table(head: str, rows: Iterable[Iterable[str]]) -> str:
@@ -38,9 +55,17 @@ def regions() -> Iterator[tuple[str, ...]]:
     for name in PAPER:
         ours, theirs, other = extents(name), originals(name), moved(name)
         left = "\n".join(f"{body}: {extent}" for body, extent in ours.items())
-        right = "\n".join(f"{body}: {theirs[body] if body in other else 'the same'}" for body in ours if body in theirs)
+        right = "\n".join(
+            f"{body}: {theirs[body] if body in other else 'the same'}"
+            for body in ours
+            if body in theirs
+        )
         cut = visible_range(name)
-        view = f"the head camera sees the target from x {cut[0]:.2f} to {cut[1]:.2f} only" if cut else ""
+        view = (
+            f"the head camera sees the target from x {cut[0]:.2f} to {cut[1]:.2f} only"
+            if cut
+            else ""
+        )
         yield name, left, right, "; ".join(part for part in (reasons().get(name, ""), view) if part)
 
 
@@ -76,7 +101,8 @@ def _number(values: Mapping[str, float], name: str) -> str:
 
 
 def bodies() -> Iterator[tuple[str, ...]]:
-    """task | body | mass and friction of ours | mass and instances of the original's | goal sizes."""
+    """task | body | mass and friction of ours | mass and instances of the original's | goal
+    sizes."""
     for name, task in ((name, TASKS[name]) for name in PAPER):
         ours = dict[str, list[Any]]()
         for layout in layouts(name)[:INSTANCES]:
@@ -89,7 +115,11 @@ def bodies() -> Iterator[tuple[str, ...]]:
                 continue
             theirs = known.get(body, {})
             mass = _range([s.mass for s in shapes])
-            size = f"{_half(task, body)} · {_pair(theirs['half']['dynamic'])}" if "half" in theirs and body in task.sizes else ""
+            size = (
+                f"{_half(task, body)} · {_pair(theirs['half']['dynamic'])}"
+                if "half" in theirs and body in task.sizes
+                else ""
+            )
             instances = str(theirs.get("instances", ""))
             lines.append(
                 (
@@ -149,29 +179,43 @@ def tables() -> str:
     return "\n\n".join(
         (
             "## Regions",
-            f"Ours over {DRAWS} layouts, both sides of the table together, against the original's dynamic version; m and rad."
-            " The columns give the regions that poses are drawn from, and least distances between two origins. Bodies also keep"
-            " 2 to 5 cm between their outlines, which the original does not require. If the head camera does not see the target,"
-            " the layout is drawn again. If that removes more than 1 cm of a range at every y, the last column gives the"
-            " rest.\n\n"
-            "Yaw is compared over the whole turn, as far as a turn shows. A pad looks the same after half a turn, and yaws of"
-            " bodies of revolution (bowl, can, cup, pill bottle) are not compared. Two headings mean that bodies on the left and"
-            " on the right are turned differently. Headings are compared with each other, not with the original's, whose"
-            " meshes decide which way a body faces at yaw 0.",
+            (
+                f"Ours over {DRAWS} layouts, both sides of the table together, against the"
+                " original's dynamic version; m and rad. The columns give the regions that poses"
+                " are drawn from, and least distances between two origins. Bodies also keep 2 to 5"
+                " cm between their outlines, which the original does not require. If the head"
+                " camera does not see the target, the layout is drawn again. If that removes more"
+                " than 1 cm of a range at every y, the last column gives the rest.\n\nYaw is"
+                " compared over the whole turn, as far as a turn shows. A pad looks the same after"
+                " half a turn, and yaws of bodies of revolution (bowl, can, cup, pill bottle) are"
+                " not compared. Two headings mean that bodies on the left and on the right are"
+                " turned differently. Headings are compared with each other, not with the"
+                " original's, whose meshes decide which way a body faces at yaw 0."
+            ),
             table("task | ours | original's | reason", regions()),
             "## Tolerances and conditions",
-            "`-`: not tested. Limits of lifts, rises and heights are lower ones; the others are upper ones.",
+            (
+                "`-`: not tested. Limits of lifts, rises and heights are lower ones; the others are"
+                " upper ones."
+            ),
             table(LIMITS, tolerances()),
             "## Bodies",
-            "Ours are drawn from families with continuous parameters, so no two are alike. Masses are realistic except for the"
-            " skillet's, which is a tenth of a real one: a real skillet turns about the jaws that hold its handle. The original's"
-            " masses are set by hand, many so low that a touch moves the body. Its friction is 0.5 for all bodies."
-            " `-`: none is set, so its default applies (0.01 kg for a mesh), or the body cannot move.",
+            (
+                "Ours are drawn from families with continuous parameters, so no two are alike."
+                " Masses are realistic except for the skillet's, which is a tenth of a real one: a"
+                " real skillet turns about the jaws that hold its handle. The original's masses are"
+                " set by hand, many so low that a touch moves the body. Its friction is 0.5 for all"
+                " bodies. `-`: none is set, so its default applies (0.01 kg for a mesh), or the"
+                " body cannot move."
+            ),
             table(BODIES, bodies()),
             "## Categories, step limits, workspaces",
-            "Brackets give the original's value if it differs. The original also cuts its workspace to a strip beside one body. It"
-            " states the workspace twice. In adjust_bottle, move_can_pot and place_object_basket the two differ; the table has"
-            " the one that its data are made with.",
+            (
+                "Brackets give the original's value if it differs. The original also cuts its"
+                " workspace to a strip beside one body. It states the workspace twice. In"
+                " adjust_bottle, move_can_pot and place_object_basket the two differ; the table has"
+                " the one that its data are made with."
+            ),
             table("task | category | step limit | workspace of the target (m)", budgets()),
             "## What success means, and why",
             table("task | success, and why it differs", success()),
@@ -186,8 +230,14 @@ def page(old: str) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if the page is not up to date")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="write nothing; exit with 1 if the page is not up to date",
+    )
     args = parser.parse_args()
     old = PAGE.read_text()
     new = page(old)
@@ -198,7 +248,8 @@ def main() -> None:
     print(f"{len(PAPER)} tasks; regions differ in {len(differing)}: {', '.join(differing)}")
     if unexplained := sorted(set(differing) ^ set(reasons())):
         raise SystemExit(
-            f"give a reason, or remove it if there is no difference, in fidelity_reasons.json: {', '.join(unexplained)}"
+            "give a reason, or remove it if there is no difference, in fidelity_reasons.json:"
+            f" {', '.join(unexplained)}"
         )
 
 

@@ -29,7 +29,13 @@ from pipeline.report.contact_sheet import contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import meeting_frame, with_path
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.drawing.redraw import facing, redraw_smooth
-from pipeline.stages.drawing.render import appearance_of, render, stored_appearance, visuals_of, with_setup
+from pipeline.stages.drawing.render import (
+    appearance_of,
+    render,
+    stored_appearance,
+    visuals_of,
+    with_setup,
+)
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
 from pipeline.world.drawing.vulkan import ensure_renderer
@@ -40,14 +46,17 @@ def accepted(task: str, robot: str, level: int = 1, alpha: float = 0.1, first: i
     """The first accepted rollout of a task on a robot among 50 seeds from `first` on."""
     for seed in range(first, first + 50):
         try:
-            return attempt(EpisodeSpec(task, robot, level, alpha, "clean", 0, seed), Recipe(), Phases())
+            return attempt(
+                EpisodeSpec(task, robot, level, alpha, "clean", 0, seed), Recipe(), Phases()
+            )
         except Failure:
             continue
     raise SystemExit(f"no seed of {task} on {robot} was accepted")
 
 
 def from_the_side(rollout: Rollout, frames: list[int]) -> NDArray[np.uint8]:
-    """Images (N,480,640,3) of frames of a rollout from across the table, both arms and the whole path of the target in view."""
+    """Images (N,480,640,3) of frames of a rollout from across the table, both arms and the whole
+    path of the target in view."""
     scene, log = rollout.scene, rollout.replay.log
     camera = facing(log, scene.task.target)
     appearance = replace(appearance_of(scene), cameras=(camera,), preset="raster-smooth")
@@ -61,13 +70,18 @@ def robots(out: Path, task: str = "shake_bottle") -> None:
         rollout = accepted(task, name)
         log = rollout.replay.log
         held = int(np.searchsorted(log.times, (log.time_of("meeting") or 0.0) + 1.2))
-        images = [labelled(image, name) for image in from_the_side(rollout, [0, min(held, len(log) - 1)])]
+        images = [
+            labelled(image, name) for image in from_the_side(rollout, [0, min(held, len(log) - 1)])
+        ]
         rows.append(np.vstack([scaled(image, 480) for image in images]))
-    cv2.imwrite(str(out), cv2.cvtColor(np.hstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    cv2.imwrite(
+        str(out), cv2.cvtColor(np.hstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88]
+    )
 
 
 def sheet(dataset: Path, out: Path) -> None:
-    """One episode of every task of a dataset, of its highest level: a row each, or three side by side where there are many."""
+    """One episode of every task of a dataset, of its highest level: a row each, or three side by
+    side where there are many."""
     tasks = sorted(p for p in (dataset / "episodes").iterdir() if p.is_dir())
     episodes = [sorted(task.rglob("*.hdf5"))[-1] for task in tasks]
     if len(tasks) <= 12:
@@ -76,7 +90,9 @@ def sheet(dataset: Path, out: Path) -> None:
     stacks = [contact_sheet(episodes[i::3], 3, 160) for i in range(3)]
     paper, height = stacks[0][-1:], len(stacks[0])
     filled = [np.concatenate([stack, np.repeat(paper, height - len(stack), 0)]) for stack in stacks]
-    cv2.imwrite(str(out), cv2.cvtColor(np.hstack(filled), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    cv2.imwrite(
+        str(out), cv2.cvtColor(np.hstack(filled), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88]
+    )
 
 
 WIDTH, INSET = 480, 140
@@ -84,7 +100,8 @@ WIDTH, INSET = 480, 140
 
 
 def panel(path: Path, title: str) -> list[NDArray[np.uint8]]:
-    """Frames (H,W,3) of an episode: from across the table with the target's path, in a corner the busier arm's wrist camera."""
+    """Frames (H,W,3) of an episode: from across the table with the target's path, in a corner the
+    busier arm's wrist camera."""
     with open_episode(path) as e:
         episode = e.read()
     busiest = SIDES[int(np.ptp(episode.log.tcp[:, :, :3], axis=0).sum(axis=1).argmax())]
@@ -94,14 +111,25 @@ def panel(path: Path, title: str) -> list[NDArray[np.uint8]]:
         frame, small = scaled(image, WIDTH), scaled(small, INSET)
         height, width = small.shape[:2]
         frame[-6 - height : -6, 6 : 6 + width] = small
-        cv2.rectangle(frame, (5, frame.shape[0] - 7 - height), (6 + width, frame.shape[0] - 6), (245, 245, 245), 1)
+        cv2.rectangle(
+            frame,
+            (5, frame.shape[0] - 7 - height),
+            (6 + width, frame.shape[0] - 6),
+            (245, 245, 245),
+            1,
+        )
         frames.append(labelled(frame, title))
     return frames
 
 
 def scaled(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     """An image at another width."""
-    return np.asarray(cv2.resize(image, (width, image.shape[0] * width // image.shape[1]), interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(
+        cv2.resize(
+            image, (width, image.shape[0] * width // image.shape[1]), interpolation=cv2.INTER_AREA
+        ),
+        np.uint8,
+    )
 
 
 def labelled(image: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
@@ -112,15 +140,28 @@ def labelled(image: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
 
 
 def hero(still: Path, moving: Path, out: Path) -> None:
-    """The same task beside itself, still and moving, as an animated WebP of every second frame in the episodes' own time."""
+    """The same task beside itself, still and moving, as an animated WebP of every second frame in
+    the episodes' own time."""
     sides = [panel(still, "level 0: still")[::2], panel(moving, "level 3: abrupt changes")[::2]]
     count = max(len(frames) for frames in sides) + 6
     gap = np.full((sides[0][0].shape[0], 6, 3), 255, np.uint8)
     images = [
-        Image.fromarray(np.hstack([sides[0][min(i, len(sides[0]) - 1)], gap, sides[1][min(i, len(sides[1]) - 1)]]))
+        Image.fromarray(
+            np.hstack(
+                [sides[0][min(i, len(sides[0]) - 1)], gap, sides[1][min(i, len(sides[1]) - 1)]]
+            )
+        )
         for i in range(count)
     ]
-    images[0].save(out, save_all=True, append_images=images[1:], duration=round(2000 / 15), loop=0, quality=72, method=6)
+    images[0].save(
+        out,
+        save_all=True,
+        append_images=images[1:],
+        duration=round(2000 / 15),
+        loop=0,
+        quality=72,
+        method=6,
+    )
 
 
 SHOWN, ACROSS = range(-34, 16, 2), 4
@@ -128,22 +169,28 @@ SHOWN, ACROSS = range(-34, 16, 2), 4
 
 
 def beyond(out: Path) -> None:
-    """Tasks of the suite `beyond` around their meetings, the robots taking turns, as an animated WebP."""
+    """Tasks of the suite `beyond` around their meetings, the robots taking turns, as an animated
+    WebP."""
     names, robots, panels = expand_tasks(["beyond"]), [*MODELS], list[NDArray[np.uint8]]()
     for k, name in enumerate(names[: len(names) // ACROSS * ACROSS]):
         rollout = accepted(name, robots[k % len(robots)], 1 + k % 3, first=20)
         met = round(rollout.meeting * 15)
-        rgb = from_the_side(rollout, [int(np.clip(met + step, 0, len(rollout.replay.log) - 1)) for step in SHOWN])
+        rgb = from_the_side(
+            rollout, [int(np.clip(met + step, 0, len(rollout.replay.log) - 1)) for step in SHOWN]
+        )
         small = [labelled(scaled(image, 320), name.replace("_", " ")) for image in rgb]
         panels.append(np.array(small))
     rows = [np.concatenate(panels[k : k + ACROSS], axis=2) for k in range(0, len(panels), ACROSS)]
     images = [Image.fromarray(frame) for frame in np.concatenate(rows, axis=1)]
     times = [round(2000 / 15)] * (len(images) - 1) + [900]
-    images[0].save(out, save_all=True, append_images=images[1:], duration=times, loop=0, quality=62, method=6)
+    images[0].save(
+        out, save_all=True, append_images=images[1:], duration=times, loop=0, quality=62, method=6
+    )
 
 
 def variants(path: Path, out: Path) -> None:
-    """An episode at its meeting as it was stored and in three randomized looks, from the head camera and from the observer."""
+    """An episode at its meeting as it was stored and in three randomized looks, from the head
+    camera and from the observer."""
     with open_episode(path) as e:
         episode = e.read()
     stored = stored_appearance(episode, AssetStore(path.parents[5] / "assets" / "bodies"))
@@ -151,10 +198,16 @@ def variants(path: Path, out: Path) -> None:
     looks = [stored.visuals, *(visuals_of(episode.spec, setup, k) for k in range(3))]
     columns = []
     for look in looks:
-        appearance = replace(with_setup(stored, setup, look, episode.log.sides, None), preset="raster-smooth")
+        appearance = replace(
+            with_setup(stored, setup, look, episode.log.sides, None), preset="raster-smooth"
+        )
         views = render(appearance, episode.log, frames=[meeting_frame(episode) or 0])
         columns.append(np.vstack([scaled(view.rgb[0], 320) for view in views]))
-    cv2.imwrite(str(out), cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    cv2.imwrite(
+        str(out),
+        cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR),
+        [cv2.IMWRITE_JPEG_QUALITY, 88],
+    )
 
 
 def travelled(rollout: Rollout) -> float:
@@ -164,24 +217,36 @@ def travelled(rollout: Rollout) -> float:
 
 
 def stages(out: Path, task: str = "shake_bottle") -> None:
-    """The three stages of one level-2 episode at 0.2 m/s, from above: the plan in the still scene, the motion calculated
-    backwards from the meeting, and both replayed on one clock."""
-    rollout = max((accepted(task, "aloha-agilex", 2, 0.2, seed) for seed in range(0, 400, 50)), key=travelled)
+    """The three stages of one level-2 episode at 0.2 m/s, from above: the plan in the still scene,
+    the motion calculated backwards from the meeting, and both replayed on one clock."""
+    rollout = max(
+        (accepted(task, "aloha-agilex", 2, 0.2, seed) for seed in range(0, 400, 50)), key=travelled
+    )
     log, meeting = rollout.replay.log, rollout.meeting
     target = log.pose(rollout.scene.task.target)[:, :2] * 100
     met = int(np.searchsorted(log.times, meeting))
     tools = log.tcp[:, :, :2] * 100
     hand = tools[:, int(np.ptp(tools, axis=0).sum(axis=1).argmax())]
-    figure, panels = plt.subplots(1, 3, figsize=(11, 3.6), sharex=True, sharey=True, layout="constrained")
+    figure, panels = plt.subplots(
+        1, 3, figsize=(11, 3.6), sharex=True, sharey=True, layout="constrained"
+    )
     titles = (
-        f"1. Dry run: the target stands still;\nthe first touch gives $T_{{meet}}$ = {meeting:.2f} s",
+        (
+            "1. Dry run: the target stands still;\nthe first touch gives $T_{meet}$ ="
+            f" {meeting:.2f} s"
+        ),
         "2. Back-calculation: a motion that is\nat the same place at $T_{meet}$",
         "3. Replay: the same plan, the moving\ntarget, one clock",
     )
     for index, (axes, title) in enumerate(zip(panels, titles, strict=True)):
         axes.set_title(title, fontsize=10, loc="left")
         if index != 1:
-            axes.plot(*hand[: met + 1].T, color="#4464ad", lw=1.6, label="hand, planned" if index == 0 else "hand, replayed")
+            axes.plot(
+                *hand[: met + 1].T,
+                color="#4464ad",
+                lw=1.6,
+                label="hand, planned" if index == 0 else "hand, replayed",
+            )
             axes.plot(*hand[0], "s", color="#4464ad", ms=5)
         if index:
             arrows(axes, target[: met + 1], backwards=index == 1)
@@ -190,7 +255,12 @@ def stages(out: Path, task: str = "shake_bottle") -> None:
                 i = int(np.searchsorted(log.times, time))
                 axes.plot(*np.stack([hand[i], target[i]]).T, color="#999999", lw=0.7, ls=":")
                 axes.annotate(
-                    f"{log.times[i]:.1f} s", hand[i], fontsize=7, color="#4464ad", xytext=(4, 4), textcoords="offset points"
+                    f"{log.times[i]:.1f} s",
+                    hand[i],
+                    fontsize=7,
+                    color="#4464ad",
+                    xytext=(4, 4),
+                    textcoords="offset points",
                 )
         axes.plot(*target[met], "o", ms=12, mfc="none", mec="#e0a100", mew=2, label="meeting")
         axes.set_xlabel("x, to the right (cm)")
@@ -201,21 +271,38 @@ def stages(out: Path, task: str = "shake_bottle") -> None:
 
 
 def arrows(axes: Axes, path: NDArray[np.float64], backwards: bool) -> None:
-    """Draw a path (T,2), with an arrow in the direction in which it is calculated or run through."""
-    axes.plot(*path.T, color="#b5179e", lw=1.8, label="target, calculated backwards" if backwards else "target, moving")
+    """Draw a path (T,2), with an arrow in the direction in which it is calculated or run
+    through."""
+    axes.plot(
+        *path.T,
+        color="#b5179e",
+        lw=1.8,
+        label="target, calculated backwards" if backwards else "target, moving",
+    )
     axes.plot(*path[0], "o", color="#b5179e", ms=5)
     step = -1 if backwards else 1
     for share in (0.3, 0.7):
         i = int(share * (len(path) - 1))
         a, b = path[i], path[i + step]
-        axes.annotate("", b + 3 * (b - a), a, arrowprops={"arrowstyle": "->", "color": "#b5179e", "lw": 1.5})
+        axes.annotate(
+            "", b + 3 * (b - a), a, arrowprops={"arrowstyle": "->", "color": "#b5179e", "lw": 1.5}
+        )
 
 
-FIGURES = {"robots": robots, "sheet": sheet, "hero": hero, "stages": stages, "beyond": beyond, "variants": variants}
+FIGURES = {
+    "robots": robots,
+    "sheet": sheet,
+    "hero": hero,
+    "stages": stages,
+    "beyond": beyond,
+    "variants": variants,
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=FIGURES)
     parser.add_argument("paths", nargs="+", type=Path)
     args = parser.parse_args()

@@ -17,21 +17,30 @@ MOVING_PX = 0.05
 """Least mean exact displacement (px of the map) of the target in a pair that counts as moving."""
 
 
-def flow_agreement(dataset: Path, episodes: Iterable[Path], camera: str = "head_camera", **flow_parameters: Any) -> dict[str, Any]:
-    """Farneback against exact flow on the target, by level, while it moves on its own (until the meeting).
+def flow_agreement(
+    dataset: Path, episodes: Iterable[Path], camera: str = "head_camera", **flow_parameters: Any
+) -> dict[str, Any]:
+    """Farneback against exact flow on the target, by level, while it moves on its own (until the
+    meeting).
 
-    Pairs count in which the target is seen and moves by MOVING_PX or more. Needs flow from both sources with the same stride and
-    size, and exact masks. Returns {"camera", "levels": {"L1": row}}; a row has "pairs", mean displacement of the target "exact"
-    and "measured" (px of the map), mean end-point "error" on it (px), median "angle" between the two mean displacements
-    (degrees), and "error_still", the mean error where the exact flow is zero (px).
-    Raises AnnotateError where one of the three is missing or ambiguous.
+    Pairs count in which the target is seen and moves by MOVING_PX or more. Needs flow from both
+    sources with the same stride and size, and exact masks. Returns {"camera", "levels": {"L1":
+    row}}; a row has "pairs", mean displacement of the target "exact" and "measured" (px of the
+    map), mean end-point "error" on it (px), median "angle" between the two mean displacements
+    (degrees), and "error_still", the mean error where the exact flow is zero (px). Raises
+    AnnotateError where one of the three is missing or ambiguous.
     """
-    names = [find_stage(dataset, "flow", source=s, camera=camera, **flow_parameters) for s in ("farneback", "sim")]
+    names = [
+        find_stage(dataset, "flow", source=s, camera=camera, **flow_parameters)
+        for s in ("farneback", "sim")
+    ]
     names.append(find_stage(dataset, "masks", source="sim", camera=camera))
     rows: dict[str, list[list[float]]] = defaultdict(list)
     for episode in episodes:
         try:
-            measured, exact, masks = (read_entry(annotation_path(dataset, n, episode)) for n in names)
+            measured, exact, masks = (
+                read_entry(annotation_path(dataset, n, episode)) for n in names
+            )
         except (FileNotFoundError, CorruptAnnotation):
             continue
         with open_episode(dataset / "episodes" / episode) as e:
@@ -46,7 +55,9 @@ def flow_agreement(dataset: Path, episodes: Iterable[Path], camera: str = "head_
         summary: dict[str, float | int] = {"pairs": len(found)}
         for name, values in zip(columns, np.array(found).reshape(-1, len(columns)).T, strict=True):
             if found:
-                summary[name] = round(float(np.median(values) if name == "angle" else values.mean()), 4)
+                summary[name] = round(
+                    float(np.median(values) if name == "angle" else values.mean()), 4
+                )
         report["levels"][level] = summary
     return report
 
@@ -54,7 +65,9 @@ def flow_agreement(dataset: Path, episodes: Iterable[Path], camera: str = "head_
 def _flow_rows(measured: Entry, exact: Entry, masks: Entry, free: int) -> list[list[float]]:
     a, b = (x.arrays["flow"].astype(float) for x in (measured, exact))
     about = masks.attributes
-    mask = unpack(masks.arrays["mask"][:, about["roles"]["target"]], about["height"], about["width"])
+    mask = unpack(
+        masks.arrays["mask"][:, about["roles"]["target"]], about["height"], about["width"]
+    )
     target = area_weights(mask, (a.shape[1], a.shape[2])) > 0.5
     rows = []
     for t, before in enumerate(exact.arrays["previous"][:free]):

@@ -1,7 +1,8 @@
-"""Demonstrations that follow the target visibly, made by a reactive expert that knows the target's future.
+"""Demonstrations that follow the target visibly, made by a reactive expert that knows the target's
+future.
 
-It separates two differences between the planned and the reactive expert of docs/science/causal.md: following the target in view,
-and knowing only the past.
+It separates two differences between the planned and the reactive expert of docs/science/causal.md:
+following the target in view, and knowing only the past.
 """
 
 from functools import partial
@@ -56,7 +57,8 @@ class ForesightedActor(ReactiveActor):
         self.track = self._future
 
     def _expected(self, seconds: float, share: float = 0.0) -> Pose:
-        """The true pose after `seconds`: the reactive expert expects the target to slow down, and so asks for an earlier time."""
+        """The true pose after `seconds`: the reactive expert expects the target to slow down, and
+        so asks for an earlier time."""
         self._future.further = seconds - KEPT * (1.0 - np.exp(-seconds / KEPT))
         try:
             return super()._expected(seconds, share)
@@ -64,8 +66,11 @@ class ForesightedActor(ReactiveActor):
             self._future.further = 0.0
 
 
-def meet_foreseen(sight: Sight, fps: int, scene: Scene, motion: TargetMotion, meeting: float) -> Replay:
-    """The third stage of an attempt (stages/attempt.py) by this expert; raises Failure as stages/react.py does."""
+def meet_foreseen(
+    sight: Sight, fps: int, scene: Scene, motion: TargetMotion, meeting: float
+) -> Replay:
+    """The third stage of an attempt (stages/attempt.py) by this expert; raises Failure as
+    stages/react.py does."""
     actor = scene.start(motion, fps, STAGE, ForesightedActor)
     actor.recorder.watched = SIDES
     with failing_as(STAGE, actor):

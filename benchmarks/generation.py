@@ -1,10 +1,12 @@
-"""What an accepted episode costs, phase by phase, against the floor: bare rendering of the same frames with everything at hand.
+"""What an accepted episode costs, phase by phase, against the floor: bare rendering of the same
+frames with everything at hand.
 
     python -m benchmarks.generation [--tasks all] [--levels 1,3] [--episodes 2] [--workers 1,2] [--embodiment aloha] [--out FILE.md]
 
-Processor seconds are what a phase costs on a core of its own; wall seconds show what else the machine was doing. Every worker
-first makes one episode that is not counted, because a process compiles, opens the renderer and loads shaders once.
-"""
+Processor seconds are what a phase costs on a core of its own; wall seconds show what else the
+machine was doing. Every worker first makes one episode that is not counted, because a process
+compiles, opens the renderer and loads shaders once.
+"""  # noqa: E501
 
 import argparse
 import tempfile
@@ -38,7 +40,8 @@ PHYSICS = PHASES[:4]
 
 @dataclass(frozen=True)
 class Made:
-    """One worker's answer: the slot's record, frames of its episode, and wall and processor seconds of drawing them barely."""
+    """One worker's answer: the slot's record, frames of its episode, and wall and processor seconds
+    of drawing them barely."""
 
     record: SlotRecord
     frames: int = 0
@@ -47,7 +50,8 @@ class Made:
 
 
 def make(job: SlotJob) -> Made:
-    """Fill a slot as a build does, then draw its frames again with the renderer already built and warm."""
+    """Fill a slot as a build does, then draw its frames again with the renderer already built and
+    warm."""
     record = fill_slot(job)
     if not record.accepted:
         return Made(record)
@@ -58,7 +62,9 @@ def make(job: SlotJob) -> Made:
         drawing.render(poses, frames=[0])
         began, worked = time.perf_counter(), time.process_time()
         drawing.render(poses)
-        return Made(record, len(episode.log), time.perf_counter() - began, time.process_time() - worked)
+        return Made(
+            record, len(episode.log), time.perf_counter() - began, time.process_time() - worked
+        )
 
 
 def measure(recipe: Recipe, workers: int) -> list[Made]:
@@ -82,7 +88,8 @@ def _warming(recipe: Recipe) -> Iterator[Slot]:
 
 
 def report(made: list[Made], workers: int) -> str:
-    """A Markdown table: mean seconds per accepted episode by phase, failed attempts included; the floor, rates and ratios."""
+    """A Markdown table: mean seconds per accepted episode by phase, failed attempts included; the
+    floor, rates and ratios."""
     accepted = [m for m in made if m.record.accepted]
     if not accepted:
         return f"### {workers} workers\n\nno episode was accepted\n"
@@ -94,21 +101,33 @@ def report(made: list[Made], workers: int) -> str:
     frames = float(np.mean([m.frames for m in accepted]))
     attempts = sum(len(m.record.attempts) for m in made)
     wall, cpu = (sum(phases[p + end] for p in PHASES) for end in ("", ".cpu"))
-    floor, floor_cpu = (float(np.mean([getattr(m, key) for m in accepted])) for key in ("floor", "floor_cpu"))
+    floor, floor_cpu = (
+        float(np.mean([getattr(m, key) for m in accepted])) for key in ("floor", "floor_cpu")
+    )
     rows = [(p.replace("_", " "), phases[p], phases[f"{p}.cpu"]) for p in PHASES]
     rows += [
-        ("**physics and planning**", sum(phases[p] for p in PHYSICS), sum(phases[f"{p}.cpu"] for p in PHYSICS)),
+        (
+            "**physics and planning**",
+            sum(phases[p] for p in PHYSICS),
+            sum(phases[f"{p}.cpu"] for p in PHYSICS),
+        ),
         ("**total**", wall, cpu),
         ("**render floor**", floor, floor_cpu),
     ]
     lines = [
-        f"### {workers} worker{'s' if workers > 1 else ''}: {n} episodes of {frames:.0f} frames x 3 cameras, {attempts} attempts",
+        (
+            f"### {workers} worker{'s' if workers > 1 else ''}: {n} episodes of {frames:.0f} frames"
+            f" x 3 cameras, {attempts} attempts"
+        ),
         "",
         "| seconds per accepted episode | wall | processor |",
         "|---|---:|---:|",
         *(f"| {name} | {a:.3f} | {b:.3f} |" for name, a, b in rows),
         f"| total / floor | {wall / floor:.2f} | {cpu / floor_cpu:.2f} |",
-        f"| ms per camera frame, floor | {1000 * floor / frames / 3:.2f} | {1000 * floor_cpu / frames / 3:.2f} |",
+        (
+            f"| ms per camera frame, floor | {1000 * floor / frames / 3:.2f} |"
+            f" {1000 * floor_cpu / frames / 3:.2f} |"
+        ),
         f"| **episodes per hour** | **{3600 * workers / wall:.0f}** | {3600 * workers / cpu:.0f} |",
         "",
     ]
@@ -117,9 +136,12 @@ def report(made: list[Made], workers: int) -> str:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
-        "--tasks", default="click_bell,place_container_plate,beat_block_hammer,shake_bottle,grab_roller,handover_block"
+        "--tasks",
+        default="click_bell,place_container_plate,beat_block_hammer,shake_bottle,grab_roller,handover_block",
     )
     parser.add_argument("--embodiment", default="aloha")
     parser.add_argument("--levels", default="1,3")
@@ -138,7 +160,9 @@ def main() -> None:
         }
     )
     text = f"{hardware(ensure_renderer())}\n\n"
-    text += "\n".join(report(measure(recipe, int(workers)), int(workers)) for workers in given.workers.split(","))
+    text += "\n".join(
+        report(measure(recipe, int(workers)), int(workers)) for workers in given.workers.split(",")
+    )
     print(text)
     if given.out:
         given.out.write_text(text)

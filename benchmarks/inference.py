@@ -1,10 +1,12 @@
-"""Milliseconds that PUMA takes for an answer at batch 1, eager and compiled, beside the bare backbone.
+"""Milliseconds that PUMA takes for an answer at batch 1, eager and compiled, beside the bare
+backbone.
 
     python -m benchmarks.inference [--config puma-tiny] [--set data.cameras=[head_camera]] [--no-compile]
 
-An answer is: images at the size of the network, flow maps of the past from grey images that are there already, text ids, network,
-joint targets. Anchor: the paper's 103.7 ms for three views and four maps on an RTX 4090 (98.3 of it the backbone).
-"""
+An answer is: images at the size of the network, flow maps of the past from grey images that are
+there already, text ids, network, joint targets. Anchor: the paper's 103.7 ms for three views and
+four maps on an RTX 4090 (98.3 of it the backbone).
+"""  # noqa: E501
 
 import argparse
 import tempfile
@@ -20,7 +22,9 @@ from training.puma.train import sizes_of
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--config", default="puma-tiny")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--no-compile", action="store_true")

@@ -4,7 +4,8 @@
     domino-data export OUT --format lerobot-v2.1
     V21/bin/python benchmarks/lerobot_v21.py OUT/exports/lerobot-v2.1
 
-Reads every frame of the dataset with its pyav backend, checks clock, task and shapes, and prints frames a second.
+Reads every frame of the dataset with its pyav backend, checks clock, task and shapes, and prints
+frames a second.
 """
 
 import sys
@@ -20,7 +21,9 @@ def main(root: Path) -> None:
     assert CODEBASE_VERSION == "v2.1", f"lerobot {lerobot.__version__} reads {CODEBASE_VERSION}"
     dataset = LeRobotDataset("domino/test", root=root, video_backend="pyav")
     start = time.perf_counter()
-    expected = [(episode, t) for episode, row in dataset.meta.episodes.items() for t in range(row["length"])]
+    expected = [
+        (episode, t) for episode, row in dataset.meta.episodes.items() for t in range(row["length"])
+    ]
     assert len(expected) == len(dataset) == dataset.meta.total_frames
     for index, (episode, t) in enumerate(expected):
         item = dataset[index]
@@ -30,8 +33,13 @@ def main(root: Path) -> None:
         for key in dataset.meta.video_keys:
             assert item[key].shape[0] == 3 and 0.02 < float(item[key].mean()) < 0.98
     rate = len(expected) / (time.perf_counter() - start)
-    assert set(dataset.meta.stats) == {name for name, feature in dataset.features.items() if feature["dtype"] != "string"}
-    print(f"lerobot {lerobot.__version__} read {dataset.num_episodes} episodes, {len(dataset)} frames, {rate:.0f} frames/s")
+    assert set(dataset.meta.stats) == {
+        name for name, feature in dataset.features.items() if feature["dtype"] != "string"
+    }
+    print(
+        f"lerobot {lerobot.__version__} read {dataset.num_episodes} episodes, {len(dataset)}"
+        f" frames, {rate:.0f} frames/s"
+    )
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """Catching a moving can: `python -m benchmarks.moving_can --workers 2 --out FILE.md`.
 
-For every robot and speed a can of 6 cm diameter slides over the table in a straight line at exactly that speed and is to be
-grasped and held up. A draw is a place on the table, a yaw and height of the can, and a direction; the three stages of a build
-solve it once. No draw is replaced: where the plan, the motion or the grasp fails, the draw has failed, with its reason. Every
-speed and every run sees the same places.
+For every robot and speed a can of 6 cm diameter slides over the table in a straight line at exactly
+that speed and is to be grasped and held up. A draw is a place on the table, a yaw and height of the
+can, and a direction; the three stages of a build solve it once. No draw is replaced: where the
+plan, the motion or the grasp fails, the draw has failed, with its reason. Every speed and every run
+sees the same places.
 
-The speed is exact, where level 1 draws one of at most alpha. The direction is drawn as in a build: the first of up to 1000 random
-ones whose path stays on the table, in view and clear of the arm until the meeting; `no_motion` means that there is none.
+The speed is exact, where level 1 draws one of at most alpha. The direction is drawn as in a build:
+the first of up to 1000 random ones whose path stays on the table, in view and clear of the arm
+until the meeting; `no_motion` means that there is none.
 """
 
 import argparse
@@ -33,7 +35,16 @@ from pipeline.motion.planar.levels import DRAW, TERMS, Paths
 from pipeline.motion.workspace import Workspace
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
-from pipeline.tasks.contract import INTERCEPTION, TASKS, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    TASKS,
+    Draw,
+    Placement,
+    Region,
+    Task,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.families.goods.can import Can
 from pipeline.world.physics.body import Body
@@ -45,7 +56,8 @@ LEVEL = 1
 
 
 class CatchCan(Task):
-    """Catch the can and lift it: at the end both fingers hold it, 5 cm or more above where it stood."""
+    """Catch the can and lift it: at the end both fingers hold it, 5 cm or more above where it
+    stood."""
 
     category = INTERCEPTION
     target = "can"
@@ -54,7 +66,13 @@ class CatchCan(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         can = replace(cast(Can, draw.one_of("can")), radius=RADIUS)
-        yield Placement("can", can, Region(x=(-0.25, 0.25), y=(-0.18, 0.05), yaw=(-math.pi, math.pi), away_from_centre=0.05))
+        yield Placement(
+            "can",
+            can,
+            Region(
+                x=(-0.25, 0.25), y=(-0.18, 0.05), yaw=(-math.pi, math.pi), away_from_centre=0.05
+            ),
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["can"])}
@@ -69,7 +87,14 @@ class CatchCan(Task):
         return {"held": o.holds(arms["arm"], "can"), "lifted": o.rise("can") > 0.05}
 
 
-def draw_exact_speed(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
+def draw_exact_speed(
+    rng: np.random.Generator,
+    n: int,
+    alpha: float,
+    total: float,
+    end: ArrayLike,
+    workspace: Workspace,
+) -> Paths:
     """Constant velocity of exactly alpha m/s in any direction; stands in for level 1."""
     angle = rng.uniform(0.0, 2 * np.pi, n)
     travel = alpha * total * np.stack([np.cos(angle), np.sin(angle)], -1)
@@ -92,7 +117,8 @@ def moving_cans() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Try:
-    """Outcome of one draw: the can's speed (m/s), empty reason when lifted, then also the seconds from the start to the meeting."""
+    """Outcome of one draw: the can's speed (m/s), empty reason when lifted, then also the seconds
+    from the start to the meeting."""
 
     robot: str
     speed: float
@@ -107,7 +133,9 @@ def one(spec: EpisodeSpec) -> Try:
             rollout = attempt(spec, Recipe(), Phases())
         except Failure as failure:
             return Try(spec.embodiment, spec.alpha, f"{failure.stage}: {failure.reason}")
-    return Try(spec.embodiment, round(rollout.motion.features().average_speed, 9), "", rollout.meeting)
+    return Try(
+        spec.embodiment, round(rollout.motion.features().average_speed, 9), "", rollout.meeting
+    )
 
 
 def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
@@ -119,38 +147,61 @@ def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
 
 
 def table(tries: Sequence[Try]) -> str:
-    """Markdown: robots down, speeds across, per cent lifted; then the reasons of the draws that failed."""
+    """Markdown: robots down, speeds across, per cent lifted; then the reasons of the draws that
+    failed."""
     robots, speeds = list(dict.fromkeys(t.robot for t in tries)), sorted({t.speed for t in tries})
-    rows = ["| robot | " + " | ".join(f"{speed:.2f} m/s" for speed in speeds) + " | median s to the meeting |"]
+    rows = [
+        "| robot | "
+        + " | ".join(f"{speed:.2f} m/s" for speed in speeds)
+        + " | median s to the meeting |"
+    ]
     rows.append("|---|" + "---:|" * (len(speeds) + 1))
     for robot in robots:
         groups = [[t for t in tries if (t.robot, t.speed) == (robot, speed)] for speed in speeds]
-        cells = " | ".join(f"{100 * np.mean([not t.reason for t in group]):.0f}" for group in groups)
+        cells = " | ".join(
+            f"{100 * np.mean([not t.reason for t in group]):.0f}" for group in groups
+        )
         meetings = [t.meeting for group in groups for t in group if not t.reason]
-        rows.append(f"| {robot} | {cells} | {np.median(meetings):.2f} |" if meetings else f"| {robot} | {cells} | |")
+        rows.append(
+            f"| {robot} | {cells} | {np.median(meetings):.2f} |"
+            if meetings
+            else f"| {robot} | {cells} | |"
+        )
     reasons = Counter((t.robot, t.speed, t.reason) for t in tries if t.reason)
     if reasons:
         rows += ["", "| robot | speed | reason | draws |", "|---|---:|---|---:|"]
-        rows += [f"| {robot} | {speed:.2f} | {reason} | {n} |" for (robot, speed, reason), n in sorted(reasons.items())]
+        rows += [
+            f"| {robot} | {speed:.2f} | {reason} | {n} |"
+            for (robot, speed, reason), n in sorted(reasons.items())
+        ]
     return "\n".join(rows)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--robots", default="all", help="comma separated")
     parser.add_argument("--speeds", default=",".join(map(str, SPEEDS)), help="m/s, comma separated")
     parser.add_argument("--draws", type=int, default=20, help="draws per robot and speed")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
-    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = (
+        list(MODELS)
+        if args.robots == "all"
+        else [get_embodiment(r).name for r in args.robots.split(",")]
+    )
     speeds = [float(x) for x in args.speeds.split(",")]
     specs = [
         EpisodeSpec("catch_can", robot, LEVEL, speed, "clean", 0, seed)
         for robot, speed, seed in itertools.product(robots, speeds, range(args.draws))
     ]
     tries = run(specs, args.workers)
-    head = f"Per cent of {args.draws} draws lifted, one attempt each: a can of {200 * RADIUS:.0f} cm diameter at constant speed."
+    head = (
+        f"Per cent of {args.draws} draws lifted, one attempt each: a can of {200 * RADIUS:.0f} cm"
+        " diameter at constant speed."
+    )
     text = "\n\n".join([head, hardware(), table(tries)])
     print(text)
     if args.out:

@@ -1,8 +1,10 @@
-"""Objects of others, added by one command each and caught at level 1: `python -m benchmarks.real_objects FILES --to DIR`.
+"""Objects of others, added by one command each and caught at level 1: `python -m
+benchmarks.real_objects FILES --to DIR`.
 
-FILES holds what the wheels robosuite 1.5.2, pybullet 3.2.7 and mani_skill 3.0.1 contain (`pip download --no-deps WHEEL`, then
-unzip; nothing is installed). Prints for each object the seconds that adding it takes, its pieces and grasps, and how many of the
-attempts at fresh layouts of a task each robot accepts. Physics only.
+FILES holds what the wheels robosuite 1.5.2, pybullet 3.2.7 and mani_skill 3.0.1 contain (`pip
+download --no-deps WHEEL`, then unzip; nothing is installed). Prints for each object the seconds
+that adding it takes, its pieces and grasps, and how many of the attempts at fresh layouts of a task
+each robot accepts. Physics only.
 """
 
 import argparse
@@ -30,7 +32,8 @@ ROBOTS = ("aloha-agilex", "franka-panda", "ur5-wsg")
 
 @dataclass(frozen=True)
 class Real:
-    """A mesh below FILES, what it is called, the family that it stands for, the task that catches it, its scale and up axis."""
+    """A mesh below FILES, what it is called, the family that it stands for, the task that catches
+    it, its scale and up axis."""
 
     file: str
     name: str
@@ -40,7 +43,11 @@ class Real:
     up: str | None = None
 
 
-SUITE, BULLET, SKILL = "robosuite/models/assets/objects/meshes", "pybullet_data", "mani_skill/envs/tasks"
+SUITE, BULLET, SKILL = (
+    "robosuite/models/assets/objects/meshes",
+    "pybullet_data",
+    "mani_skill/envs/tasks",
+)
 AWAY, CARDS = "move_playingcard_away", "playing_cards"
 REAL = (
     Real(f"{SUITE}/can.obj", "soda_can", "can", "place_can_basket"),
@@ -61,7 +68,9 @@ REAL = (
     Real(f"{BULLET}/toys/prism.obj", "prism", CARDS, AWAY, 0.6),
     Real(f"{BULLET}/toys/cylinder.obj", "toy_cylinder", CARDS, AWAY, 0.6),
     Real(f"{BULLET}/bunny.obj", "bunny", CARDS, AWAY, 0.04),
-    Real(f"{BULLET}/tray/tray_textured4.obj", "tray", "bread_basket", "place_bread_basket", 0.15, "z"),
+    Real(
+        f"{BULLET}/tray/tray_textured4.obj", "tray", "bread_basket", "place_bread_basket", 0.15, "z"
+    ),
     Real(f"{SKILL}/humanoid/assets/apple_1.glb", "apple", "bread", "place_bread_basket", 0.7),
     Real(f"{SKILL}/fmb/assets/purple_u.glb", "purple_u", CARDS, AWAY),
     Real(f"{SKILL}/fmb/assets/green_bridge.glb", "green_bridge", CARDS, AWAY),
@@ -70,11 +79,15 @@ REAL = (
 
 def accepted(one: Real, robot: str, tries: int) -> int:
     """How many of so many attempts at fresh layouts, level 1, are accepted."""
-    recipe = resolve(Recipe(tasks=(one.task,), embodiments=(robot,), objects={one.family: (one.name,)}))
+    recipe = resolve(
+        Recipe(tasks=(one.task,), embodiments=(robot,), objects={one.family: (one.name,)})
+    )
     count = 0
     for seed in range(tries):
         try:
-            attempt(EpisodeSpec(one.task, robot, 1, 0.1, "clean", seed, 9000 + seed), recipe, Phases())
+            attempt(
+                EpisodeSpec(one.task, robot, 1, 0.1, "clean", seed, 9000 + seed), recipe, Phases()
+            )
             count += 1
         except Failure as failure:
             print(f"    {one.name} {robot} {seed}: {failure.stage} {failure.reason}", flush=True)
@@ -85,7 +98,10 @@ def added(one: Real, files: Path, to: Path) -> float | None:
     """Seconds that adding an object takes; None where it is refused."""
     before = time.monotonic()
     try:
-        add_objects(files / one.file, Options(one.name, one.family, to, up=one.up, scale=one.scale, within=files))
+        add_objects(
+            files / one.file,
+            Options(one.name, one.family, to, up=one.up, scale=one.scale, within=files),
+        )
     except DominoError as error:
         print(f"    {one.name}: {error}", flush=True)
         return None
@@ -112,9 +128,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if seconds is None:
             continue
         instance = FAMILIES[one.name].draw(np.random.default_rng(0))
-        counts = [f"{accepted(one, robot, options.tries)}/{options.tries}" for robot in ROBOTS] if options.tries else []
+        counts = (
+            [f"{accepted(one, robot, options.tries)}/{options.tries}" for robot in ROBOTS]
+            if options.tries
+            else []
+        )
         shape, grasps = instance.shape(), instance.frames().grasps
-        cells = (one.name, one.family, f"{seconds:.0f}", len(shape.collision), len(grasps), one.task, *counts)
+        cells = (
+            one.name,
+            one.family,
+            f"{seconds:.0f}",
+            len(shape.collision),
+            len(grasps),
+            one.task,
+            *counts,
+        )
         print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 

@@ -1,7 +1,9 @@
-"""One picture of vendors' robots that catch objects of others: `python -m benchmarks.real_scenes LAB OUT.jpg [--frames DIR]`.
+"""One picture of vendors' robots that catch objects of others: `python -m benchmarks.real_scenes
+LAB OUT.jpg [--frames DIR]`.
 
-LAB is the directory of plugins that `benchmarks.robots` and `benchmarks.real_objects` filled (`--to LAB`).
-With `--frames` each scene is also written as PNG files of 640x480: from across the table, close to the hand, by the head camera.
+LAB is the directory of plugins that `benchmarks.robots` and `benchmarks.real_objects` filled (`--to
+LAB`). With `--frames` each scene is also written as PNG files of 640x480: from across the table,
+close to the hand, by the head camera.
 """
 
 import argparse
@@ -56,25 +58,36 @@ CATCHES = (
 
 def caught(one: Catch, level: int = 1, alpha: float = 0.1) -> Rollout | None:
     """The first accepted rollout of SEEDS layouts; None where all fail."""
-    recipe = resolve(Recipe(tasks=(one.task,), embodiments=(one.robot,), objects={one.family: (one.name,)}))
+    recipe = resolve(
+        Recipe(tasks=(one.task,), embodiments=(one.robot,), objects={one.family: (one.name,)})
+    )
     for seed in range(SEEDS):
         try:
-            return attempt(EpisodeSpec(one.task, one.robot, level, alpha, "clean", 0, seed), recipe, Phases())
+            return attempt(
+                EpisodeSpec(one.task, one.robot, level, alpha, "clean", 0, seed), recipe, Phases()
+            )
         except Failure as failure:
             print(f"{one.robot} {one.name} {seed}: {failure.stage} {failure.reason}", flush=True)
     return None
 
 
 def images(rollout: Rollout) -> dict[str, Image]:
-    """Images (480,640,3) just after the meeting, by name: from across the table, close to the hand, by the head camera."""
+    """Images (480,640,3) just after the meeting, by name: from across the table, close to the hand,
+    by the head camera."""
     scene, log = rollout.scene, rollout.replay.log
     appearance = appearance_of(scene)
     head = next(camera for camera in appearance.cameras if camera.name == CAMERAS["head"])
     frame = min(int(np.searchsorted(log.times, rollout.meeting + AFTER)), len(log) - 1)
-    around = log.pose(scene.task.target)[frame, :3] + [(x, y, z) for x in CLOSE for y in CLOSE for z in (-0.1, 0.26)]
-    close = replace(facing(log, scene.task.target), name="close", pose=framed(around, FACING, FILMED, 0.0))
+    around = log.pose(scene.task.target)[frame, :3] + [
+        (x, y, z) for x in CLOSE for y in CLOSE for z in (-0.1, 0.26)
+    ]
+    close = replace(
+        facing(log, scene.task.target), name="close", pose=framed(around, FACING, FILMED, 0.0)
+    )
     cameras = (facing(log, scene.task.target), close, replace(head, type=HEAD))
-    views = render(replace(appearance, cameras=cameras, preset="raster-smooth"), log, frames=[frame])
+    views = render(
+        replace(appearance, cameras=cameras, preset="raster-smooth"), log, frames=[frame]
+    )
     return dict(zip(("across", "close", "head"), (view.rgb[0] for view in views), strict=True))
 
 
@@ -86,7 +99,9 @@ def save(path: Path, image: Image, *options: int) -> None:
 
 def main() -> None:
     """Draw the scenes whose robot and object are in LAB."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("lab", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--frames", type=Path)
@@ -95,7 +110,9 @@ def main() -> None:
     load_plugins()
     panels = list[Image]()
     for one in CATCHES:
-        here = (given.lab / "robots" / one.robot).is_dir() and (given.lab / "objects" / one.name).is_dir()
+        here = (given.lab / "robots" / one.robot).is_dir() and (
+            given.lab / "objects" / one.name
+        ).is_dir()
         rollout = caught(one) if here else None
         if rollout is None:
             print(f"left out: {one.robot} with {one.name}", flush=True)
@@ -104,9 +121,13 @@ def main() -> None:
         if given.frames is not None:
             for name, image in seen.items():
                 save(given.frames / f"{one.robot}_{one.name}_{name}.png", image)
-        across = labelled(scaled(seen["across"], WIDTH), f"{one.robot}: {one.name.replace('_', ' ')}")
+        across = labelled(
+            scaled(seen["across"], WIDTH), f"{one.robot}: {one.name.replace('_', ' ')}"
+        )
         panels.append(np.vstack([across, scaled(seen["close"], WIDTH)]))
-    rows = [np.hstack(panels[k : k + ACROSS]) for k in range(0, len(panels) // ACROSS * ACROSS, ACROSS)]
+    rows = [
+        np.hstack(panels[k : k + ACROSS]) for k in range(0, len(panels) // ACROSS * ACROSS, ACROSS)
+    ]
     save(given.out, np.vstack(rows), cv2.IMWRITE_JPEG_QUALITY, 82)
 
 

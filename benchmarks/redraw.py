@@ -1,11 +1,13 @@
-"""What it costs to draw stored episodes again, per camera frame, against the floor: bare rendering of the same frames.
+"""What it costs to draw stored episodes again, per camera frame, against the floor: bare rendering
+of the same frames.
 
     python -m benchmarks.redraw [DATASET] [--episodes 6] [--size 640x480] [--depth] [--variants 2] [--repeats 2] ...
 
-Options that are not known here are those of `domino-data render`. The whole is everything that a worker does for an episode: read
-and check the file, load what it is drawn from, render, encode and write. The floor draws the same frames with a renderer that is
-built and warm. The first episode is drawn once before, uncounted, because a process opens the driver and loads shaders once.
-"""
+Options that are not known here are those of `domino-data render`. The whole is everything that a
+worker does for an episode: read and check the file, load what it is drawn from, render, encode and
+write. The floor draws the same frames with a renderer that is built and warm. The first episode is
+drawn once before, uncounted, because a process opens the driver and loads shaders once.
+"""  # noqa: E501
 
 import argparse
 import tempfile
@@ -33,7 +35,8 @@ SENSORS = ("depth", "segmentation", "pointcloud")
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one episode: camera frames, seconds by phase, and of the whole and of the floor, by the clock and of this processor."""
+    """Of one episode: camera frames, seconds by phase, and of the whole and of the floor, by the
+    clock and of this processor."""
 
     frames: int
     phases: dict[str, float]
@@ -66,7 +69,8 @@ def cost(job: DrawJob) -> Cost:
 
 
 def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> list[Cost]:
-    """Costs of so many slots, every repeat into a dataset of its own; of each slot the repeat with the least of processor time."""
+    """Costs of so many slots, every repeat into a dataset of its own; of each slot the repeat with
+    the least of processor time."""
     best: dict[int, Cost] = {}
     for repeat in range(repeats + 1):
         with tempfile.TemporaryDirectory() as folder:
@@ -86,9 +90,15 @@ def table(costs: list[Cost], recipe: Recipe) -> str:
     for c in costs:
         for name, seconds in c.phases.items():
             phases[name] += 1000 * seconds / frames
-    sums = {name: 1000 * sum(getattr(c, name) for c in costs) / frames for name in ("whole", "whole_cpu", "floor", "floor_cpu")}
+    sums = {
+        name: 1000 * sum(getattr(c, name) for c in costs) / frames
+        for name in ("whole", "whole_cpu", "floor", "floor_cpu")
+    }
     rows = [(name, phases[name], phases[f"{name}.cpu"]) for name in PHASES]
-    rows += [("**whole**", sums["whole"], sums["whole_cpu"]), ("**floor: bare rendering**", sums["floor"], sums["floor_cpu"])]
+    rows += [
+        ("**whole**", sums["whole"], sums["whole_cpu"]),
+        ("**floor: bare rendering**", sums["floor"], sums["floor_cpu"]),
+    ]
     size = "x".join(map(str, recipe.size)) if recipe.size else recipe.camera
     sensors = ", ".join(["rgb", *(name for name in SENSORS if getattr(recipe, name))])
     return "\n".join(
@@ -98,15 +108,26 @@ def table(costs: list[Cost], recipe: Recipe) -> str:
             "| ms per camera frame | wall | processor |",
             "|---|---:|---:|",
             *(f"| {name} | {wall:.2f} | {cpu:.2f} |" for name, wall, cpu in rows),
-            f"| whole / floor | {sums['whole'] / sums['floor']:.2f} | {sums['whole_cpu'] / sums['floor_cpu']:.2f} |",
+            (
+                f"| whole / floor | {sums['whole'] / sums['floor']:.2f} |"
+                f" {sums['whole_cpu'] / sums['floor_cpu']:.2f} |"
+            ),
         ]
     )
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path, nargs="?", default=Path("out/first"), help="out/first, which make build makes")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "dataset",
+        type=Path,
+        nargs="?",
+        default=Path("out/first"),
+        help="out/first, which make build makes",
+    )
     parser.add_argument("--episodes", type=int, default=6)
     parser.add_argument("--repeats", type=int, default=2)
     for option in ("cameras", "size", "render"):
@@ -117,7 +138,9 @@ def main() -> None:
     given = parser.parse_args()
     source = Dataset(given.dataset)
     keys = ("cameras", "size", "render", *SENSORS, "variants")
-    changes = {key: parse_value(key, value) for key in keys if (value := getattr(given, key)) is not None}
+    changes = {
+        key: parse_value(key, value) for key in keys if (value := getattr(given, key)) is not None
+    }
     changes = with_looks(changes, "randomized" if given.variants else "keep")
     recipe = parse_recipe(source.recipe().model_dump() | changes)
     print(hardware(ensure_renderer()), "\n")

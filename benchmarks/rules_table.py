@@ -1,10 +1,12 @@
-"""What the first touch gives away: reference policies on all 35 tasks under `contact: stop` and under `contact: hold`.
+"""What the first touch gives away: reference policies on all 35 tasks under `contact: stop` and
+under `contact: hold`.
 
     python -m benchmarks.rules_table run --rows out/rules --seeds 10
     python -m benchmarks.rules_table page --rows out/rules
 
-`run` tries every policy on one scene of each task, level and rule before the next scene. You can stop it at any time; the same
-command resumes. `page` writes docs/measurements/rules.md from the rows that exist.
+`run` tries every policy on one scene of each task, level and rule before the next scene. You can
+stop it at any time; the same command resumes. `page` writes docs/measurements/rules.md from the
+rows that exist.
 """
 
 import argparse
@@ -60,13 +62,19 @@ def rate(rows: Rows) -> str:
         return "-"
     counts = by_task(rows.rows)
     low, high = clustered(counts)
-    return f"{100 * sum(n for n, _ in counts) / sum(of for _, of in counts):.0f} ({100 * low:.0f}-{100 * high:.0f})"
+    return (
+        f"{100 * sum(n for n, _ in counts) / sum(of for _, of in counts):.0f}"
+        f" ({100 * low:.0f}-{100 * high:.0f})"
+    )
 
 
 def gain(rows: Rows, policy: str = "tapper", over: str = "static") -> str:
-    """Points by which one policy solves more than another of the scenes that both tried: a mean over tasks, with the 95 % interval
-    of a bootstrap over tasks."""
-    solved = [{(r["task"], r["level"], r["seed"]): r["success"] for r in rows.of(policy=p).rows} for p in (policy, over)]
+    """Points by which one policy solves more than another of the scenes that both tried: a mean
+    over tasks, with the 95 % interval of a bootstrap over tasks."""
+    solved = [
+        {(r["task"], r["level"], r["seed"]): r["success"] for r in rows.of(policy=p).rows}
+        for p in (policy, over)
+    ]
     tasks = defaultdict[str, list[int]](list)
     for scene in sorted(solved[0].keys() & solved[1].keys()):
         tasks[scene[0]].append(int(solved[0][scene]) - int(solved[1][scene]))
@@ -79,16 +87,32 @@ def gain(rows: Rows, policy: str = "tapper", over: str = "static") -> str:
 
 def pressed() -> set[str]:
     """Tasks that consist of a touch: the target itself is pressed."""
-    return {name for name, task in TASKS.items() if task.category == TRACKING and task.manipulated == task.target}
+    return {
+        name
+        for name, task in TASKS.items()
+        if task.category == TRACKING and task.manipulated == task.target
+    }
 
 
 def table(rows: Rows) -> str:
     """Markdown: policies down, rules and levels across, and what the tap is worth."""
-    cells = [rows.of(rules=f"strict-{contact}", level=level) for contact in CONTACTS for level in LEVELS]
-    body = [(name, *(rate(c.of(policy=p, clock=clock)) for c in cells)) for name, (p, clock) in TRIES.items()]
+    cells = [
+        rows.of(rules=f"strict-{contact}", level=level) for contact in CONTACTS for level in LEVELS
+    ]
+    body = [
+        (name, *(rate(c.of(policy=p, clock=clock)) for c in cells))
+        for name, (p, clock) in TRIES.items()
+    ]
     body.append(("tapper minus static, points", *map(gain, cells)))
-    body.append(("the same without pressed tasks", *(gain(c.where(lambda row: row["task"] not in pressed())) for c in cells)))
-    return markdown(("policy", *(f"{contact}, level {level}" for contact in CONTACTS for level in LEVELS)), body)
+    body.append(
+        (
+            "the same without pressed tasks",
+            *(gain(c.where(lambda row: row["task"] not in pressed())) for c in cells),
+        )
+    )
+    return markdown(
+        ("policy", *(f"{contact}, level {level}" for contact in CONTACTS for level in LEVELS)), body
+    )
 
 
 def tasks_table(rows: Rows) -> str:
@@ -97,9 +121,15 @@ def tasks_table(rows: Rows) -> str:
     columns = [(p, clock, contact) for p, clock in TRIES.values() for contact in CONTACTS]
     body = []
     for task in moving.values("task"):
-        found = [moving.of(task=task, policy=p, clock=clock, rules=f"strict-{contact}").rate for p, clock, contact in columns]
+        found = [
+            moving.of(task=task, policy=p, clock=clock, rules=f"strict-{contact}").rate
+            for p, clock, contact in columns
+        ]
         body.append((task, *(f"{r.solved}/{r.episodes}" for r in found)))
-    return markdown(("task", *(f"{p.partition(':')[0]} {clock}, {contact}" for p, clock, contact in columns)), body)
+    return markdown(
+        ("task", *(f"{p.partition(':')[0]} {clock}, {contact}" for p, clock, contact in columns)),
+        body,
+    )
 
 
 def scenes(rows: Rows) -> str:
@@ -141,15 +171,19 @@ Solved of tried at levels 1 and 3 together:
 
 `python -m benchmarks.rules_table run --rows DIR` runs the episodes and resumes where it was stopped; `page` in place of `run`
 writes this page.
-"""
+"""  # noqa: E501
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=("run", "page"))
     parser.add_argument("--rows", type=Path, default=Path("out/rules"), help="where the rows are")
     parser.add_argument("--tasks", default="all")
-    parser.add_argument("--seeds", type=int, default=10, help="admitted scenes of every task, level and rule")
+    parser.add_argument(
+        "--seeds", type=int, default=10, help="admitted scenes of every task, level and rule"
+    )
     args = parser.parse_args()
     if args.what == "run":
         run(args.rows, list(groups(expand_tasks(args.tasks.split(",")))), args.seeds, step=1)

@@ -1,7 +1,7 @@
 """How many drawn shapes of a target's motion pass each filter, and what those of level 3 are like.
 
-`python -m benchmarks.shape_filters` takes about two minutes. Ends are drawn in the workspaces of all tasks, 5 cm or more from their
-edges; alpha is 0.1 m/s.
+`python -m benchmarks.shape_filters` takes about two minutes. Ends are drawn in the workspaces of
+all tasks, 5 cm or more from their edges; alpha is 0.1 m/s.
 """
 
 from collections import Counter
@@ -36,7 +36,12 @@ def row(level: int, total: float, rng: np.random.Generator) -> str:
         for _ in range(ENDS):
             end = np.append(rng.uniform(space.lower + EDGE, space.upper - EDGE), 0.75)
             paths = DRAW[level](rng, SHAPES, ALPHA, total, end[:2], space)
-            counts.update(judge_shapes(paths, Limits(space, end, level, ALPHA, total, end_speed_limit=END_SPEED * ALPHA)).tolist())
+            counts.update(
+                judge_shapes(
+                    paths,
+                    Limits(space, end, level, ALPHA, total, end_speed_limit=END_SPEED * ALPHA),
+                ).tolist()
+            )
             others = judge_shapes(paths, Limits(space, end, level, ALPHA, total)) == ""
             otherwise += int(others.sum())
             fastest = max(fastest, end_speeds(paths)[others].max(initial=0.0))
@@ -46,8 +51,8 @@ def row(level: int, total: float, rng: np.random.Generator) -> str:
 
 
 def pieces(total: float, end_speed: float | None, rng: np.random.Generator) -> str:
-    """What shapes of level 3 that pass the filters are like: per cent of pieces that are straight and
-    of shapes with two pieces; median, 90th and 99th percentile of the greatest speed (m/s)."""
+    """What shapes of level 3 that pass the filters are like: per cent of pieces that are straight
+    and of shapes with two pieces; median, 90th and 99th percentile of the greatest speed (m/s)."""
     straight, two, greatest = list[bool](), list[bool](), list[float]()
     for task in (TASKS[name] for name in expand_tasks(())):
         space = task.workspace

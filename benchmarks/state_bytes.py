@@ -1,9 +1,11 @@
-"""Fingerprints of the physics: one line a slot with the hash of its state log, to compare two versions of the code.
+"""Fingerprints of the physics: one line a slot with the hash of its state log, to compare two
+versions of the code.
 
     python -m benchmarks.state_bytes > before.txt
     python -m benchmarks.state_bytes --against before.txt
 
-40 slots: every task once, robots and levels taking turns, then five randomized. A restructuring must not change a line.
+40 slots: every task once, robots and levels taking turns, then five randomized. A restructuring
+must not change a line.
 """
 
 import argparse
@@ -29,14 +31,22 @@ def specs() -> list[tuple[str, str, int, str]]:
 
 
 def fingerprint(job: tuple[str, str, int, str]) -> str:
-    """Line of one slot: its name and the hash of everything its first attempt produced, or why that attempt failed."""
+    """Line of one slot: its name and the hash of everything its first attempt produced, or why that
+    attempt failed."""
     from pipeline.run.names import recipe_from
     from pipeline.stages.attempt import Phases, attempt
     from pipeline.stages.failure import Failure
 
     task, robot, level, domain = job
     recipe = recipe_from(
-        {"tasks": [task], "embodiments": [robot], "levels": [level], "domains": [domain], "alpha": 0.1, "episodes": 1}
+        {
+            "tasks": [task],
+            "embodiments": [robot],
+            "levels": [level],
+            "domains": [domain],
+            "alpha": 0.1,
+            "episodes": 1,
+        }
     )
     slot = next(recipe.slots())
     name = f"{task}/{robot}/L{level}/{domain}"
@@ -57,7 +67,11 @@ def fingerprint(job: tuple[str, str, int, str]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--against", type=Path, help="an earlier output to compare with; exit code 1 where a line differs")
+    parser.add_argument(
+        "--against",
+        type=Path,
+        help="an earlier output to compare with; exit code 1 where a line differs",
+    )
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
@@ -66,7 +80,12 @@ def main() -> None:
     if args.against:
         old = args.against.read_text().splitlines()
         changed = [f"{a}\n    was {b}" for a, b in zip(lines, old, strict=True) if a != b]
-        print(f"{len(lines) - len(changed)} of {len(lines)} lines are equal", *changed, sep="\n", file=sys.stderr)
+        print(
+            f"{len(lines) - len(changed)} of {len(lines)} lines are equal",
+            *changed,
+            sep="\n",
+            file=sys.stderr,
+        )
         sys.exit(bool(changed))
 
 

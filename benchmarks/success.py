@@ -3,14 +3,15 @@
     python -m benchmarks.success --tasks domino --robots all --levels 1,3 --domains clean,randomized \
         --experts planned,reactive --slots 1 --seed 2040 --rows rows.jsonl
 
-Slots are filled as a build fills them, without images: attempts, each with a layout of its own, until one is accepted. Every
-finished slot is a line of `--rows`: the same command resumes a run that was stopped. `--table` prints the tables of the file and
-makes no attempts.
+Slots are filled as a build fills them, without images: attempts, each with a layout of its own,
+until one is accepted. Every finished slot is a line of `--rows`: the same command resumes a run
+that was stopped. `--table` prints the tables of the file and makes no attempts.
 
-It prints, for each expert, per cent of attempts accepted with 95 % intervals clustered by slot (attempts of a slot share the
-motion's shape), why attempts fail, how accepted targets move against how the law draws them (of level 1 with a test, for each
-alpha), how far the hands travel and how hard the robot presses.
-"""
+It prints, for each expert, per cent of attempts accepted with 95 % intervals clustered by slot
+(attempts of a slot share the motion's shape), why attempts fail, how accepted targets move against
+how the law draws them (of level 1 with a test, for each alpha), how far the hands travel and how
+hard the robot presses.
+"""  # noqa: E501
 
 import argparse
 import json
@@ -39,7 +40,8 @@ from pipeline.tasks.contract import expand_tasks
 from pipeline.world.robots import MODELS, get_embodiment
 
 ORIGINAL_STATIC = {"aloha-agilex": 78, "arx-x5": 78, "franka-panda": 69, "piper": 27, "ur5-wsg": 61}
-"""Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0 documentation)."""
+"""Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0
+documentation)."""
 
 CELL = ("task", "embodiment", "level", "alpha", "domain", "slot")
 KEYS = ("expert", "seed", "attempts", "contact", "start")
@@ -58,7 +60,12 @@ def fill(recipe: Recipe, slot: Slot) -> Row:
         try:
             done = attempt(spec, recipe, phases)
         except Failure as failure:
-            one = {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "detail": failure.detail}
+            one = {
+                "outcome": "failed",
+                "stage": failure.stage,
+                "reason": failure.reason,
+                "detail": failure.detail,
+            }
             drawn = failure.drawn
         else:
             one, drawn = {"outcome": "accepted"}, done.motion.features()
@@ -76,7 +83,8 @@ def settings(recipe: Recipe) -> Row:
 
 
 def travel(done: Rollout) -> Row:
-    """Length (m) of the way of both tools in an episode, and by how much (m) the way of one skill exceeds its straight line."""
+    """Length (m) of the way of both tools in an episode, and by how much (m) the way of one skill
+    exceeds its straight line."""
     log, worst = done.replay.log, 0.0
     for run in log.skills:
         frames = (log.times >= run.start / PHYSICS_HZ) & (log.times <= run.end / PHYSICS_HZ)
@@ -90,24 +98,41 @@ def travel(done: Rollout) -> Row:
 
 
 def forces(done: Rollout) -> Row:
-    """The strongest contact (N) of an episode of each kind that the robot has, as sampled for the state log (30 Hz)."""
+    """The strongest contact (N) of an episode of each kind that the robot has, as sampled for the
+    state log (30 Hz)."""
     log, found = done.replay.log, defaultdict[str, float](float)
-    fingers = {f"{side}_{name}" for side, arm in done.scene.embodiment.arms.items() for name in arm.gripper.fingers}
+    fingers = {
+        f"{side}_{name}"
+        for side, arm in done.scene.embodiment.arms.items()
+        for name in arm.gripper.fingers
+    }
     links = {name for name in log.bodies if name.startswith(("left_", "right_"))}
     for row in log.contacts:
         pair = {log.bodies[row["a"]], log.bodies[row["b"]]}
         robot = pair & links
         if not robot:
             continue
-        kind = "arms" if len(robot) == 2 else "palm" if not pair & fingers else "table" if "table" in pair else "finger"
+        kind = (
+            "arms"
+            if len(robot) == 2
+            else "palm"
+            if not pair & fingers
+            else "table"
+            if "table" in pair
+            else "finger"
+        )
         found[kind] = max(found[kind], round(PHYSICS_HZ * float(row["impulse"]), 1))
     return dict(found)
 
 
 def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int, keep: Callable[[Row], None]) -> None:
-    """Fill all slots in fresh processes, and keep each row as it comes. Ctrl-C ends it with what is finished."""
+    """Fill all slots in fresh processes, and keep each row as it comes. Ctrl-C ends it with what is
+    finished."""
     filled = tried = 0
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(jobs), unit="slot") as bar:
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
+        tqdm(total=len(jobs), unit="slot") as bar,
+    ):
         futures = [pool.submit(fill, *job) for job in jobs]
         try:
             for future in as_completed(futures):
@@ -138,18 +163,35 @@ def interval(rows: Sequence[Row]) -> str:
 
 
 def rates(rows: Sequence[Row], by: str) -> str:
-    """Markdown: tasks down, values of `by` across, per cent of attempts accepted; per level too, and all with intervals."""
+    """Markdown: tasks down, values of `by` across, per cent of attempts accepted; per level too,
+    and all with intervals."""
     columns = sorted({row[by] for row in rows})
 
-    def line(name: str, group: Sequence[Row], cell: Callable[[Sequence[Row]], str] = percent) -> str:
+    def line(
+        name: str, group: Sequence[Row], cell: Callable[[Sequence[Row]], str] = percent
+    ) -> str:
         cells = [cell([row for row in group if row[by] == column]) for column in columns]
         return f"| {name} | " + " | ".join([*cells, cell(group)]) + " |"
 
-    lines = ["| task | " + " | ".join([*columns, "all"]) + " |", "|---|" + "---:|" * (len(columns) + 1)]
-    lines += [line(task, [r for r in rows if r["task"] == task]) for task in sorted({r["task"] for r in rows})]
-    lines += [line(f"level {level}", [r for r in rows if r["level"] == level]) for level in sorted({r["level"] for r in rows})]
-    lines += [line("**all attempts**", rows, lambda group: percent(group, 1)), line("95 % interval by slot", rows, interval)]
-    lines += [line("slots filled", rows, lambda group: f"{sum(map(is_filled, group))} of {len(group)}")]
+    lines = [
+        "| task | " + " | ".join([*columns, "all"]) + " |",
+        "|---|" + "---:|" * (len(columns) + 1),
+    ]
+    lines += [
+        line(task, [r for r in rows if r["task"] == task])
+        for task in sorted({r["task"] for r in rows})
+    ]
+    lines += [
+        line(f"level {level}", [r for r in rows if r["level"] == level])
+        for level in sorted({r["level"] for r in rows})
+    ]
+    lines += [
+        line("**all attempts**", rows, lambda group: percent(group, 1)),
+        line("95 % interval by slot", rows, interval),
+    ]
+    lines += [
+        line("slots filled", rows, lambda group: f"{sum(map(is_filled, group))} of {len(group)}")
+    ]
     if by == "embodiment":
         lines.append(line("original, static expert", rows, original))
     return "\n".join(lines)
@@ -162,49 +204,89 @@ def original(rows: Sequence[Row]) -> str:
 
 
 def attempts(rows: Sequence[Row]) -> list[Row]:
-    """All attempts of slots, each with the cell of its slot, as pipeline.report.speed_law takes them."""
+    """All attempts of slots, each with the cell of its slot, as pipeline.report.speed_law takes
+    them."""
     return [{name: row[name] for name in CELL} | one for row in rows for one in row["tries"]]
 
 
 def speeds(rows: Sequence[Row]) -> str:
-    """Markdown: motions drawn against motions accepted per level and alpha, and the test of level 1 against the paper's law."""
-    head = ["level", "alpha m/s", "motions", "number", "average m/s", "end m/s", "greatest, 99 % below m/s"]
+    """Markdown: motions drawn against motions accepted per level and alpha, and the test of level 1
+    against the paper's law."""
+    head = [
+        "level",
+        "alpha m/s",
+        "motions",
+        "number",
+        "average m/s",
+        "end m/s",
+        "greatest, 99 % below m/s",
+    ]
     head += ["displacement m", "under 5 cm", "0.8 alpha or more"]
     lines, tests = ["| " + " | ".join(head) + " |", "|---:|---:|---|" + "---:|" * 7], list[str]()
     for level, alpha in sorted({(row["level"], row["alpha"]) for row in rows if row["level"]}):
-        groups = drawn_and_accepted(attempts([row for row in rows if (row["level"], row["alpha"]) == (level, alpha)]))
+        groups = drawn_and_accepted(
+            attempts([row for row in rows if (row["level"], row["alpha"]) == (level, alpha)])
+        )
         for name, group in zip(("drawn", "accepted"), groups, strict=True):
             if (m := law(group)) is not None:
                 greatest = np.quantile([one["maximum_speed"] for one in group], 0.99)
-                means = f"{m.count} | {m.average_speed:.4f} | {m.end_speed:.4f} | {greatest:.2f} | {m.displacement:.3f}"
-                lines.append(f"| {level} | {alpha:g} | {name} | {means} | {m.short:.0%} | {m.fast:.0%} |")
+                means = (
+                    f"{m.count} | {m.average_speed:.4f} | {m.end_speed:.4f} | {greatest:.2f} |"
+                    f" {m.displacement:.3f}"
+                )
+                lines.append(
+                    f"| {level} | {alpha:g} | {name} | {means} | {m.short:.0%} | {m.fast:.0%} |"
+                )
             if level == 1 and group:
-                d, p = kolmogorov_smirnov([one["average_speed"] / alpha for one in group], 0.01 / alpha)
+                d, p = kolmogorov_smirnov(
+                    [one["average_speed"] / alpha for one in group], 0.01 / alpha
+                )
                 mean = f"the law's mean is {mean_speed(alpha):.4f}"
-                tests.append(f"{len(group)} motions {name} at {alpha:g} m/s: {mean}; D {d:.3f}, p {p:.2g}")
+                tests.append(
+                    f"{len(group)} motions {name} at {alpha:g} m/s: {mean}; D {d:.3f}, p {p:.2g}"
+                )
     return "\n".join([*lines, "", *tests])
 
 
-def kolmogorov_smirnov(relative: Sequence[float] | NDArray[np.float64], slowest: float = 0.1) -> tuple[float, float]:
-    """Statistic and p of speeds over alpha against clip(abs(N(0.8, 1/3)), slowest, 1), by its probability integral transform.
-    `slowest` is 0.01 m/s over alpha.
+def kolmogorov_smirnov(
+    relative: Sequence[float] | NDArray[np.float64], slowest: float = 0.1
+) -> tuple[float, float]:
+    """Statistic and p of speeds over alpha against clip(abs(N(0.8, 1/3)), slowest, 1), by its
+    probability integral transform. `slowest` is 0.01 m/s over alpha.
 
-    The law has atoms at both clips, where the transform draws from the atom's share: then it is uniform under the law.
+    The law has atoms at both clips, where the transform draws from the atom's share: then it is
+    uniform under the law.
     """
     normal, rng = stats.norm(0.8, 1 / 3), np.random.default_rng(0)
     x = np.asarray(relative)
     below = normal.cdf(x) - normal.cdf(-x)
     low, high = normal.cdf(slowest) - normal.cdf(-slowest), normal.cdf(1.0) - normal.cdf(-1.0)
     spread = rng.random(len(x))
-    u = np.where(x <= slowest + 1e-9, spread * low, np.where(x >= 1 - 1e-9, high + spread * (1 - high), below))
+    u = np.where(
+        x <= slowest + 1e-9,
+        spread * low,
+        np.where(x >= 1 - 1e-9, high + spread * (1 - high), below),
+    )
     found = stats.kstest(u, "uniform")
     return float(found.statistic), float(found.pvalue)
 
 
 def hands(rows: Sequence[Row]) -> str:
-    """Markdown, one row a robot: how far the tools travel, and the strongest contacts; median, 95th percentile and most."""
-    kinds = {"arms": "arm on arm", "palm": "palm or link on a body", "table": "finger on table", "finger": "finger on a body"}
-    head = ["robot", "episodes", "both tools, m", "beyond the straight line of a skill, m", *(f"{k}, N" for k in kinds.values())]
+    """Markdown, one row a robot: how far the tools travel, and the strongest contacts; median, 95th
+    percentile and most."""
+    kinds = {
+        "arms": "arm on arm",
+        "palm": "palm or link on a body",
+        "table": "finger on table",
+        "finger": "finger on a body",
+    }
+    head = [
+        "robot",
+        "episodes",
+        "both tools, m",
+        "beyond the straight line of a skill, m",
+        *(f"{k}, N" for k in kinds.values()),
+    ]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
     for robot in sorted({row["embodiment"] for row in rows}):
         group = [row for row in rows if row["embodiment"] == robot and is_filled(row)]
@@ -221,15 +303,21 @@ def _spread(values: Sequence[float], digits: int) -> str:
 
 
 def reasons(rows: Sequence[Row]) -> str:
-    """Markdown: why attempts failed, with the number of slots in which they did, and the tasks where they did most often."""
+    """Markdown: why attempts failed, with the number of slots in which they did, and the tasks
+    where they did most often."""
     failed = [(row, one) for row in rows for one in row["tries"] if one["outcome"] == "failed"]
     groups = defaultdict[str, list[Row]](list)
     for row, one in failed:
         groups[f"{one['stage']}: {one['reason']}"].append(row)
     lines = ["| stage: reason | attempts | slots | most often in |", "|---|---:|---:|---|"]
     for reason, of in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
-        tasks = ", ".join(f"{task} {n}" for task, n in Counter(row["task"] for row in of).most_common(3))
-        lines.append(f"| {reason} | {len(of)} | {len({tuple(row[k] for k in SAME) for row in of})} | {tasks} |")
+        tasks = ", ".join(
+            f"{task} {n}" for task, n in Counter(row["task"] for row in of).most_common(3)
+        )
+        lines.append(
+            f"| {reason} | {len(of)} | {len({tuple(row[k] for k in SAME) for row in of})} |"
+            f" {tasks} |"
+        )
     return "\n".join(lines)
 
 
@@ -238,10 +326,17 @@ def tables(rows: Sequence[Row]) -> Iterator[str]:
     yield hardware()
     for expert in sorted({row["expert"] for row in rows}):
         own = [row for row in rows if row["expert"] == expert]
-        seconds = sum(one["seconds"] for row in own for one in row["tries"]) / max(1, sum(map(is_filled, own)))
+        seconds = sum(one["seconds"] for row in own for one in row["tries"]) / max(
+            1, sum(map(is_filled, own))
+        )
         count = sum(len(row["tries"]) for row in own)
-        share = f"{percent(own, 1)} % ({interval(own)}) of {count} attempts at {len(own)} slots accepted"
-        yield f"## {expert} expert\n\n{share}; {seconds:.2f} s of processor time an accepted episode."
+        share = (
+            f"{percent(own, 1)} % ({interval(own)}) of {count} attempts at {len(own)} slots"
+            " accepted"
+        )
+        yield (
+            f"## {expert} expert\n\n{share}; {seconds:.2f} s of processor time an accepted episode."
+        )
         for by in ("embodiment", "domain", "alpha"):
             if by == "embodiment" or len({row[by] for row in own}) > 1:
                 yield rates([row | {by: str(row[by])} for row in own], by)
@@ -249,23 +344,47 @@ def tables(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tasks", default="domino", help="names of tasks and of suites, such as domino or beyond")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--tasks", default="domino", help="names of tasks and of suites, such as domino or beyond"
+    )
     parser.add_argument("--robots", default="aloha")
     parser.add_argument("--levels", default="1")
     parser.add_argument("--alpha", default="0.1")
     parser.add_argument("--domains", default="clean")
     parser.add_argument("--experts", default="planned")
-    parser.add_argument("--slots", type=int, default=1, help="slots per task, robot, level, alpha and domain")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the recipe: other ones are other layouts")
+    parser.add_argument(
+        "--slots", type=int, default=1, help="slots per task, robot, level, alpha and domain"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the recipe: other ones are other layouts"
+    )
     parser.add_argument("--attempts", type=int, default=30)
-    parser.add_argument("--contact", help="what the first touch does to the target, where it is not what the rules say")
-    parser.add_argument("--start", help="when targets start, early or late, where it is not what the rules say")
+    parser.add_argument(
+        "--contact",
+        help="what the first touch does to the target, where it is not what the rules say",
+    )
+    parser.add_argument(
+        "--start", help="when targets start, early or late, where it is not what the rules say"
+    )
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--rows", type=Path, required=True, help="JSON lines, one a slot; slots that it has are not filled again")
-    parser.add_argument("--table", action="store_true", help="make no attempts: print the tables of the rows")
+    parser.add_argument(
+        "--rows",
+        type=Path,
+        required=True,
+        help="JSON lines, one a slot; slots that it has are not filled again",
+    )
+    parser.add_argument(
+        "--table", action="store_true", help="make no attempts: print the tables of the rows"
+    )
     args = parser.parse_args()
-    rows = [json.loads(line) for line in args.rows.read_text().splitlines()] if args.rows.exists() else []
+    rows = (
+        [json.loads(line) for line in args.rows.read_text().splitlines()]
+        if args.rows.exists()
+        else []
+    )
     if not args.table:
         jobs = wanted(args)
         have = {tuple(row[name] for name in SAME) for row in rows}
@@ -284,11 +403,30 @@ def main() -> None:
 
 def wanted(args: argparse.Namespace) -> list[tuple[Recipe, Slot]]:
     """The slots that are asked for, expert by expert."""
-    robots = list(MODELS) if args.robots == "all" else [get_embodiment(robot).name for robot in args.robots.split(",")]
-    values = {"seed": args.seed, "tasks": expand_tasks(args.tasks.split(",")), "embodiments": robots, "attempts": args.attempts}
-    values |= {"levels": [int(x) for x in args.levels.split(",")], "alpha": [float(x) for x in args.alpha.split(",")]}
-    values |= {"domains": args.domains.split(","), "episodes": args.slots, "contact": args.contact, "start": args.start}
-    recipes = [Recipe.model_validate(values | {"expert": expert}) for expert in args.experts.split(",")]
+    robots = (
+        list(MODELS)
+        if args.robots == "all"
+        else [get_embodiment(robot).name for robot in args.robots.split(",")]
+    )
+    values = {
+        "seed": args.seed,
+        "tasks": expand_tasks(args.tasks.split(",")),
+        "embodiments": robots,
+        "attempts": args.attempts,
+    }
+    values |= {
+        "levels": [int(x) for x in args.levels.split(",")],
+        "alpha": [float(x) for x in args.alpha.split(",")],
+    }
+    values |= {
+        "domains": args.domains.split(","),
+        "episodes": args.slots,
+        "contact": args.contact,
+        "start": args.start,
+    }
+    recipes = [
+        Recipe.model_validate(values | {"expert": expert}) for expert in args.experts.split(",")
+    ]
     return [(recipe, slot) for recipe in recipes for slot in recipe.slots()]
 
 

@@ -1,4 +1,5 @@
-"""Episodes an hour of a policy that takes 5 ms for an answer or for a batch, by the number of scenes at a time."""
+"""Episodes an hour of a policy that takes 5 ms for an answer or for a batch, by the number of
+scenes at a time."""
 
 import os
 import time
@@ -57,7 +58,8 @@ def time_episode(job: EpisodeJob) -> Spent:
 
 
 def table(case: Case, episodes: int = 6) -> str:
-    """Markdown: a row a way, with its wall time here, its processor time, and what that allows on as many free cores as there are.
+    """Markdown: a row a way, with its wall time here, its processor time, and what that allows on
+    as many free cores as there are.
 
     On free cores a single scene waits for each answer; many scenes keep every core at work.
     """
@@ -87,12 +89,21 @@ def table(case: Case, episodes: int = 6) -> str:
                     f"{3600 * rate * len(spent) / periods:.0f}",
                 )
             )
-    head = ("scenes and policy", "wall ms a step", "processor ms a step", f"steps/s on {cores} free cores", "episodes/h")
+    head = (
+        "scenes and policy",
+        "wall ms a step",
+        "processor ms a step",
+        f"steps/s on {cores} free cores",
+        "episodes/h",
+    )
     return markdown(head, body)
 
 
-def _run(jobs: Sequence[EpisodeJob], crew: Crew, wait: float | None) -> tuple[list[Spent], float, float]:
-    """What each episode took, the processor time (s) of this process beside them, and the wall time (s) from the first end on."""
+def _run(
+    jobs: Sequence[EpisodeJob], crew: Crew, wait: float | None
+) -> tuple[list[Spent], float, float]:
+    """What each episode took, the processor time (s) of this process beside them, and the wall time
+    (s) from the first end on."""
     for name, value in SINGLE_THREAD.items():
         os.environ[name] = value
     wanted = Evaluation((), jobs[0].policy, jobs[0].clock, setup=jobs[0].setup)

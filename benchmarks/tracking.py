@@ -1,8 +1,10 @@
-"""A replayed plan beside a hand that tracks, on insertion into a moving pot: `python -m benchmarks.tracking [--layouts 8]`.
+"""A replayed plan beside a hand that tracks, on insertion into a moving pot: `python -m
+benchmarks.tracking [--layouts 8]`.
 
-Of layouts that have a dry run and a motion, how many succeed. "Replayed" plays the plan for the still scene; "planned track" moves
-the hand with the known motion; "reactive track" with what is seen. With errors the target comes 100 ms late and 5 mm beside the
-motion that the planned hands know, and the reactive one sees it 100 ms late with 5 mm of noise.
+Of layouts that have a dry run and a motion, how many succeed. "Replayed" plays the plan for the
+still scene; "planned track" moves the hand with the known motion; "reactive track" with what is
+seen. With errors the target comes 100 ms late and 5 mm beside the motion that the planned hands
+know, and the reactive one sees it 100 ms late with 5 mm of noise.
 """
 
 import argparse
@@ -38,7 +40,11 @@ def succeeds(way: str, scene: Scene, dry: DryRun, motion: TargetMotion, wrong: b
         if way == WAYS[2]:
             react(scene, motion, Sight(delay=DELAY, noise=OFF) if wrong else Sight(), 15)
             return True
-        known = dry if way == WAYS[1] else replace(dry, runs=[run for run in dry.runs if run.skill != TRACK])
+        known = (
+            dry
+            if way == WAYS[1]
+            else replace(dry, runs=[run for run in dry.runs if run.skill != TRACK])
+        )
         actor = scene.start(motion if not wrong else _Beside(motion, scene.spec.seed), 15, "replay")
         with failing_as("replay", actor):
             actor.play(*commands(actor, known, motion), dry.runs)
@@ -55,7 +61,9 @@ class _Beside(Retimed):
     def __init__(self, motion: TargetMotion, seed: int) -> None:
         super().__init__(motion, late=DELAY)
         angle = np.random.default_rng(seed).uniform(0, 2 * np.pi)
-        object.__setattr__(self, "_aside", OFF * np.array([np.cos(angle), np.sin(angle), 0, 0, 0, 0, 0]))
+        object.__setattr__(
+            self, "_aside", OFF * np.array([np.cos(angle), np.sin(angle), 0, 0, 0, 0, 0])
+        )
 
     def pose(self, t: object) -> np.ndarray:
         return super().pose(np.asarray(t, float)) + self.__dict__["_aside"]
@@ -63,11 +71,17 @@ class _Beside(Retimed):
 
 def main() -> None:
     """Measure and print one table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--layouts", type=int, default=8)
     args = parser.parse_args()
     print(f"{TASK}, alpha 0.1 m/s, levels 1 to 3 in turn; {hardware()}\n")
-    print("| robot | " + " | ".join(f"{way}{errors}" for errors in ("", ", 100 ms and 5 mm") for way in WAYS) + " |")
+    print(
+        "| robot | "
+        + " | ".join(f"{way}{errors}" for errors in ("", ", 100 ms and 5 mm") for way in WAYS)
+        + " |"
+    )
     print("|---|" + "---:|" * 6)
     for robot in MODELS:
         won, tried = Counter[tuple[bool, str]](), 0
@@ -79,11 +93,16 @@ def main() -> None:
                 continue
             tried, furnished = tried + 1, scene.furnished(motion)
             for wrong in (False, True):
-                won.update((wrong, way) for way in WAYS if succeeds(way, furnished, dry, motion, wrong))
+                won.update(
+                    (wrong, way) for way in WAYS if succeeds(way, furnished, dry, motion, wrong)
+                )
             if tried == args.layouts:
                 break
         print(
-            f"| {robot} | " + " | ".join(f"{won[wrong, way]}/{tried}" for wrong in (False, True) for way in WAYS) + " |", flush=True
+            f"| {robot} | "
+            + " | ".join(f"{won[wrong, way]}/{tried}" for wrong in (False, True) for way in WAYS)
+            + " |",
+            flush=True,
         )
 
 

@@ -2,9 +2,10 @@
 
     python -m benchmarks.training [--config puma-tiny] [--set train.batch=64]
 
-The data are made up, of the configuration's sizes, on disk and memory-mapped. The loader's figure is one thread's: frames gathered
-from the cache at the size of the network, targets, masks and text ids, ready as tensors. MFU counts forward and twice that for
-backward against the device's data sheet, or on a CPU against a product of two matrices here.
+The data are made up, of the configuration's sizes, on disk and memory-mapped. The loader's figure
+is one thread's: frames gathered from the cache at the size of the network, targets, masks and text
+ids, ready as tensors. MFU counts forward and twice that for backward against the device's data
+sheet, or on a CPU against a product of two matrices here.
 """
 
 import argparse
@@ -24,7 +25,9 @@ LOADER_FLOOR = 500
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--config", default="puma-tiny")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
@@ -37,7 +40,10 @@ def main() -> None:
         weights = sum(weight.numel() for weight in network.parameters()) / 1e6
         rows = loading(corpus, network) | learning(corpus, network, device)
     print(hardware(torch.cuda.get_device_name(device) if device.type == "cuda" else ""))
-    print(f"{config.name}: {weights:.2f} M weights, batch {config.train.batch}, {torch.get_num_threads()} threads\n")
+    print(
+        f"{config.name}: {weights:.2f} M weights, batch {config.train.batch},"
+        f" {torch.get_num_threads()} threads\n"
+    )
     for name, value in rows.items():
         floor = f"   (at least {LOADER_FLOOR})" if name.startswith("loader") else ""
         print(f"{name:44} {value:10.4g}{floor}")

@@ -1,10 +1,12 @@
-"""What each video codec, preset and quality costs: time to encode, time to read one frame at random, bytes, error.
+"""What each video codec, preset and quality costs: time to encode, time to read one frame at
+random, bytes, error.
 
     python -m benchmarks.video_codecs --episode FILE ... [--frames 60]
 
 Frames of all cameras of the episodes. "Error" is the mean absolute difference (0-255) over the
-image; "moved" over the pixels that differ by more than 32 from the frame before, where a codec that draws late is seen. A row is on
-the front (*) when no other encodes as fast with as little error where things moved and as few bytes.
+image; "moved" over the pixels that differ by more than 32 from the frame before, where a codec that
+draws late is seen. A row is on the front (*) when no other encodes as fast with as little error
+where things moved and as few bytes.
 """
 
 import argparse
@@ -38,7 +40,8 @@ TRIED = (
 
 @dataclass(frozen=True)
 class Row:
-    """Measurements of one codec: CPU ms to encode a frame, ms to read one at random, kB a frame, errors of 0-255."""
+    """Measurements of one codec: CPU ms to encode a frame, ms to read one at random, kB a frame,
+    errors of 0-255."""
 
     codec: Codec
     encode: float
@@ -83,7 +86,8 @@ def measure(clips: list[list[NDArray[np.uint8]]], codec: Codec, reads: int) -> R
 
 
 def read_one(mp4: bytes, frame: int) -> NDArray[np.uint8]:
-    """One frame of a video as a loader reads it: open, seek to the key frame at or before it, decode up to it."""
+    """One frame of a video as a loader reads it: open, seek to the key frame at or before it,
+    decode up to it."""
     with av.open(io.BytesIO(mp4), "r") as container:
         stream = container.streams.video[0]
         stream.thread_count = 1
@@ -98,24 +102,43 @@ def read_one(mp4: bytes, frame: int) -> NDArray[np.uint8]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--episode", type=Path, nargs="+", required=True)
-    parser.add_argument("--frames", type=int, default=60, help="frames of each camera, from the start of the episode")
+    parser.add_argument(
+        "--frames",
+        type=int,
+        default=60,
+        help="frames of each camera, from the start of the episode",
+    )
     parser.add_argument("--reads", type=int, default=20, help="random reads of each video")
     args = parser.parse_args()
     clips = []
     for path in args.episode:
         with open_episode(path) as e:
             clips += [list(e.frames(camera))[: args.frames] for camera in e.cameras]
-    print(f"{len(clips)} clips, {sum(map(len, clips))} frames of {clips[0][0].shape[1]} pixels wide, one thread, CPU time\n")
+    print(
+        f"{len(clips)} clips, {sum(map(len, clips))} frames of {clips[0][0].shape[1]} pixels wide,"
+        " one thread, CPU time\n"
+    )
     rows = [measure(clips, codec, args.reads) for codec in TRIED]
-    print("| codec | preset | crf | key frame every | encode ms | random read ms | kB a frame | error | error, moved | front |")
+    print(
+        "| codec | preset | crf | key frame every | encode ms | random read ms | kB a frame | error"
+        " | error, moved | front |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for row in rows:
         c = row.codec
         front = "" if any(other.beats(row) for other in rows) else "*"
-        values = f"{row.encode:.2f} | {row.decode:.2f} | {row.size:.2f} | {row.error:.2f} | {row.moved:.2f}"
-        print(f"| {c.name} | {c.options()['preset']} | {c.quality} | {c.gop} | {values} | {front} |", flush=True)
+        values = (
+            f"{row.encode:.2f} | {row.decode:.2f} | {row.size:.2f} | {row.error:.2f} |"
+            f" {row.moved:.2f}"
+        )
+        print(
+            f"| {c.name} | {c.options()['preset']} | {c.quality} | {c.gop} | {values} | {front} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

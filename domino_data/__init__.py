@@ -1,4 +1,5 @@
-"""The public Python API of domino-data: build, read, export and evaluate datasets of robots that manipulate moving objects.
+"""The public Python API of domino-data: build, read, export and evaluate datasets of robots that
+manipulate moving objects.
 
     import domino_data as dd
 
@@ -6,9 +7,10 @@
     dd.build(recipe, "out/bells")
     dataset = dd.open_dataset("out/bells")
 
-Importing this package registers the gymnasium ids `domino/<task>-v0`. It loads no simulator, no torch and no Ray: each function
-imports them when it is called. Every expected error is a `DominoError` of one line. docs/python_api.md shows all names in use. The
-packages `pipeline` and `training` are internal and change without notice.
+Importing this package registers the gymnasium ids `domino/<task>-v0`. It loads no simulator, no
+torch and no Ray: each function imports them when it is called. Every expected error is a
+`DominoError` of one line. docs/python_api.md shows all names in use. The packages `pipeline` and
+`training` are internal and change without notice.
 """
 
 from importlib import import_module
@@ -25,12 +27,17 @@ if TYPE_CHECKING:
     from pipeline.evaluate.policies.policy import BatchPolicy, Observation, Policy, Start
 
 _MODULES = {
-    **dict.fromkeys(("build", "evaluate", "export", "make_env", "open_dataset", "plan", "verify"), "domino_data.api"),
+    **dict.fromkeys(
+        ("build", "evaluate", "export", "make_env", "open_dataset", "plan", "verify"),
+        "domino_data.api",
+    ),
     "DominoError": "pipeline.data.errors",
     "Recipe": "pipeline.data.recipe.model",
     "Setup": "pipeline.data.setup",
     "open_episode": "pipeline.data.episode.file",
-    **dict.fromkeys(("BatchPolicy", "Observation", "Policy", "Start"), "pipeline.evaluate.policies.policy"),
+    **dict.fromkeys(
+        ("BatchPolicy", "Observation", "Policy", "Start"), "pipeline.evaluate.policies.policy"
+    ),
 }
 
 if foreign := find_foreign():

@@ -1,4 +1,5 @@
-"""The functions of the public API. Each calls what the command of its name calls, and imports it then."""
+"""The functions of the public API. Each calls what the command of its name calls, and imports it
+then."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -16,36 +17,50 @@ if TYPE_CHECKING:
 
 type Place = str | Path
 type Wanted = Recipe | Mapping[str, Any] | Place
-"""A recipe, its keys, the path of a recipe file, or the name of one that ships with the package, such as "smoke"."""
+"""A recipe, its keys, the path of a recipe file, or the name of one that ships with the package,
+such as "smoke"."""
 
 
-def plan(recipe: Wanted, dataset: Place | None = None, *, workers: int = 1, measure: bool = False) -> dict[str, Any]:
-    """What building a recipe would make and take: the number of `slots`, `estimated_hours`, `estimated_bytes`, and more.
+def plan(
+    recipe: Wanted, dataset: Place | None = None, *, workers: int = 1, measure: bool = False
+) -> dict[str, Any]:
+    """What building a recipe would make and take: the number of `slots`, `estimated_hours`,
+    `estimated_bytes`, and more.
 
-    `dataset` is an existing one whose finished episodes are subtracted, and whose times and sizes are the estimate. With `measure`,
-    four episodes are made in a temporary directory to estimate both. Raises RecipeError for a recipe that cannot be used.
+    `dataset` is an existing one whose finished episodes are subtracted, and whose times and sizes
+    are the estimate. With `measure`, four episodes are made in a temporary directory to estimate
+    both. Raises RecipeError for a recipe that cannot be used.
     """
     from pipeline.run.plan import measure as run_measure
     from pipeline.run.plan import plan as run_plan
 
     wanted = _recipe(recipe)
-    return run_plan(wanted, open_dataset(dataset) if dataset else None, workers, run_measure(wanted) if measure else None)
+    return run_plan(
+        wanted,
+        open_dataset(dataset) if dataset else None,
+        workers,
+        run_measure(wanted) if measure else None,
+    )
 
 
 def build(recipe: Wanted, out: Place, *, workers: int = 1, progress: bool = False) -> "BuildResult":
-    """Make the dataset of a recipe in the directory `out`, or resume making it; the bytes do not depend on `workers`.
+    """Make the dataset of a recipe in the directory `out`, or resume making it; the bytes do not
+    depend on `workers`.
 
-    One worker runs in this process, more run on Ray. Returns counts, such as `accepted` and `given_up`. Raises RecipeError for a
-    recipe that cannot be used, DatasetError if `out` holds another recipe's dataset, and NoRenderer without Vulkan.
+    One worker runs in this process, more run on Ray. Returns counts, such as `accepted` and
+    `given_up`. Raises RecipeError for a recipe that cannot be used, DatasetError if `out` holds
+    another recipe's dataset, and NoRenderer without Vulkan.
     """
     from pipeline.run.build import build as run_build
 
-    return run_build(Path(out), _recipe(recipe), _crew(workers), shown="bar" if progress else "none")
+    return run_build(
+        Path(out), _recipe(recipe), _crew(workers), shown="bar" if progress else "none"
+    )
 
 
 def open_dataset(path: Place) -> "Dataset":
-    """The dataset in a directory: `recipe()` is what it was built from, `accepted(recipe)` are its episode files, which
-    `open_episode` opens. Raises DatasetError if there is none."""
+    """The dataset in a directory: `recipe()` is what it was built from, `accepted(recipe)` are its
+    episode files, which `open_episode` opens. Raises DatasetError if there is none."""
     from pipeline.data.dataset import Dataset
 
     dataset = Dataset(Path(path))
@@ -54,7 +69,8 @@ def open_dataset(path: Place) -> "Dataset":
 
 
 def verify(dataset: Place, *, workers: int = 1, again: int = 0) -> dict[str, Any]:
-    """Check every file of a dataset against what was written, and make `again` of its episodes again.
+    """Check every file of a dataset against what was written, and make `again` of its episodes
+    again.
 
     `ok` is true if nothing differs; `problems` has a line for whatever does.
 
@@ -66,17 +82,27 @@ def verify(dataset: Place, *, workers: int = 1, again: int = 0) -> dict[str, Any
 
 
 def export(
-    dataset: Place, format: str, out: Place | None = None, *, where: str = "", workers: int = 1, **options: str | float | bool
+    dataset: Place,
+    format: str,
+    out: Place | None = None,
+    *,
+    where: str = "",
+    workers: int = 1,
+    **options: str | float | bool,
 ) -> Mapping[str, Any]:
-    """Write a dataset in another format, by default to DATASET/exports/FORMAT, and return the export's summary.
+    """Write a dataset in another format, by default to DATASET/exports/FORMAT, and return the
+    export's summary.
 
-    `where` selects episodes, for example "level=3 and task=click_bell". `options` are those of the format (docs/exports.md).
-    Raises ExportError for a format or option that does not exist and if there is nothing to export.
+    `where` selects episodes, for example "level=3 and task=click_bell". `options` are those of the
+    format (docs/exports.md). Raises ExportError for a format or option that does not exist and if
+    there is nothing to export.
     """
     from pipeline.run.export import Request
     from pipeline.run.export import export as run_export
 
-    given = {name: value if isinstance(value, bool) else str(value) for name, value in options.items()}
+    given = {
+        name: value if isinstance(value, bool) else str(value) for name, value in options.items()
+    }
     request = Request(format, given, Path(out) if out else None, where=where)
     return run_export(open_dataset(dataset), request, workers).summary
 
@@ -92,12 +118,15 @@ def evaluate(
     clock: str = "",
     workers: int = 1,
 ) -> "Outcome":
-    """Evaluate a policy in closed loop in the cells of a recipe, under its rules, with results in the directory `out`.
+    """Evaluate a policy in closed loop in the cells of a recipe, under its rules, with results in
+    the directory `out`.
 
-    `policy` is a name or file as for `domino-data evaluate --policy`, or a class or function that makes a policy, which runs in
-    this process alone. `episodes` are the scenes of each cell; `clock` says when answers arrive (docs/evaluation.md). `setup` is
-    what the policy sees: a Setup, keys of one, or a dataset that was built under one; without it, no images and the recipe's
-    rules. Returns rows of results: `cells` and `means`. Raises PolicyError for a policy that cannot be used.
+    `policy` is a name or file as for `domino-data evaluate --policy`, or a class or function that
+    makes a policy, which runs in this process alone. `episodes` are the scenes of each cell;
+    `clock` says when answers arrive (docs/evaluation.md). `setup` is what the policy sees: a Setup,
+    keys of one, or a dataset that was built under one; without it, no images and the recipe's
+    rules. Returns rows of results: `cells` and `means`. Raises PolicyError for a policy that cannot
+    be used.
     """
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.names import in_process, policy_name
@@ -106,12 +135,22 @@ def evaluate(
 
     name = in_process(policy) if callable(policy) else policy_name(str(policy))
     crew, cells = _crew(1 if callable(policy) else workers), _recipe(recipe)
-    wanted = evaluation_of(cells, blind(cells) if setup is None else setup_of(setup), name, clock, episodes=episodes, seed=seed)
+    wanted = evaluation_of(
+        cells,
+        blind(cells) if setup is None else setup_of(setup),
+        name,
+        clock,
+        episodes=episodes,
+        seed=seed,
+    )
     return run_evaluation(wanted, Path(out), runner(crew))
 
 
-def make_env(task: str, embodiment: str = "aloha-agilex", level: int = 1, alpha: float = 0.1, **options: Any) -> "DominoEnv":
-    """The gymnasium environment of a task; `options` are those of `DominoEnv`, such as cameras, depth, actions and domain.
+def make_env(
+    task: str, embodiment: str = "aloha-agilex", level: int = 1, alpha: float = 0.1, **options: Any
+) -> "DominoEnv":
+    """The gymnasium environment of a task; `options` are those of `DominoEnv`, such as cameras,
+    depth, actions and domain.
 
     Raises UnknownName for a task that does not exist, ValueError for options that do not fit.
     """

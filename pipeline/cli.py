@@ -1,4 +1,5 @@
-"""The `domino-data` command: a thin table of verbs. Bad input ends with one line on stderr and exit code 2."""
+"""The `domino-data` command: a thin table of verbs. Bad input ends with one line on stderr and exit
+code 2."""
 
 import io
 import os
@@ -19,7 +20,16 @@ for _name, _value in SINGLE_THREAD.items():
 from pipeline.commands.annotate import annotate
 from pipeline.commands.bounded import BoundedCommand, run_app
 from pipeline.commands.build import build, plan, render
-from pipeline.commands.catalogue import check_object, check_robot, check_task, embodiments, motions, objects_app, robots_app, tasks
+from pipeline.commands.catalogue import (
+    check_object,
+    check_robot,
+    check_task,
+    embodiments,
+    motions,
+    objects_app,
+    robots_app,
+    tasks,
+)
 from pipeline.commands.evaluate import compare, evaluate, paper_table, serve_policy
 from pipeline.commands.export import ExportCommand, export, publish
 from pipeline.commands.inspect import doctor, status, verify
@@ -32,8 +42,35 @@ from pipeline.plugins import directories as plugin_directories
 
 CHECK_LIMITS = Limits(memory=6 << 30, processor=3600, wall=7200.0)
 VERBS = (
-    *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, compare, paper_table, serve_policy),
-    *(diff, regenerate, merge, gc, tasks, motions, embodiments, check_task, check_object, check_robot, doctor),
+    *(
+        build,
+        plan,
+        status,
+        show,
+        verify,
+        render,
+        view,
+        export,
+        publish,
+        annotate,
+        evaluate,
+        compare,
+        paper_table,
+        serve_policy,
+    ),
+    *(
+        diff,
+        regenerate,
+        merge,
+        gc,
+        tasks,
+        motions,
+        embodiments,
+        check_task,
+        check_object,
+        check_robot,
+        doctor,
+    ),
     *announced_verbs(),
 )
 CLASSES: dict[Callable[..., None], type[BoundedCommand]] = {export: ExportCommand}
@@ -49,12 +86,16 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def options(
     _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
     """A dataset factory for robot manipulation of moving objects.
 
-    Every command takes --plugins DIR: a directory whose modules add tasks, objects, robots, motions, exporters or policies.
+    Every command takes --plugins DIR: a directory whose modules add tasks, objects, robots,
+    motions, exporters or policies.
     """
 
 
@@ -65,8 +106,8 @@ app.add_typer(robots_app, name="robots")
 
 
 def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
-    """The words of a command line without --plugins DIR, wherever it is, and the directories. Raises PluginError for one that
-    has none."""
+    """The words of a command line without --plugins DIR, wherever it is, and the directories.
+    Raises PluginError for one that has none."""
     left: list[str] = []
     directories: list[str] = []
     rest = iter(words)
@@ -84,7 +125,8 @@ def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def words_after_plugins() -> list[str]:
-    """The words of this process's command line, once the plugins that they name are loaded. Raises PluginError."""
+    """The words of this process's command line, once the plugins that they name are loaded. Raises
+    PluginError."""
     words, directories = split_plugins(sys.argv[1:])
     use_plugins(directories)
     if words[:1] == ["check-task"] and plugin_directories():
@@ -98,7 +140,8 @@ def words_after_plugins() -> list[str]:
 
 
 def run_captured(words: list[str]) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command line with the plugins of the environment."""
+    """Exit code, standard output and standard error of a command line with the plugins of the
+    environment."""
 
     def loaded() -> list[str]:
         load_plugins()

@@ -1,4 +1,5 @@
-"""The gymnasium ids of tasks. Nothing here imports a task or the simulator; gymnasium imports the environment when it makes one."""
+"""The gymnasium ids of tasks. Nothing here imports a task or the simulator; gymnasium imports the
+environment when it makes one."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,12 +18,17 @@ def env_id(task: str) -> str:
 
 
 def register_ids(tasks: Iterable[str]) -> None:
-    """Register the ids of tasks with gymnasium; those that are registered already stay as they are."""
+    """Register the ids of tasks with gymnasium; those that are registered already stay as they
+    are."""
     from gymnasium.envs.registration import register, registry
 
     for task in tasks:
         if env_id(task) not in registry:
-            register(env_id(task), entry_point="pipeline.evaluate.environment.env:DominoEnv", kwargs={"task": task})
+            register(
+                env_id(task),
+                entry_point="pipeline.evaluate.environment.env:DominoEnv",
+                kwargs={"task": task},
+            )
 
 
 def register_shipped() -> None:

@@ -1,5 +1,5 @@
-"""HTML pages from jinja2 templates, and text for Markdown. Every value is escaped; a page is one file without scripts and outside
-references."""
+"""HTML pages from jinja2 templates, and text for Markdown. Every value is escaped; a page is one
+file without scripts and outside references."""
 
 import base64
 import re
@@ -10,11 +10,12 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 
 def render_page(package: str, template: str, **values: object) -> str:
-    """The text of `template` in the folder templates/ of a package, filled with `values`. All pages include page.css of pipeline.
+    """The text of `template` in the folder templates/ of a package, filled with `values`. All pages
+    include page.css of pipeline.
 
-    All values are escaped. Filters beside jinja2's own: `jpeg` and `mp4` (bytes -> data URI), `anchor` (title -> id of its
-    section).
-    Raises jinja2.UndefinedError if the template names a value that is not given.
+    All values are escaped. Filters beside jinja2's own: `jpeg` and `mp4` (bytes -> data URI),
+    `anchor` (title -> id of its section). Raises jinja2.UndefinedError if the template names a
+    value that is not given.
     """
     return _environment(package).get_template(template).render(**values)
 
@@ -23,7 +24,13 @@ def render_page(package: str, template: str, **values: object) -> str:
 def _environment(package: str) -> Environment:
     """The templates of a package, each compiled once."""
     loader = ChoiceLoader([PackageLoader(package), PackageLoader("pipeline")])
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters |= {"jpeg": jpeg_uri, "mp4": mp4_uri, "anchor": anchor}
     return environment
 
@@ -39,7 +46,8 @@ def mp4_uri(mp4: bytes) -> str:
 
 
 def anchor(title: str) -> str:
-    """The id of a section: letters and digits of its title in lower case, a hyphen for every other character."""
+    """The id of a section: letters and digits of its title in lower case, a hyphen for every other
+    character."""
     return "".join(c if c.isalnum() else "-" for c in title.lower())
 
 
@@ -48,10 +56,13 @@ class Markdown(str):
 
 
 def markdown(value: object) -> str:
-    """A value as one line of Markdown text: HTML, links, code, columns and control characters in it are shown as what they are."""
+    """A value as one line of Markdown text: HTML, links, code, columns and control characters in it
+    are shown as what they are."""
     if isinstance(value, Markdown):
         return value
-    return "".join(f"&#{ord(c)};" if c in "`[]|" else c for c in escape(_line(str(value)), quote=False))
+    return "".join(
+        f"&#{ord(c)};" if c in "`[]|" else c for c in escape(_line(str(value)), quote=False)
+    )
 
 
 def code_span(value: object) -> Markdown:
@@ -63,8 +74,12 @@ def code_block(text: str, language: str) -> Markdown:
     """Lines as a block of code, which no line of them can end."""
     fence = max(re.findall("`+", text), key=len, default="").rjust(3, "`")
     fence += "`" * (fence in text)
-    return Markdown("\n".join([fence + language, *map(_line, text.strip().splitlines()), fence]) + "\n")
+    return Markdown(
+        "\n".join([fence + language, *map(_line, text.strip().splitlines()), fence]) + "\n"
+    )
 
 
 def _line(text: str) -> str:
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )

@@ -1,8 +1,10 @@
-"""Extensions from outside the package: tasks, objects, robots, motions, exporters and policies that register themselves.
+"""Extensions from outside the package: tasks, objects, robots, motions, exporters and policies that
+register themselves.
 
-They are found by entry point (groups GROUPS, each naming a module; those of policies are imported by evaluate/policies.py when one
-is asked for) and in the directories of the environment variable DOMINO_PLUGINS, which the option --plugins sets: every module and
-package at the top of such a directory is imported. Worker processes inherit it; those on other machines are sent a `Snapshot`.
+They are found by entry point (groups GROUPS, each naming a module; those of policies are imported
+by evaluate/policies.py when one is asked for) and in the directories of the environment variable
+DOMINO_PLUGINS, which the option --plugins sets: every module and package at the top of such a
+directory is imported. Worker processes inherit it; those on other machines are sent a `Snapshot`.
 """
 
 import importlib
@@ -23,7 +25,9 @@ from pipeline.data.own_code import describe_error, line_of_error
 from pipeline.data.store.user_cache import user_cache
 
 ENV = "DOMINO_PLUGINS"
-GROUPS = tuple(f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters"))
+GROUPS = tuple(
+    f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")
+)
 
 VERBS = "domino_data.commands"  # entry points that name functions, each a command of its own
 _LARGEST = 16 * 2**20  # bytes of a directory of plugins that is sent to other machines
@@ -34,9 +38,11 @@ class PluginError(DominoError):
 
 
 def load_plugins() -> None:
-    """Import the extensions of entry points and of DOMINO_PLUGINS; those that are imported already stay as they are.
+    """Import the extensions of entry points and of DOMINO_PLUGINS; those that are imported already
+    stay as they are.
 
-    Raises PluginError for a directory that is missing, and for a module that cannot be imported or whose name another one has.
+    Raises PluginError for a directory that is missing, and for a module that cannot be imported or
+    whose name another one has.
     """
     for point in _points():
         _import(point.module, f"entry point {point.name}")
@@ -46,13 +52,17 @@ def load_plugins() -> None:
         if str(directory) not in sys.path:
             sys.path.append(str(directory))
         if (directory / "robots").is_dir():
-            from pipeline.world.robots import register_all  # it takes a second, and most plugins bring no robot
+            # it takes a second, and most plugins bring no robot
+            from pipeline.world.robots import register_all
 
             register_all(directory / "robots")
         for name in _top(directory):
             module = _import(name, f"--plugins {directory}")
             if directory not in Path(str(module.__file__)).resolve().parents:
-                raise PluginError(f"--plugins {directory}: another module is called {name!r} ({module.__file__}); rename yours")
+                raise PluginError(
+                    f"--plugins {directory}: another module is called {name!r} ({module.__file__});"
+                    " rename yours"
+                )
     for directory in directories():  # their families may be of another directory
         if (directory / "objects").is_dir():
             from pipeline.world.objects.from_files import add_all
@@ -67,36 +77,48 @@ def directories() -> list[Path]:
 
 def use_plugins(wanted: Sequence[str]) -> None:
     """Add directories to DOMINO_PLUGINS, for this process and those that it starts."""
-    paths = dict.fromkeys([*(str(path) for path in directories()), *(str(Path(each).resolve()) for each in wanted)])
+    paths = dict.fromkeys(
+        [*(str(path) for path in directories()), *(str(Path(each).resolve()) for each in wanted)]
+    )
     if paths:
         os.environ[ENV] = os.pathsep.join(paths)
 
 
 def outside_modules() -> dict[str, Path]:
-    """The modules of plugins by name: what a plugin imports from beside it counts among what an episode is made from."""
+    """The modules of plugins by name: what a plugin imports from beside it counts among what an
+    episode is made from."""
     found = {}
     for directory in directories():
         found |= dict(_modules(directory))
     for point in _points():
         top = sys.modules.get(point.module.partition(".")[0])
         for folder in getattr(top, "__path__", ()):
-            found |= {f"{top.__name__}.{name}": path for name, path in _modules(Path(folder))} if top else {}
+            found |= (
+                {f"{top.__name__}.{name}": path for name, path in _modules(Path(folder))}
+                if top
+                else {}
+            )
         if top is not None and top.__file__:
             found[top.__name__] = Path(top.__file__)
     return found
 
 
 def announced_verbs() -> Iterator[Callable[..., None]]:
-    """The functions of the entry points VERBS. One that cannot be imported is named on standard error and left out."""
+    """The functions of the entry points VERBS. One that cannot be imported is named on standard
+    error and left out."""
     for point in entry_points(group=VERBS):
         try:
             yield getattr(_import(point.module, f"entry point {point.name}"), point.attr)
         except (PluginError, AttributeError) as error:
-            print(f"domino-data: warning: the command {point.name} is left out: {error}", file=sys.stderr)
+            print(
+                f"domino-data: warning: the command {point.name} is left out: {error}",
+                file=sys.stderr,
+            )
 
 
 def _points() -> list[EntryPoint]:
-    """Entry points of GROUPS. Each call of `entry_points` reads the metadata of all installed packages, so it is called once."""
+    """Entry points of GROUPS. Each call of `entry_points` reads the metadata of all installed
+    packages, so it is called once."""
     found = entry_points()
     return [point for group in GROUPS for point in found.select(group=group)]
 
@@ -112,7 +134,9 @@ def _import(name: str, source: str):
         place = line_of_error(error, spec.origin) if spec else ""
         raise PluginError(f"{place or f'{source}: {name}'}: {describe_error(error)}") from error
     if open_before and not _are_open():
-        raise PluginError(f"{source}: {name}: closes the standard output of this process; leave it open")
+        raise PluginError(
+            f"{source}: {name}: closes the standard output of this process; leave it open"
+        )
     return module
 
 
@@ -126,9 +150,14 @@ def _are_open() -> bool:
 
 
 def _top(directory: Path) -> list[str]:
-    """Names of the modules and packages at the top of a directory, but for those that begin with _, test or setup."""
-    names = [path.stem for path in directory.glob("*.py")] + [path.parent.name for path in directory.glob("*/__init__.py")]
-    return sorted(name for name in names if not name.startswith(("_", ".", "test", "setup", "conftest")))
+    """Names of the modules and packages at the top of a directory, but for those that begin with _,
+    test or setup."""
+    names = [path.stem for path in directory.glob("*.py")] + [
+        path.parent.name for path in directory.glob("*/__init__.py")
+    ]
+    return sorted(
+        name for name in names if not name.startswith(("_", ".", "test", "setup", "conftest"))
+    )
 
 
 def _modules(directory: Path) -> Iterator[tuple[str, Path]]:
@@ -140,26 +169,41 @@ def _modules(directory: Path) -> Iterator[tuple[str, Path]]:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The files of the directories of plugins, by path below each, for a worker on another machine."""
+    """The files of the directories of plugins, by path below each, for a worker on another
+    machine."""
 
     files: tuple[tuple[tuple[str, bytes], ...], ...] = ()
 
     @classmethod
     def taken(cls) -> "Snapshot":
-        """Of the directories as they are now. Raises PluginError if they are too large to be sent."""
+        """Of the directories as they are now. Raises PluginError if they are too large to be
+        sent."""
         found = []
         for directory in directories():
-            names = sorted(glob("**", root_dir=directory, recursive=True))  # follows links, as those of the original's objects
-            paths = [p for p in map(directory.joinpath, names) if p.is_file() and "__pycache__" not in p.parts]
+            # follows links, as those of the original's objects
+            names = sorted(glob("**", root_dir=directory, recursive=True))
+            paths = [
+                p
+                for p in map(directory.joinpath, names)
+                if p.is_file() and "__pycache__" not in p.parts
+            ]
             if sum(path.stat().st_size for path in paths) > _LARGEST:
-                raise PluginError(f"--plugins {directory}: holds more than {_LARGEST >> 20} MiB, too much to send to a cluster")
-            found.append(tuple((str(path.relative_to(directory)), path.read_bytes()) for path in paths))
+                raise PluginError(
+                    f"--plugins {directory}: holds more than {_LARGEST >> 20} MiB, too much to send"
+                    " to a cluster"
+                )
+            found.append(
+                tuple((str(path.relative_to(directory)), path.read_bytes()) for path in paths)
+            )
         return cls(tuple(found))
 
     def load(self) -> None:
-        """Write the files to a directory of this machine and import them; nothing if there are none. Raises PluginError."""
+        """Write the files to a directory of this machine and import them; nothing if there are
+        none. Raises PluginError."""
         for files in self.files:
-            root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / digest([[name, content.hex()] for name, content in files])
+            root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / digest(
+                [[name, content.hex()] for name, content in files]
+            )
             for name, content in files:
                 write_atomic(root / name, content)
             use_plugins([str(root)])

@@ -1,7 +1,8 @@
 """Rigid poses as plain arrays.
 
-A pose is a float64 array `(7,)`: position xyz in metres, then a unit quaternion wxyz. `a * b` in the usual notation is
-`compose(a, b)`: first b, then a. Functions broadcast over leading dimensions where their docstring says `(..., 7)`.
+A pose is a float64 array `(7,)`: position xyz in metres, then a unit quaternion wxyz. `a * b` in
+the usual notation is `compose(a, b)`: first b, then a. Functions broadcast over leading dimensions
+where their docstring says `(..., 7)`.
 """
 
 from typing import Any
@@ -22,7 +23,8 @@ def pose(position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) 
     return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
 
 
-# Written out by component: numpy's own cross and moveaxis cost far more than the arithmetic on the few numbers of a pose.
+# Written out by component: numpy's own cross and moveaxis cost far more than the arithmetic on the
+# few numbers of a pose.
 
 
 def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
@@ -34,7 +36,8 @@ def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
 
 
 def _parts(a: NDArray[np.float64]) -> list[Any]:
-    """Components along the last axis; plain floats for a single vector, on which arithmetic is fastest."""
+    """Components along the last axis; plain floats for a single vector, on which arithmetic is
+    fastest."""
     return a.tolist() if a.ndim == 1 else [a[..., i] for i in range(a.shape[-1])]
 
 
@@ -74,7 +77,10 @@ def quat_about(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
 
 def quat_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     """URDF fixed-axis roll, pitch, yaw (rad) -> quaternion wxyz: Rz(yaw) Ry(pitch) Rx(roll)."""
-    return quat_multiply(quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), pitch)), quat_about((1, 0, 0), roll))
+    return quat_multiply(
+        quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), pitch)),
+        quat_about((1, 0, 0), roll),
+    )
 
 
 def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
@@ -101,14 +107,27 @@ def quat_to_matrix(q: ArrayLike) -> NDArray[np.float64]:
     q = np.asarray(q, float)
     w, x, y, z = _parts(q)
     out = np.empty((*q.shape[:-1], 3, 3))
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+    )
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = (
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+    )
+    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = (
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
     return out
 
 
 def frame(position: ArrayLike, x_axis: ArrayLike, y_axis: ArrayLike) -> Pose:
-    """Pose whose x axis is `x_axis` and whose y axis lies in the plane of `x_axis` and `y_axis` (Gram-Schmidt)."""
+    """Pose whose x axis is `x_axis` and whose y axis lies in the plane of `x_axis` and `y_axis`
+    (Gram-Schmidt)."""
     x = np.asarray(x_axis, float)
     x = x / np.linalg.norm(x)
     y = np.asarray(y_axis, float)
@@ -139,7 +158,8 @@ def inverse(a: ArrayLike) -> Pose:
 
 
 def transform(a: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
-    """Points `(..., 3)` of the local frame of pose `a` `(..., 7)`, expressed in its parent frame."""
+    """Points `(..., 3)` of the local frame of pose `a` `(..., 7)`, expressed in its parent
+    frame."""
     a = np.asarray(a, float)
     return a[..., :3] + quat_rotate(a[..., 3:], points)
 
@@ -185,9 +205,11 @@ def yawed(position: ArrayLike, yaw: float) -> Pose:
 
 
 def between(poses: NDArray[np.float64], at: ArrayLike) -> NDArray[np.float64]:
-    """Poses (N,...,7) at times `at` (N,) in frames, from those at the frames (T,...,7): exactly theirs at a frame.
+    """Poses (N,...,7) at times `at` (N,) in frames, from those at the frames (T,...,7): exactly
+    theirs at a frame.
 
-    Earlier times have the first pose. Positions between two frames are on a line, quaternions on one that is normalised.
+    Earlier times have the first pose. Positions between two frames are on a line, quaternions on
+    one that is normalised.
     """
     t = np.clip(np.asarray(at, float), 0, len(poses) - 1)
     low = np.floor(t).astype(int)

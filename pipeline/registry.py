@@ -15,17 +15,19 @@ class UnknownName(KeyError):
 def place_in(module: str | None, kind: type) -> None:
     """Set the module of a class that a call of `type` has made to the one that registers it.
 
-    Python gives such a class the module of its metaclass ("abc"), whose directory has no phrases and whose sources no keys.
+    Python gives such a class the module of its metaclass ("abc"), whose directory has no phrases
+    and whose sources no keys.
     """
     if module is not None and kind.__module__ == ABCMeta.__module__:
         kind.__module__ = module
 
 
 class Registry[T](Mapping[str, T]):
-    """A mapping from names to objects of one kind, in the order in which they were added; a name is given once.
+    """A mapping from names to objects of one kind, in the order in which they were added; a name is
+    given once.
 
-    `kind` says in errors what the objects are, e.g. "task". `modules` names, for objects that come first, the module that adds each
-    when it is imported: that happens when the object is asked for.
+    `kind` says in errors what the objects are, e.g. "task". `modules` names, for objects that come
+    first, the module that adds each when it is imported: that happens when the object is asked for.
     """
 
     def __init__(self, kind: str, modules: Mapping[str, str] | None = None) -> None:
@@ -34,7 +36,8 @@ class Registry[T](Mapping[str, T]):
         self._modules = dict(modules or {})
 
     def add(self, name: str, item: T) -> T:
-        """Enter an object under a name and return it. Raises ValueError for a name that is taken."""
+        """Enter an object under a name and return it. Raises ValueError for a name that is
+        taken."""
         place = getattr(item, "__module__", None)
         if name in self._items or self._modules.get(name, place) != place:
             raise ValueError(f"{self.kind} {name!r} is registered twice: choose another name")
@@ -54,7 +57,9 @@ class Registry[T](Mapping[str, T]):
         try:
             return self._items[name]
         except KeyError:
-            raise UnknownName(f"no {self.kind} {name!r}: choose from {', '.join(self) or '(none)'}") from None
+            raise UnknownName(
+                f"no {self.kind} {name!r}: choose from {', '.join(self) or '(none)'}"
+            ) from None
 
     def __contains__(self, name: object) -> bool:
         return name in self._items or name in self._modules

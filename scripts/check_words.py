@@ -2,8 +2,8 @@
 
 python scripts/check_words.py [FILE, DIRECTORY or PATTERN ...]
 
-Checks the pages and Python files that git finds below the arguments (by default all of them), except tests and the changelog.
-Prints one line a fault (`file:line: message`) and exits 1 on any.
+Checks the pages and Python files that git finds below the arguments (by default all of them),
+except tests and the changelog. Prints one line a fault (`file:line: message`) and exits 1 on any.
 """
 
 import ast
@@ -19,7 +19,9 @@ from markdown_it.token import Token
 MOST_WORDS = 25
 MOST_PAGE_WORDS = 2500
 
-REPORTING = r"(so|which|that|why|what|whether|how|where|when|by|in|with|before|for|of|it|nothing|no)"
+REPORTING = (
+    r"(so|which|that|why|what|whether|how|where|when|by|in|with|before|for|of|it|nothing|no)"
+)
 
 PATTERNS = {
     r"\bgo(es|ing)? on\b(?! (the|a|an|to|top|disk)\b)": 'write "resume" or "continue"',
@@ -28,13 +30,31 @@ PATTERNS = {
     r"\blacks?[.,;:)]": '"is missing", or name what lacks what',
     rf"\b(says?|said|tells?|told) {REPORTING}\b": 'write "reports", "states" or "prints"',
     r"\bstands (for itself|in the(?! way)|as)\b": 'write "is" or "applies"',
-    r"\b(used to|formerly) (?!be used|find|make|build|draw|measure|choose)": "history belongs in the changelog",
+    r"\b(used to|formerly) (?!be used|find|make|build|draw|measure|choose)": (
+        "history belongs in the changelog"
+    ),
     r"\bwhere (no|nothing|it is not|there is no|one) ": 'write "if"',
-    r"\bis all one\b|\bby heart\b|\bas ever\b|\bputs? right\b": "an idiom that readers stumble over",
+    r"\bis all one\b|\bby heart\b|\bas ever\b|\bputs? right\b": (
+        "an idiom that readers stumble over"
+    ),
 }
 
 PARTICIPLES = {
-    *("sent", "withdrawn", "freed", "said", "told", "asked", "kept", "gone", "say", "doing", "lost", "noted", "stopped"),
+    *(
+        "sent",
+        "withdrawn",
+        "freed",
+        "said",
+        "told",
+        "asked",
+        "kept",
+        "gone",
+        "say",
+        "doing",
+        "lost",
+        "noted",
+        "stopped",
+    ),
     *(
         "staged",
         "leased",
@@ -50,22 +70,31 @@ PARTICIPLES = {
         "judged",
     ),
 }
-"""Names that no function may have, with or without an underscore: a function is a verb, and prints or reports instead of saying."""
+"""Names that no function may have, with or without an underscore: a function is a verb, and prints
+or reports instead of saying."""
 
 
 def text_of(token: Token) -> str:
     """The running text of an inline token; code becomes one word, link and emphasis marks go."""
     words = {"softbreak": " ", "hardbreak": " ", "code_inline": "CODE"}
-    return "".join(child.content if child.type == "text" else words.get(child.type, "") for child in token.children or [])
+    return "".join(
+        child.content if child.type == "text" else words.get(child.type, "")
+        for child in token.children or []
+    )
 
 
 def passages(markdown: str) -> Iterator[tuple[int, str, bool]]:
-    """(line, text, whether it is a cell of a table) of a page without its code blocks; running text by sentences."""
+    """(line, text, whether it is a cell of a table) of a page without its code blocks; running text
+    by sentences."""
     depth = 0
     for token in MarkdownIt("commonmark").enable("table").parse(markdown):
         depth += {"table_open": 1, "table_close": -1}.get(token.type, 0)
         if token.type == "inline" and token.map is not None:
-            parts = [text_of(token)] if depth else re.split(r"(?<=[.!?])\s+(?=[A-Z`*\"(\[])", text_of(token))
+            parts = (
+                [text_of(token)]
+                if depth
+                else re.split(r"(?<=[.!?])\s+(?=[A-Z`*\"(\[])", text_of(token))
+            )
             yield from ((token.map[0] + 1, part.strip(), depth > 0) for part in parts)
 
 
@@ -85,7 +114,8 @@ def idioms(sentence: str) -> Iterator[str]:
 
 
 def check_page(path: Path) -> Iterator[tuple[int, str]]:
-    """What is wrong with the sentences and cells of a page, and with its length. Cells may be long."""
+    """What is wrong with the sentences and cells of a page, and with its length. Cells may be
+    long."""
     words = 0
     for line, text, is_cell in passages(path.read_text()):
         yield from ((line, message) for message in (idioms if is_cell else judge)(text))
@@ -95,24 +125,49 @@ def check_page(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def check_module(path: Path) -> Iterator[tuple[int, str]]:
-    """What is wrong with the first sentences of the docstrings and with the names of the functions of a Python file."""
+    """What is wrong with the first sentences of the docstrings and with the names of the functions
+    of a Python file."""
     functions, tree = ast.FunctionDef | ast.AsyncFunctionDef, ast.parse(path.read_text())
     for owner in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
         for node in owner.body:
-            is_property = isinstance(node, functions) and any("property" in ast.unparse(each) for each in node.decorator_list)
-            if isinstance(node, functions) and not is_property and node.name.strip("_") in PARTICIPLES:
+            is_property = isinstance(node, functions) and any(
+                "property" in ast.unparse(each) for each in node.decorator_list
+            )
+            if (
+                isinstance(node, functions)
+                and not is_property
+                and node.name.strip("_") in PARTICIPLES
+            ):
                 yield node.lineno, f"function {node.name!r}: a function is a verb"
     for node in ast.walk(tree):
-        if isinstance(node, functions | ast.ClassDef | ast.Module) and (text := ast.get_docstring(node)):
+        if isinstance(node, functions | ast.ClassDef | ast.Module) and (
+            text := ast.get_docstring(node)
+        ):
             first = re.split(r"(?<=[.!?])\s", text.split("\n\n")[0].replace("\n", " "))[0]
             yield from ((getattr(node, "lineno", 1), message) for message in judge(first))
 
 
 def found(patterns: list[str]) -> list[str]:
-    """Pages and Python files that git tracks or could track below these paths, except tests, the changelog and deleted files."""
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--deduplicate", "--", *patterns]
+    """Pages and Python files that git tracks or could track below these paths, except tests, the
+    changelog and deleted files."""
+    command = [
+        "git",
+        "ls-files",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+        "--deduplicate",
+        "--",
+        *patterns,
+    ]
     names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    kept = [name for name in names if name.endswith((".md", ".py")) and not name.startswith("tests/") and name != "CHANGELOG.md"]
+    kept = [
+        name
+        for name in names
+        if name.endswith((".md", ".py"))
+        and not name.startswith("tests/")
+        and name != "CHANGELOG.md"
+    ]
     return [name for name in kept if Path(name).is_file()]
 
 

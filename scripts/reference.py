@@ -1,6 +1,8 @@
-"""The tables of the documents that are generated from the code: `python -m scripts.reference docs/*.md` updates them.
+"""The tables of the documents that are generated from the code: `python -m scripts.reference
+docs/*.md` updates them.
 
-A page marks where a table goes by a line `<!-- generated: NAME -->`; it ends at the line `<!-- end -->`.
+A page marks where a table goes by a line `<!-- generated: NAME -->`; it ends at the line `<!-- end
+-->`.
 """
 
 import inspect
@@ -24,19 +26,27 @@ from pipeline.world.objects import FAMILIES
 
 
 def with_tables(page: str) -> str:
-    """The text of a page with every table as it follows from the code now. Raises KeyError for a table that does not exist."""
+    """The text of a page with every table as it follows from the code now. Raises KeyError for a
+    table that does not exist."""
 
     def again(found: re.Match[str]) -> str:
         return f"{found[1]}{TABLES[found[2]]()}\n{found[3]}"
 
-    return re.sub(r"(^<!-- generated: (\w+) -->\n).*?(^<!-- end -->$)", again, page, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(
+        r"(^<!-- generated: (\w+) -->\n).*?(^<!-- end -->$)",
+        again,
+        page,
+        flags=re.MULTILINE | re.DOTALL,
+    )
 
 
 def rows(headers: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """A table in Markdown."""
     body = [" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines]
     ruler = "|".join("---" for _ in headers)
-    return "\n".join((f"| {' | '.join(headers)} |", f"|{ruler}|", *(f"| {line} |" for line in body)))
+    return "\n".join(
+        (f"| {' | '.join(headers)} |", f"|{ruler}|", *(f"| {line} |" for line in body))
+    )
 
 
 def first_paragraph(thing: object) -> str:
@@ -56,9 +66,16 @@ class _Text(str):
 
 
 def signature(name: str, function: Callable[..., Any]) -> str:
-    """How a function is called: names of its arguments with their defaults, numbers rounded; neither types nor self."""
-    given = [p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values() if p.name != "self"]
-    shown = [p if p.default is p.empty else p.replace(default=_Text(plain(p.default))) for p in given]
+    """How a function is called: names of its arguments with their defaults, numbers rounded;
+    neither types nor self."""
+    given = [
+        p.replace(annotation=p.empty)
+        for p in inspect.signature(function).parameters.values()
+        if p.name != "self"
+    ]
+    shown = [
+        p if p.default is p.empty else p.replace(default=_Text(plain(p.default))) for p in given
+    ]
     return f"`{name}{inspect.Signature(shown)}`"
 
 
@@ -75,7 +92,11 @@ def plain(value: object) -> str:
 
 def skill_functions() -> str:
     """Skills and what they do."""
-    every = {name: found for name, found in sorted(vars(skills).items()) if callable(found) and not name.startswith("_")}
+    every = {
+        name: found
+        for name, found in sorted(vars(skills).items())
+        if callable(found) and not name.startswith("_")
+    }
     every |= {name: getattr(scripts, name) for name in ("set_down_on", "let_go")}
     lines = [(signature(name, f), first_paragraph(f)) for name, f in every.items()]
     lines.append(("`kinds`, `goals`, `standoff`, `pitch` of `grasp`", whole(GraspOptions)))
@@ -84,15 +105,21 @@ def skill_functions() -> str:
 
 def outcome_questions() -> str:
     """Questions that success conditions ask."""
-    methods = [(n, m) for n, m in vars(Outcome).items() if inspect.isfunction(m) and not n.startswith("_")]
-    return rows(("question", "answer"), [(signature(f"o.{n}", m), first_paragraph(m)) for n, m in methods])
+    methods = [
+        (n, m) for n, m in vars(Outcome).items() if inspect.isfunction(m) and not n.startswith("_")
+    ]
+    return rows(
+        ("question", "answer"), [(signature(f"o.{n}", m), first_paragraph(m)) for n, m in methods]
+    )
 
 
 def placements() -> str:
     """A placement, its region, and the random choices."""
     lines = [(signature(cls.__name__, cls), whole(cls)) for cls in (Placement, Region)]
     lines += [
-        (signature(f"draw.{n}", m), first_paragraph(m)) for n, m in vars(Draw).items() if inspect.isfunction(m) and n[0] != "_"
+        (signature(f"draw.{n}", m), first_paragraph(m))
+        for n, m in vars(Draw).items()
+        if inspect.isfunction(m) and n[0] != "_"
     ]
     return rows(("call", "meaning"), lines)
 
@@ -100,9 +127,16 @@ def placements() -> str:
 def task_attributes() -> str:
     """Class attributes of a task with their defaults."""
     hints = {name: hint for name, hint in inspect.get_annotations(Task).items() if name != "name"}
-    defaults = {name: f"`{plain(getattr(Task, name))}`" if hasattr(Task, name) else "must be given" for name in hints}
-    defaults |= dict.fromkeys(("seen", "unseen"), "from `phrases/NAME.txt`") | {"manipulated": "the target"}
-    return rows(("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()])
+    defaults = {
+        name: f"`{plain(getattr(Task, name))}`" if hasattr(Task, name) else "must be given"
+        for name in hints
+    }
+    defaults |= dict.fromkeys(("seen", "unseen"), "from `phrases/NAME.txt`") | {
+        "manipulated": "the target"
+    }
+    return rows(
+        ("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()]
+    )
 
 
 def reasons() -> str:
@@ -116,7 +150,12 @@ def families() -> str:
     """Object families with their frames and grasps, of the instance of seed 0."""
     described = listing(sorted(FAMILIES))
     lines = [
-        (f"`{name}`", " x ".join(f"{100 * s:.1f}" for s in d["size"]), ", ".join(d["frames"]), ", ".join(sorted(d["grasps"])))
+        (
+            f"`{name}`",
+            " x ".join(f"{100 * s:.1f}" for s in d["size"]),
+            ", ".join(d["frames"]),
+            ", ".join(sorted(d["grasps"])),
+        )
         for name, d in described.items()
     ]
     return rows(("family", "size of seed 0 (cm)", "frames", "kinds of grasps"), lines)
@@ -130,16 +169,28 @@ def recipe_keys() -> str:
 def _recipe_key(name: str) -> tuple[str, str, str]:
     field = Recipe.model_fields[name]
     value = field.default if field.default is not PydanticUndefined else field.default_factory()  # pyright: ignore
-    text = ", ".join(map(str, value)) if isinstance(value, tuple) else "" if isinstance(value, Mapping) else _yaml(value)
+    text = (
+        ", ".join(map(str, value))
+        if isinstance(value, tuple)
+        else ""
+        if isinstance(value, Mapping)
+        else _yaml(value)
+    )
     allowed = _describe_values(Recipe.model_json_schema()["properties"][name])
-    return f"`{name}`", f"`{text}`" if text else "none", " ".join((field.description or "").split()) + allowed
+    return (
+        f"`{name}`",
+        f"`{text}`" if text else "none",
+        " ".join((field.description or "").split()) + allowed,
+    )
 
 
 def _yaml(value: object) -> str:
     """A single value as a recipe has it."""
     if isinstance(value, BaseModel):
         return "{" + ", ".join(f"{name}: {_yaml(part)}" for name, part in value) + "}"
-    return str(value).lower() if isinstance(value, bool) else "null" if value is None else str(value)
+    return (
+        str(value).lower() if isinstance(value, bool) else "null" if value is None else str(value)
+    )
 
 
 def _describe_values(schema: Mapping[str, Any]) -> str:
@@ -149,14 +200,28 @@ def _describe_values(schema: Mapping[str, Any]) -> str:
     if choices := one.get("enum"):
         if any(other.get("type") != "null" for other in others):
             return ""
-        return f" One of {', '.join(map(str, choices))}." if one is schema else f" Any of {', '.join(map(str, choices))}."
+        return (
+            f" One of {', '.join(map(str, choices))}."
+            if one is schema
+            else f" Any of {', '.join(map(str, choices))}."
+        )
     bounds = [one[key] for key in ("minimum", "maximum") if key in one]
     if not bounds:
         return ""
-    return f" From {bounds[0]:,} to {bounds[1]:,}." if len(bounds) == 2 else f" {bounds[0]:,} or more."
+    return (
+        f" From {bounds[0]:,} to {bounds[1]:,}." if len(bounds) == 2 else f" {bounds[0]:,} or more."
+    )
 
 
-MAKERS = (skill_functions, outcome_questions, placements, task_attributes, reasons, families, recipe_keys)
+MAKERS = (
+    skill_functions,
+    outcome_questions,
+    placements,
+    task_attributes,
+    reasons,
+    families,
+    recipe_keys,
+)
 TABLES: dict[str, Callable[[], str]] = {make.__name__: make for make in MAKERS}
 
 

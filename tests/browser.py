@@ -1,4 +1,5 @@
-"""A headless Chromium driven over its own protocol: open a page, evaluate, click, press keys, take a screenshot."""
+"""A headless Chromium driven over its own protocol: open a page, evaluate, click, press keys, take
+a screenshot."""
 
 import base64
 import json
@@ -10,8 +11,17 @@ from contextlib import contextmanager
 import pytest
 from websockets.sync.client import connect
 
-CHROMIUM = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)")
+CHROMIUM = next(
+    (
+        found
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (found := shutil.which(name))
+    ),
+    None,
+)
+needs_browser = pytest.mark.skipif(
+    CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"
+)
 
 
 class Page:
@@ -36,7 +46,9 @@ class Page:
 
     def run(self, script):
         """The value of an expression, promises waited for."""
-        got = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        got = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in got, got
         return got["result"].get("value")
 
@@ -49,10 +61,20 @@ class Page:
 
     def click(self, selector):
         """A click of the mouse into the middle of an element."""
-        middle = "e.scrollIntoView({block: 'center'}), (b => [b.x + b.width / 2, b.y + b.height / 2])(e.getBoundingClientRect())"
+        middle = (
+            "e.scrollIntoView({block: 'center'}), (b => [b.x + b.width / 2, b.y + b.height /"
+            " 2])(e.getBoundingClientRect())"
+        )
         box = self.run(f"(e => ({middle}))(document.querySelector({json.dumps(selector)}))")
         for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
+            self.call(
+                "Input.dispatchMouseEvent",
+                type=kind,
+                x=box[0],
+                y=box[1],
+                button="left",
+                clickCount=1,
+            )
 
     def press(self, key, modifiers=0):
         """A key, by its name; modifiers 8 is shift."""
@@ -66,7 +88,8 @@ class Page:
 
 @contextmanager
 def browse(address, folder, size="1300,1000", offline=True):
-    """Open a page in a new browser whose profile is kept in `folder`; offline, no name can be resolved."""
+    """Open a page in a new browser whose profile is kept in `folder`; offline, no name can be
+    resolved."""
     flags = [
         "--headless=new",
         "--no-sandbox",
@@ -77,7 +100,9 @@ def browse(address, folder, size="1300,1000", offline=True):
     ]
     flags += ["--enable-unsafe-swiftshader", "--disable-dev-shm-usage", f"--user-data-dir={folder}"]
     flags += ["--host-resolver-rules=MAP * ~NOTFOUND"] if offline else []
-    process = subprocess.Popen([CHROMIUM, *flags, address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [CHROMIUM, *flags, address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         note = folder / "DevToolsActivePort"
         until = time.monotonic() + 60
@@ -89,7 +114,9 @@ def browse(address, folder, size="1300,1000", offline=True):
             control.send(json.dumps({"id": 1, "method": "Target.getTargets"}))
             targets = json.loads(control.recv(timeout=30))["result"]["targetInfos"]
         tab = next(t["targetId"] for t in targets if t["type"] == "page")
-        with connect(f"ws://127.0.0.1:{port}/devtools/page/{tab}", max_size=None, proxy=None) as socket:
+        with connect(
+            f"ws://127.0.0.1:{port}/devtools/page/{tab}", max_size=None, proxy=None
+        ) as socket:
             yield Page(socket)
     finally:
         process.terminate()

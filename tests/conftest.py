@@ -1,4 +1,5 @@
-"""Shared by all tests. Its being here makes pytest put the repository root first on the path, so that `tests.synthetic` is ours."""
+"""Shared by all tests. Its being here makes pytest put the repository root first on the path, so
+that `tests.synthetic` is ours."""
 
 import gc
 import os
@@ -22,23 +23,38 @@ settings.register_profile("any_machine", deadline=None)
 settings.load_profile("any_machine")
 
 LEROBOT = (
-    *("evaluate/test_adapters.py", "export/test_lerobot_reference.py", "lerobot_env/", "lerobot_policy/", "report/test_card.py"),
+    *(
+        "evaluate/test_adapters.py",
+        "export/test_lerobot_reference.py",
+        "lerobot_env/",
+        "lerobot_policy/",
+        "report/test_card.py",
+    ),
     "training/ladder/test_climb.py",
 )
 """Tests that import lerobot, which takes 8 s of CPU."""
 
 SLOW = (
-    *("run/test_on_a_store.py", "run/test_build.py", "run/test_faults.py", "run/test_renew.py", "crew/test_ray_session.py"),
+    *(
+        "run/test_on_a_store.py",
+        "run/test_build.py",
+        "run/test_faults.py",
+        "run/test_renew.py",
+        "crew/test_ray_session.py",
+    ),
     *("run/test_render.py", "evaluate/test_evaluate.py", "tasks/test_tasks.py"),
 )
 """Files with tests of 4 s and more."""
 
 
 def pytest_collection_modifyitems(items):
-    """Put the tests that import lerobot first, so that one test process has them all: others take work from the end of its list.
-    Put slow tests next, so that no process waits for one of them at the end."""
+    """Put the tests that import lerobot first, so that one test process has them all: others take
+    work from the end of its list. Put slow tests next, so that no process waits for one of them at
+    the end."""
     names = {item: item.nodeid.removeprefix("tests/") for item in items}
-    items.sort(key=lambda item: (not names[item].startswith(LEROBOT), not names[item].startswith(SLOW)))
+    items.sort(
+        key=lambda item: (not names[item].startswith(LEROBOT), not names[item].startswith(SLOW))
+    )
 
 
 def pytest_collection_finish():
@@ -57,7 +73,8 @@ def without_waiting_for_the_disk():
 
 @pytest.fixture(scope="session", autouse=True)
 def one_parser_for_all_commands():
-    """A process makes the parser of its command line once, which is most of what a refused command costs: so do the tests."""
+    """A process makes the parser of its command line once, which is most of what a refused command
+    costs: so do the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
         yield

@@ -21,12 +21,18 @@ class ObjectServer:
 
     def environment(self, cache: object) -> dict[str, str]:
         """Variables of a process that uses the server."""
-        keys = {"AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret", "AWS_DEFAULT_REGION": "us-east-1"}
+        keys = {
+            "AWS_ACCESS_KEY_ID": "key",
+            "AWS_SECRET_ACCESS_KEY": "secret",
+            "AWS_DEFAULT_REGION": "us-east-1",
+        }
         return keys | {"AWS_ENDPOINT_URL": self.address, "AWS_MAX_ATTEMPTS": "1", CACHE: str(cache)}
 
     def names(self, prefix: str) -> list[str]:
         """Objects whose names begin so."""
-        found = ElementTree.fromstring(self._request("GET", f"{BUCKET}?list-type=2&prefix={prefix}"))
+        found = ElementTree.fromstring(
+            self._request("GET", f"{BUCKET}?list-type=2&prefix={prefix}")
+        )
         return [key.text or "" for key in found.iter() if key.tag.endswith("}Key")]
 
     def accept_only_known_keys(self) -> None:
@@ -38,7 +44,9 @@ class ObjectServer:
         self._request("POST", "moto-api/reset-auth", b"inf")
 
     def _request(self, method: str, path: str, data: bytes | None = None) -> bytes:
-        request = urllib.request.Request(f"{self.address}/{path}", data, {"Content-Type": "text/plain"}, method=method)
+        request = urllib.request.Request(
+            f"{self.address}/{path}", data, {"Content-Type": "text/plain"}, method=method
+        )
         with urllib.request.urlopen(request) as answer:
             return answer.read()
 

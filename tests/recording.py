@@ -23,12 +23,22 @@ def record_all(dataset: Dataset, entries: Iterable[tuple[Slot, SlotRecord]]) -> 
 type Attempts = Sequence[Mapping[str, Any]]
 
 
-def record_file(dataset: Dataset, slot: Slot, keys: SlotKeys, attempts: Attempts = (), **facts: Any) -> SlotRecord:
-    """Record a slot by the episode that is there, or that it was given up. `facts` replaces what is known of the file."""
+def record_file(
+    dataset: Dataset, slot: Slot, keys: SlotKeys, attempts: Attempts = (), **facts: Any
+) -> SlotRecord:
+    """Record a slot by the episode that is there, or that it was given up. `facts` replaces what is
+    known of the file."""
     rows = tuple(map(dict, attempts))
     path = dataset.episode(slot)
     if path.exists():
-        record = SlotRecord(keys, True, file_hash(path), rows, {"render": 1.0}, replace(FileFacts.of(path.stat(), 3), **facts))
+        record = SlotRecord(
+            keys,
+            True,
+            file_hash(path),
+            rows,
+            {"render": 1.0},
+            replace(FileFacts.of(path.stat(), 3), **facts),
+        )
     else:
         record = write_given_up(dataset, slot, keys, rows)
     record_all(dataset, [(slot, record)])
@@ -36,9 +46,14 @@ def record_file(dataset: Dataset, slot: Slot, keys: SlotKeys, attempts: Attempts
 
 
 def finish(
-    dataset: Dataset, slot: Slot, keys: SlotKeys, attempts: Sequence[Mapping[str, Any]], data: bytes = b"episode"
+    dataset: Dataset,
+    slot: Slot,
+    keys: SlotKeys,
+    attempts: Sequence[Mapping[str, Any]],
+    data: bytes = b"episode",
 ) -> SlotRecord:
-    """A slot whose last attempt says whether it was accepted, with a file of some bytes where its episode belongs."""
+    """A slot whose last attempt says whether it was accepted, with a file of some bytes where its
+    episode belongs."""
     if attempts[-1]["outcome"] == "accepted":
         write_atomic(dataset.episode(slot), data)
     return record_file(dataset, slot, keys, attempts)

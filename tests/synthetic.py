@@ -1,7 +1,8 @@
 """Small synthetic episode files for tests: no simulator, known numbers and colours.
 
-The target slides along world x at SPEED; in the head camera a square sits on its true projection, in the wrist cameras a square
-drifts by DRIFT pixels a frame. Segmentation and depth agree with the square where they are asked for.
+The target slides along world x at SPEED; in the head camera a square sits on its true projection,
+in the wrist cameras a square drifts by DRIFT pixels a frame. Segmentation and depth agree with the
+square where they are asked for.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +33,8 @@ BACKGROUND = (120, 125, 130)
 HALF = 20  # half side of the square, pixels
 DRIFT = (3, 2)  # pixels a frame of the wrist images
 SPEED = 0.08  # m/s of the target along world x
-SPIN = 0.5  # rad/s of the target about world z, by its angular velocity only: its pose does not turn
+# rad/s of the target about world z, by its angular velocity only: its pose does not turn
+SPIN = 0.5
 TABLE_TOP = 0.74
 ARM_JOINTS = {"franka-panda": 7}  # every other embodiment has 6 joints an arm
 
@@ -56,15 +58,19 @@ def target_pose(times: NDArray[np.float64], seed: int = 0) -> NDArray[np.float64
 
 
 def square_corner(camera: Camera, frame_index: int, target: NDArray[np.float64]) -> tuple[int, int]:
-    """Upper left pixel (column, row) of the square, which is 2 HALF wide and high; `target` (T,7) are the target's poses."""
+    """Upper left pixel (column, row) of the square, which is 2 HALF wide and high; `target` (T,7)
+    are the target's poses."""
     if camera.name == "head_camera":
         uv, _ = project(camera.type, head_pose(), target[frame_index, :3])
         return round(float(uv[0])) - HALF, round(float(uv[1])) - HALF
-    return camera.type.width // 4 + DRIFT[0] * frame_index, camera.type.height // 4 + DRIFT[1] * frame_index
+    return camera.type.width // 4 + DRIFT[0] * frame_index, camera.type.height // 4 + DRIFT[
+        1
+    ] * frame_index
 
 
 def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
-    """A state log with smooth joint motion whose velocities are the true derivatives of its positions."""
+    """A state log with smooth joint motion whose velocities are the true derivatives of its
+    positions."""
     times = np.arange(frames) / fps
     names = vector_names(embodiment)
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(names))
@@ -92,7 +98,13 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
     for hand in hands:
         hand[:, 2] -= 0.1 * times
     table = np.repeat(pose((0, 0, TABLE_TOP))[None], frames, 0)
-    bodies = {"target": target, "other": still, "left_hand": hands[0], "right_hand": hands[1], "table": table}
+    bodies = {
+        "target": target,
+        "other": still,
+        "left_hand": hands[0],
+        "right_hand": hands[1],
+        "table": table,
+    }
     contacts = np.zeros(1, CONTACT_DTYPE)
     contacts[0] = (frames // 2, 0, 2, 0.3, tuple(target[frames // 2, :3]), 4)
     tcp_and_target = (tuple(hands[0][frames // 2].tolist()), tuple(target[frames // 2].tolist()))
@@ -117,12 +129,21 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
             Event("success", float(times[-1])),
         ],
         skills=make_skills(frames, PHYSICS_HZ // fps),
-        touches=[Touch("left", frames // 2 * (PHYSICS_HZ // fps), tuple(target[frames // 2, :3]), 4, *tcp_and_target)],
+        touches=[
+            Touch(
+                "left",
+                frames // 2 * (PHYSICS_HZ // fps),
+                tuple(target[frames // 2, :3]),
+                4,
+                *tcp_and_target,
+            )
+        ],
     )
 
 
 def make_skills(frames: int, every: int) -> list[SkillRun]:
-    """A grasp that meets the target in the middle of an episode, beside the other arm, and a lift; `every` steps a frame."""
+    """A grasp that meets the target in the middle of an episode, beside the other arm, and a lift;
+    `every` steps a frame."""
     middle, last = frames // 2 * every, (frames - 1) * every
     return [
         SkillRun("grasp", ("left",), "target", "high", "meet", 0, middle),
@@ -132,7 +153,8 @@ def make_skills(frames: int, every: int) -> list[SkillRun]:
 
 
 def make_motion(log: StateLog, level: int, alpha: float) -> PlanarMotion:
-    """The straight motion of the target of a log made by `make_log`, up to the meeting in the middle of the log."""
+    """The straight motion of the target of a log made by `make_log`, up to the meeting in the
+    middle of the log."""
     duration = max(float(log.times[len(log) // 2]), 0.01)
     start = log.pose("target")[0]
     piece = Segment(0.0, duration, np.array([[start[0], SPEED * duration], [start[1], 0.0]]))
@@ -145,14 +167,22 @@ def make_view(name: str, log: StateLog, camera_type: str, depth: bool, segmentat
     fixed = head_pose()
     link = f"{name.split('_')[0]}_hand" if name in ("left_camera", "right_camera") else None
     camera = Camera(name, kind, link, fixed if link is None else pose((0.05, 0, 0.05)))
-    poses = np.repeat(fixed[None], len(log), 0) if link is None else compose(log.pose(link), camera.pose)
+    poses = (
+        np.repeat(fixed[None], len(log), 0)
+        if link is None
+        else compose(log.pose(link), camera.pose)
+    )
     rgb = np.empty((len(log), kind.height, kind.width, 3), np.uint8)
     rgb[:] = BACKGROUND
     seg = np.zeros(rgb.shape[:3], np.uint8)
     mm = np.full(rgb.shape[:3], 900, np.uint16)
     for t in range(len(log)):
         column, row = square_corner(camera, t, log.pose("target"))
-        window = (t, slice(max(row, 0), max(row + 2 * HALF, 0)), slice(max(column, 0), max(column + 2 * HALF, 0)))
+        window = (
+            t,
+            slice(max(row, 0), max(row + 2 * HALF, 0)),
+            slice(max(column, 0), max(column + 2 * HALF, 0)),
+        )
         rgb[window] = COLORS[name]
         seg[window] = log.bodies.index("target") + 1
         mm[window] = 850
@@ -172,8 +202,18 @@ def make_meta(log: StateLog, fps: int, views: Sequence[View], **other: Any) -> E
         "average_speed": SPEED,
         "maximum_speed": SPEED,
         "objects": {
-            "target": {"family": "bell", "noun": "bell", "description": "red bell", "parameters": {"radius": 0.03}},
-            "other": {"family": "block", "noun": "block", "description": "grey block", "parameters": {"half": 0.02}},
+            "target": {
+                "family": "bell",
+                "noun": "bell",
+                "description": "red bell",
+                "parameters": {"radius": 0.03},
+            },
+            "other": {
+                "family": "block",
+                "noun": "block",
+                "description": "grey block",
+                "parameters": {"half": 0.02},
+            },
         },
         "drawing": {"preset": "raster", "visuals": CLEAN, "cameras": cameras},
         "physics_key": "test",
@@ -203,8 +243,9 @@ def make_episode(
     attempts: Sequence[Mapping[str, Any]] = (),
     spin: bool = True,
 ) -> Path:
-    """Write a synthetic episode file and return its path; 14-wide vectors, 16-wide for "franka-panda". In the first `corrected`
-    frames a policy acts. Files of earlier versions have no angular velocity (`spin`)."""
+    """Write a synthetic episode file and return its path; 14-wide vectors, 16-wide for
+    "franka-panda". In the first `corrected` frames a policy acts. Files of earlier versions have no
+    angular velocity (`spin`)."""
     log = make_log(embodiment, frames, fps, seed)
     if not spin:
         log.target_angular_velocity = None
@@ -218,7 +259,10 @@ def make_episode(
         log=log,
         motion=make_motion(log, level, alpha).to_json(),
         instructions=instructions
-        or {"seen": [f"{words} with the left arm", f"please {words}", f"{words} now"], "unseen": [f"go and {words}"]},
+        or {
+            "seen": [f"{words} with the left arm", f"please {words}", f"{words} now"],
+            "unseen": [f"go and {words}"],
+        },
         meta=make_meta(log, fps, views, **(meta or {})),
         attempts=attempts,
     )
@@ -226,6 +270,20 @@ def make_episode(
     return path
 
 
-def episode_path(dataset: Path, embodiment: str = "aloha-agilex", slot: int = 0, task: str = "click_bell", level: int = 1) -> Path:
+def episode_path(
+    dataset: Path,
+    embodiment: str = "aloha-agilex",
+    slot: int = 0,
+    task: str = "click_bell",
+    level: int = 1,
+) -> Path:
     """Where a dataset keeps that episode, clean domain."""
-    return dataset / "episodes" / task / embodiment / f"L{level}" / "clean" / f"episode_{slot:07d}.hdf5"
+    return (
+        dataset
+        / "episodes"
+        / task
+        / embodiment
+        / f"L{level}"
+        / "clean"
+        / f"episode_{slot:07d}.hdf5"
+    )

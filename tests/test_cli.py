@@ -27,7 +27,9 @@ def test_the_version_is_that_of_the_project_file(monkeypatch, capsys):
 def test_help_lists_every_verb(monkeypatch, capsys):
     assert run("--help", monkeypatch=monkeypatch) == 0
     shown = capsys.readouterr().out
-    assert all(verb.__name__.replace("_", "-") in shown for verb in cli.VERBS) and "--version" in shown
+    assert (
+        all(verb.__name__.replace("_", "-") in shown for verb in cli.VERBS) and "--version" in shown
+    )
 
 
 def test_an_expected_error_is_one_line_and_exit_code_2(monkeypatch, capsys, tmp_path):

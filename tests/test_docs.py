@@ -1,4 +1,5 @@
-"""The documents say what is true: every key of an episode is described, every command line they show parses."""
+"""The documents say what is true: every key of an episode is described, every command line they
+show parses."""
 
 import re
 import shlex
@@ -15,16 +16,27 @@ from pipeline.cli import app, split_plugins
 from tests.synthetic import make_episode
 
 ROOT = Path(__file__).parent.parent
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+)
 CLI = typer.main.get_command(app)
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
 def command_lines(page: Path) -> list[str]:
     """Lines of the page's shell blocks, continuations joined, comments and prompts dropped."""
-    blocks = re.findall(r"^```(?:sh|bash|console)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+    blocks = re.findall(
+        r"^```(?:sh|bash|console)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL
+    )
     lines = "".join(blocks).replace("\\\n", " ").splitlines()
-    return [line.removeprefix("$ ").strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    return [
+        line.removeprefix("$ ").strip()
+        for line in lines
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
 
 
 SHOWN = [(page.name, line) for page in PAGES for line in command_lines(page)]
@@ -40,11 +52,16 @@ def test_every_command_shown_parses(page, line):
         assert words[1:] == [".venv/bin/activate"]
     elif name == "make":
         assert {w for w in words[1:] if "=" not in w} <= TARGETS, f"{page}: {line}"
-    elif name == "domino-data" and "npz" not in words:  # the page's own format: tests/test_docs_followed.py runs it
+    # the page's own format: tests/test_docs_followed.py runs it
+    elif name == "domino-data" and "npz" not in words:
         assert isinstance(CLI, click.Group | typer.core.TyperGroup)
         verb, *rest = split_plugins(words[1:])[0]
         command = CLI.commands[verb]
-        while isinstance(command, click.Group | typer.core.TyperGroup) and rest and rest[0] in command.commands:
+        while (
+            isinstance(command, click.Group | typer.core.TyperGroup)
+            and rest
+            and rest[0] in command.commands
+        ):
             verb, *rest = rest
             command = command.commands[verb]
         with command.make_context(verb, rest) as context:
@@ -53,7 +70,9 @@ def test_every_command_shown_parses(page, line):
 
 def block(page: str, language: str) -> str:
     """The only block of a language on a page of docs/."""
-    (found,) = re.findall(rf"^```{language}\n(.*?)^```", (ROOT / "docs" / page).read_text(), re.MULTILINE | re.DOTALL)
+    (found,) = re.findall(
+        rf"^```{language}\n(.*?)^```", (ROOT / "docs" / page).read_text(), re.MULTILINE | re.DOTALL
+    )
     return found
 
 
@@ -70,9 +89,13 @@ def test_the_slurm_script_is_one_and_its_command_parses():
     assert script.startswith("#!/bin/bash\n#SBATCH ")
     subprocess.run(["bash", "-n"], input=script, text=True, check=True)
     line = script.replace("\\\n", " ")
-    line = line[line.index("domino-data build") :].replace("$((SLURM_JOB_NUM_NODES * SLURM_CPUS_PER_TASK))", "128")
+    line = line[line.index("domino-data build") :].replace(
+        "$((SLURM_JOB_NUM_NODES * SLURM_CPUS_PER_TASK))", "128"
+    )
     values = parsed(line)
-    assert values["workers"] == 128 and values["address"] and (ROOT / str(values["manifest"])).exists()
+    assert (
+        values["workers"] == 128 and values["address"] and (ROOT / str(values["manifest"])).exists()
+    )
 
 
 def test_the_kuberay_job_is_one_and_its_command_parses():
@@ -82,16 +105,25 @@ def test_the_kuberay_job_is_one_and_its_command_parses():
     assert values["address"] == "$RAY_ADDRESS" and (ROOT / str(values["manifest"])).exists()
     cluster = job["spec"]["rayClusterSpec"]
     groups = [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
-    cores = sum(group.get("replicas", 1) * int(group["rayStartParams"]["num-cpus"]) for group in groups)
+    cores = sum(
+        group.get("replicas", 1) * int(group["rayStartParams"]["num-cpus"]) for group in groups
+    )
     assert values["workers"] == cores
     for group in groups:
         (container,) = group["template"]["spec"]["containers"]
-        assert container["image"] and {"name": "data", "mountPath": "/data"} in container["volumeMounts"]
+        assert (
+            container["image"]
+            and {"name": "data", "mountPath": "/data"} in container["volumeMounts"]
+        )
         assert str(values["out"]).startswith("/data/")
 
 
 def test_the_quickstart_shows_the_main_verbs():
-    verbs = {shlex.split(line)[1] for page, line in SHOWN if page == "quickstart.md" and "domino-data" in line}
+    verbs = {
+        shlex.split(line)[1]
+        for page, line in SHOWN
+        if page == "quickstart.md" and "domino-data" in line
+    }
     assert verbs >= {"tasks", "plan", "build", "status", "verify", "export"}
 
 

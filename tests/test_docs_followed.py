@@ -1,4 +1,5 @@
-"""The pages that add something are followed block by block, as written, in a new directory: files are saved, commands are run."""
+"""The pages that add something are followed block by block, as written, in a new directory: files
+are saved, commands are run."""
 
 import json
 import os
@@ -18,13 +19,16 @@ from tests.run.processes import wait_for
 
 pytestmark = pytest.mark.slow
 
-BLOCK = re.compile(r"^(?P<before>(?:[^\n]+\n)*)\n?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(
+    r"^(?P<before>(?:[^\n]+\n)*)\n?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
 SAVED = re.compile(r"[Ss]aved as\s+`([\w/.]+)`")
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page: its kind, its text, and the file that the paragraph before says to save it as."""
+    """A block of a page: its kind, its text, and the file that the paragraph before says to save it
+    as."""
 
     kind: str
     text: str
@@ -55,25 +59,43 @@ def checkout(tmp_path):
 
 def environment(tree: Path) -> dict[str, str]:
     """Variables of a shell in the new directory."""
-    place = {"PYTHONPATH": str(tree), "PATH": f"{tree}/.venv/bin:{os.environ['PATH']}", "HOME": str(tree.parent / "home")}
+    place = {
+        "PYTHONPATH": str(tree),
+        "PATH": f"{tree}/.venv/bin:{os.environ['PATH']}",
+        "HOME": str(tree.parent / "home"),
+    }
     # the test runner of the page's own command must not take this one's workers for its own
     return {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | place
 
 
 def shell_lines(page: Path) -> list[str]:
     """Lines of the shell blocks of a page, in order, continuations joined."""
-    return [line for block in blocks(page) if block.kind == "sh" for line in block.text.replace("\\\n", " ").splitlines()]
+    return [
+        line
+        for block in blocks(page)
+        if block.kind == "sh"
+        for line in block.text.replace("\\\n", " ").splitlines()
+    ]
 
 
 def run(line: str, tree: Path, patience: float = 400) -> None:
     """Run a line of a page; it must succeed."""
     command = ["bash", "-c", line]
-    done = subprocess.run(command, cwd=tree, env=environment(tree), capture_output=True, text=True, timeout=patience, check=False)
+    done = subprocess.run(
+        command,
+        cwd=tree,
+        env=environment(tree),
+        capture_output=True,
+        text=True,
+        timeout=patience,
+        check=False,
+    )
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
 
 
 def follow(page: str, tree: Path) -> list[str]:
-    """Save what is to be saved and run every line of the shell blocks, in the order of the page; the lines that were run."""
+    """Save what is to be saved and run every line of the shell blocks, in the order of the page;
+    the lines that were run."""
     path = ROOT / "docs" / page
     for block in blocks(path):
         if block.file:
@@ -87,7 +109,10 @@ def follow(page: str, tree: Path) -> list[str]:
 
 def test_the_page_on_tasks(checkout):
     ran = follow("add_a_task.md", checkout)
-    assert [line.split()[1:3] for line in ran[:2]] == [["check-task", "lift_can"], ["check-task", "stand_can_pad"]]
+    assert [line.split()[1:3] for line in ran[:2]] == [
+        ["check-task", "lift_can"],
+        ["check-task", "stand_can_pad"],
+    ]
     assert len(list((checkout / "out/check/episodes").rglob("*.hdf5"))) == 2
 
 
@@ -110,7 +135,10 @@ def test_the_page_on_robots(checkout):
         "gripper_name: [{base: joint7, mimic: [[joint8, 1.0, 0.0]]}]\n"
     )
     follow("add_a_robot.md", checkout)
-    assert [len(list((checkout / "out" / name / "episodes").rglob("*.hdf5"))) for name in ("mine", "one-arm")] == [1, 1]
+    assert [
+        len(list((checkout / "out" / name / "episodes").rglob("*.hdf5")))
+        for name in ("mine", "one-arm")
+    ] == [1, 1]
 
 
 def test_the_page_on_formats(checkout):
@@ -156,7 +184,8 @@ def test_the_quickstart(checkout):
     lines = [line for line in shell_lines(ROOT / "docs/quickstart.md") if line != "make build"]
     stopped = []
     for line in lines:
-        if line.startswith("domino-data render "):  # draws every episode twice at four times the pixels
+        # draws every episode twice at four times the pixels
+        if line.startswith("domino-data render "):
             stop_after_an_episode(line, checkout)
             stopped.append(line)
         else:
@@ -168,11 +197,14 @@ def test_the_quickstart(checkout):
 
 
 def stop_after_an_episode(line: str, tree: Path) -> None:
-    """Start a long build, interrupt it as Ctrl-C does when there is an episode, and see that it stops and can go on."""
+    """Start a long build, interrupt it as Ctrl-C does when there is an episode, and see that it
+    stops and can go on."""
     words = line.split()
     out = tree / words[words.index("--out") + 1]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = subprocess.Popen(["bash", "-c", line], cwd=tree, env=environment(tree), start_new_session=True, **pipes)
+    process = subprocess.Popen(
+        ["bash", "-c", line], cwd=tree, env=environment(tree), start_new_session=True, **pipes
+    )
     try:
         wait_for(lambda: process.poll() is not None or any(out.glob("episodes/**/*.hdf5")), 600)
         os.killpg(process.pid, signal.SIGINT)

@@ -1,4 +1,5 @@
-"""The page that sets our tasks beside the original's is up to date, and what it claims of the rules is so."""
+"""The page that sets our tasks beside the original's is up to date, and what it claims of the rules
+is so."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -6,16 +7,37 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons, visible_range
+from benchmarks.beside_original import (
+    conditions,
+    extents,
+    layouts,
+    moved,
+    original,
+    originals,
+    reasons,
+    visible_range,
+)
 from benchmarks.fidelity import BEGIN, PAGE, PAPER, page
 from pipeline.tasks import TASKS
 
 EVERY = pytest.mark.parametrize("name", PAPER)
-AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least", "least_rise", "near"}
+AT_LEAST = {
+    "out",
+    "cap",
+    "lift",
+    "rise",
+    "head",
+    "hole",
+    "strike_height",
+    "least",
+    "least_rise",
+    "near",
+}
 """Limits that a value must be over."""
 
 OTHER_FLOOR = ("put_bottles_dustbin", "least")
-"""The original's bin has its floor higher up: its lower end would refuse what lies in ours, which the outline tells instead."""
+"""The original's bin has its floor higher up: its lower end would refuse what lies in ours, which
+the outline tells instead."""
 
 
 def test_the_page_is_up_to_date():
@@ -26,7 +48,9 @@ def test_the_page_is_up_to_date():
 def test_every_task_is_there():
     assert set(original()) == set(PAPER)
     rows = [
-        line.split(" | ")[0].removeprefix("| ") for line in PAGE.read_text().split(BEGIN)[1].splitlines() if line.startswith("| ")
+        line.split(" | ")[0].removeprefix("| ")
+        for line in PAGE.read_text().split(BEGIN)[1].splitlines()
+        if line.startswith("| ")
     ]
     for name in PAPER:
         assert rows.count(name) == 5, name
@@ -83,7 +107,9 @@ def test_strict_rules_ask_for_everything_that_domino_rules_ask_for(name):
 @EVERY
 def test_rules_change_sizes_and_nothing_else_of_a_layout(name):
     for strict, domino in zip(layouts(name), layouts(name, "domino"), strict=True):
-        assert [(p.name, p.fixed, p.gap, p.inside) for p in strict] == [(p.name, p.fixed, p.gap, p.inside) for p in domino]
+        assert [(p.name, p.fixed, p.gap, p.inside) for p in strict] == [
+            (p.name, p.fixed, p.gap, p.inside) for p in domino
+        ]
         for ours, theirs in zip(strict, domino, strict=True):
             assert type(ours.instance) is type(theirs.instance)
             assert ours.region == theirs.region
@@ -110,18 +136,28 @@ def test_a_yaw_of_either_width_is_a_difference_but_for_bodies_of_revolution():
         assert not replace(sign, turns=0).differs(replace(sign, yaw=yaw))
     turned = {(name, body) for name in PAPER for body, e in extents(name).items() if not e.turns}
     assert ("place_can_basket", "can") in turned
-    assert not turned & {("place_fan", "fan"), ("stamp_seal", "stamp"), ("handover_mic", "microphone")}
+    assert not turned & {
+        ("place_fan", "fan"),
+        ("stamp_seal", "stamp"),
+        ("handover_mic", "microphone"),
+    }
 
 
 def test_headings_are_compared_over_the_whole_turn_as_far_as_the_body_shows_them():
-    bottle, pad, scanner = extents("adjust_bottle")["bottle"], extents("place_mouse_pad")["pad"], extents("scan_object")["scanner"]
+    bottle, pad, scanner = (
+        extents("adjust_bottle")["bottle"],
+        extents("place_mouse_pad")["pad"],
+        extents("scan_object")["scanner"],
+    )
     assert (bottle.turns, pad.turns, scanner.turns) == (1, 2, 1)
     assert str(bottle).endswith("yaw ±0.40 about 0.00 and 3.14")
     mirrored = replace(scanner, headings=(-np.pi / 2, np.pi / 2))
     assert len(scanner.headings) == 1
     assert mirrored.differs(scanner)
     assert scanner.differs(mirrored)
-    assert not replace(scanner, headings=(0.0,)).differs(scanner), "which way the original's meshes face at yaw 0 is not known"
+    assert not replace(scanner, headings=(0.0,)).differs(scanner), (
+        "which way the original's meshes face at yaw 0 is not known"
+    )
     assert mirrored.differs(replace(mirrored, headings=(0.0, np.pi / 2)))
     assert not replace(pad, headings=(0.0, np.pi)).differs(replace(pad, headings=(0.0, 0.0)))
 

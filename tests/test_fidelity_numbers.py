@@ -1,7 +1,8 @@
-"""Numbers that docs/fidelity.md states of ours, read back from a running scene, from what is drawn, or from the tasks' scripts.
+"""Numbers that docs/fidelity.md states of ours, read back from a running scene, from what is drawn,
+or from the tasks' scripts.
 
-`reads` hands a test the numbers of the second cell of a row, in SI units, so that page and code cannot
-part. The last test finds rows with numbers that no test reads.
+`reads` hands a test the numbers of the second cell of a row, in SI units, so that page and code
+cannot part. The last test finds rows with numbers that no test reads.
 """
 
 import ast
@@ -52,7 +53,10 @@ DT = 1 / PHYSICS_HZ
 G = 9.81
 
 UNITS = {"cm": 0.01, "mm": 0.001, "degrees": np.pi / 180, "degree": np.pi / 180, "%": 0.01}
-NUMBER = re.compile(r"(-?\d+(?:,\d{3})*(?:\.\d+)?)(?:/(\d+))?(?:(?: to| and| or|,) (\d+(?:\.\d+)?))? ?(cm|mm|degrees?|%)?")
+NUMBER = re.compile(
+    r"(-?\d+(?:,\d{3})*(?:\.\d+)?)(?:/(\d+))?(?:(?: to| and| or|,) (\d+(?:\.\d+)?))?"
+    r" ?(cm|mm|degrees?|%)?"
+)
 
 
 def numbers(text: str) -> list[float]:
@@ -82,20 +86,25 @@ READ = set[tuple[str, str]]()
 
 
 def reads(row: str, text: str = "") -> Any:
-    """Hand a test the numbers of the row whose first cell begins with `row` and whose second one contains `text`."""
+    """Hand a test the numbers of the row whose first cell begins with `row` and whose second one
+    contains `text`."""
     found = [cells for cells in ROWS if cells[0].startswith(row) and text in cells[1]]
     assert len(found) == 1, (row, text, found)
     READ.add(found[0])
     return pytest.mark.parametrize("stated", [numbers(found[0][1])], ids=[f"{row} {text}".strip()])
 
 
-# --- the running scene ------------------------------------------------------------------------------------------------------
+# --- the running scene
+# ------------------------------------------------------------------------------------------
 
 
 def scene_of(robot: str, *bodies: Body, motion: PlanarMotion | None = None) -> Simulation:
-    """A scene of a robot and bodies; the first one is the target, by default a can out of the way."""
+    """A scene of a robot and bodies; the first one is the target, by default a can out of the
+    way."""
     bodies = bodies or (body("target", "can", -0.5, 0.3),)
-    return Simulation(get_embodiment(robot), bodies, "target", motion or PlanarMotion.still(bodies[0].pose, 1.0))
+    return Simulation(
+        get_embodiment(robot), bodies, "target", motion or PlanarMotion.still(bodies[0].pose, 1.0)
+    )
 
 
 def run(scene: Simulation, steps: int, command: np.ndarray | None = None) -> None:
@@ -107,7 +116,10 @@ def run(scene: Simulation, steps: int, command: np.ndarray | None = None) -> Non
 def surfaces(components: Any) -> set[tuple[float, ...]]:
     """Static friction, dynamic friction and restitution of all collision shapes."""
     found = [shape.physical_material for each in components for shape in each.collision_shapes]
-    return {tuple(round(float(v), 6) for v in (m.static_friction, m.dynamic_friction, m.restitution)) for m in found}
+    return {
+        tuple(round(float(v), 6) for v in (m.static_friction, m.dynamic_friction, m.restitution))
+        for m in found
+    }
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -117,11 +129,14 @@ def scene(request: pytest.FixtureRequest) -> Simulation:
 
 
 def sliding(family: str, speed: float) -> tuple[float, float]:
-    """The slowing down (m/s2) of a body let go at `speed` on the table, and the friction of its shape."""
+    """The slowing down (m/s2) of a body let go at `speed` on the table, and the friction of its
+    shape."""
     instance = FAMILIES[family].draw(np.random.default_rng(0))
     start = Body("target", family, instance, yawed((0.0, 0.1, TABLE_TOP), 0.0))
     line = Segment(0.0, 2.0, np.array([[0.0, 2.0 * speed], [0.1, 0.0]]))
-    scene = scene_of("piper", start, motion=PlanarMotion(1, speed, 2.0, 0.0, TABLE_TOP, start.pose[3:], (line,)))
+    scene = scene_of(
+        "piper", start, motion=PlanarMotion(1, speed, 2.0, 0.0, TABLE_TOP, start.pose[3:], (line,))
+    )
     run(scene, 8)
     scene.release()
     run(scene, 4)
@@ -161,8 +176,14 @@ def test_bodies_have_the_friction_of_their_shapes_and_do_not_bounce(stated):
     drawn = {name: family.draw(np.random.default_rng(0)) for name, family in FAMILIES.items()}
     frictions = {name: instance.shape().friction for name, instance in drawn.items()}
     assert [min(frictions.values()), max(frictions.values())] == stated
-    names = [next(name for name, friction in frictions.items() if friction == value) for value in sorted({*frictions.values()})]
-    bodies = [Body(name, name, drawn[name], yawed((0.3 * i - 1, 0.8, 2.0), 0)) for i, name in enumerate(names)]
+    names = [
+        next(name for name, friction in frictions.items() if friction == value)
+        for value in sorted({*frictions.values()})
+    ]
+    bodies = [
+        Body(name, name, drawn[name], yawed((0.3 * i - 1, 0.8, 2.0), 0))
+        for i, name in enumerate(names)
+    ]
     scene = scene_of("piper", body("target", "can", -0.5, 0.3), *bodies)
     for name in names:
         assert surfaces([scene._rigid[name]]) == {(frictions[name], frictions[name], 0.0)}
@@ -193,7 +214,9 @@ def test_arms_are_driven_as_stated_up_to_the_torque_limits_of_the_joints(stated,
 def test_jaws_are_driven_as_stated_up_to_the_force_of_the_gripper(stated, scene):
     for built in scene._arms.values():
         found = [(joint.stiffness, joint.damping, joint.force_limit) for joint in built.jaws]
-        np.testing.assert_allclose(found, [(*stated, JAW_FORCE[scene.embodiment.name])] * 2, rtol=1e-6)
+        np.testing.assert_allclose(
+            found, [(*stated, JAW_FORCE[scene.embodiment.name])] * 2, rtol=1e-6
+        )
 
 
 def test_links_weigh_what_the_vendors_descriptions_say(scene):
@@ -212,7 +235,9 @@ def test_what_flies_is_damped_as_stated(stated):
     scene._moved.set_linear_velocity([0.5, 0, 0])
     scene._moved.set_angular_velocity([0, 0, 3])  # about an axis of symmetry
     run(scene, 90)
-    np.testing.assert_allclose(scene.target_twist()[[0, 5]], [0.5, 3 * np.exp(-stated[0] * 90 * DT)], rtol=1e-4)
+    np.testing.assert_allclose(
+        scene.target_twist()[[0, 5]], [0.5, 3 * np.exp(-stated[0] * 90 * DT)], rtol=1e-4
+    )
 
 
 @reads("jaws")
@@ -221,10 +246,13 @@ def test_jaws_wait_after_they_have_closed(stated):
     values = jaws(actor, "right", 0.0)["right"].gripper
     assert (values == values[-1]).sum() * DT == pytest.approx(stated[0], abs=1.5 * DT)
     gripper = actor.simulation.embodiment.arms["right"].gripper
-    assert np.abs(np.diff(values)).max() * gripper.opened[0] / DT == pytest.approx(gripper.speed, rel=1e-3)
+    assert np.abs(np.diff(values)).max() * gripper.opened[0] / DT == pytest.approx(
+        gripper.speed, rel=1e-3
+    )
 
 
-# --- what is drawn ----------------------------------------------------------------------------------------------------------
+# --- what is drawn
+# ------------------------------------------------------------------------------------------
 
 
 def randomized(seed: int) -> EpisodeSpec:
@@ -243,7 +271,10 @@ def test_the_table_is_lower_by_any_share_of_its_most(stated):
 def test_the_head_camera_is_moved_and_turned_by_any_share_of_the_most(stated):
     home = get_embodiment("piper").head_camera
     specs = [randomized(seed) for seed in range(100)]
-    lowered = [surroundings.embodiment_of(each).head_camera - np.eye(7)[2] * surroundings.table_drop(each) for each in specs]
+    lowered = [
+        surroundings.embodiment_of(each).head_camera - np.eye(7)[2] * surroundings.table_drop(each)
+        for each in specs
+    ]
     moved = np.array([compose(inverse(home), each) for each in lowered])
     angles = 2 * np.arcsin(np.linalg.norm(moved[:, 4:], axis=1))
     assert 0.9 * stated[0] < np.abs(moved[:, :3]).max() <= stated[0] + 1e-9
@@ -264,7 +295,10 @@ def test_distractors_are_as_many_and_as_low_as_stated(stated):
 @reads("surfaces, randomized domain")
 def test_few_surfaces_are_plain(stated):
     drawn = [visuals_of(randomized(seed), Setup()) for seed in range(1500)]
-    plain = sum((v.table == CLEAN.table) + (v.wall == CLEAN.wall) + (v.ground == CLEAN.ground) for v in drawn)
+    plain = sum(
+        (v.table == CLEAN.table) + (v.wall == CLEAN.wall) + (v.ground == CLEAN.ground)
+        for v in drawn
+    )
     expected = stated[0] * 3 * len(drawn)
     assert abs(plain - expected) < 4 * np.sqrt(expected)
 
@@ -274,7 +308,9 @@ def test_few_surfaces_are_plain(stated):
 def test_the_head_camera_stands_where_it_is_said_to(stated, name):
     head, *_ = cameras_of(get_embodiment(name))
     np.testing.assert_allclose(head.pose[:3], stated[:3], atol=1e-9)
-    assert [np.radians(head.type.fovy), head.type.width, head.type.height] == pytest.approx(stated[3:])
+    assert [np.radians(head.type.fovy), head.type.width, head.type.height] == pytest.approx(
+        stated[3:]
+    )
 
 
 @reads("wrist cameras")
@@ -284,8 +320,15 @@ def test_wrist_cameras_are_beside_the_axis_of_the_hand(stated, name):
     for camera in cameras_of(robot)[1:]:
         arm = robot.arms[camera.name.split("_")[0]]
         beside = compose(inverse(arm.tcp), camera.pose)[1:3]
-        assert stated[0] <= np.linalg.norm(beside) + 1e-9 and np.linalg.norm(beside) - 1e-9 <= stated[1]
-        assert [np.radians(camera.type.fovy), camera.type.width, camera.type.height] == pytest.approx(stated[2:])
+        assert (
+            stated[0] <= np.linalg.norm(beside) + 1e-9
+            and np.linalg.norm(beside) - 1e-9 <= stated[1]
+        )
+        assert [
+            np.radians(camera.type.fovy),
+            camera.type.width,
+            camera.type.height,
+        ] == pytest.approx(stated[2:])
 
 
 @pytest.mark.parametrize("name", [name for name in ROBOTS if name != "aloha-agilex"])
@@ -303,7 +346,8 @@ def test_the_observer_stands_across_the_table(stated):
     assert [*camera.pose[:3], np.radians(camera.type.fovy)] == pytest.approx(stated)
 
 
-# --- clock, scores, contact, law --------------------------------------------------------------------------------------------
+# --- clock, scores, contact, law
+# ------------------------------------------------------------------------------------------
 
 
 @reads("motion of the target per step")
@@ -318,21 +362,35 @@ def test_a_step_is_one_recorded_frame(stated):
 
 @reads("clutter in MS")
 def test_touched_clutter_costs_a_share_of_the_score(stated):
-    assert manipulation_score(100.0, out_of_bounds=False, distractors=2) == pytest.approx(100 * stated[0])
+    assert manipulation_score(100.0, out_of_bounds=False, distractors=2) == pytest.approx(
+        100 * stated[0]
+    )
 
 
 @reads("out of bounds in MS")
 def test_a_target_out_of_bounds_halves_the_score(stated):
-    assert manipulation_score(100.0, out_of_bounds=True, distractors=0) == pytest.approx(100 * stated[0])
+    assert manipulation_score(100.0, out_of_bounds=True, distractors=0) == pytest.approx(
+        100 * stated[0]
+    )
 
 
 def test_the_drive_of_a_held_target_is_the_one_of_the_text():
     """tests/world/physics/test_drive.py measures it in scenes."""
     text = " ".join(PAGE.split("Under `hold`")[1].split("## ")[0].split())
-    found = re.search(r"\((\d+) rad/s\).*at most (\d+) N and ([\d.]+) N m.* about ([\d.]+) m/s.* held for ([\d.]+) s", text)
+    found = re.search(
+        r"\((\d+) rad/s\).*at most (\d+) N and ([\d.]+) N m.* about ([\d.]+) m/s.* held for"
+        r" ([\d.]+) s",
+        text,
+    )
     assert found
     returning = drive.RATE * drive.REACH / 2
-    assert [float(each) for each in found.groups()] == [drive.RATE, drive.FORCE, drive.TORQUE, returning, drive.HELD]
+    assert [float(each) for each in found.groups()] == [
+        drive.RATE,
+        drive.FORCE,
+        drive.TORQUE,
+        returning,
+        drive.HELD,
+    ]
 
 
 def test_filters_of_shapes_are_those_of_the_table():
@@ -342,28 +400,43 @@ def test_filters_of_shapes_are_those_of_the_table():
     assert f"the end speed is above {END_SPEED:g} alpha" in law
 
 
-# --- the experts' scripts ---------------------------------------------------------------------------------------------------
+# --- the experts' scripts
+# ------------------------------------------------------------------------------------------
 
 
 def arguments() -> dict[tuple[str, str], dict[str, list[float]]]:
-    """Numbers that the tasks' scripts pass to skills: (skill, argument) -> by module, constants of modules and classes resolved."""
+    """Numbers that the tasks' scripts pass to skills: (skill, argument) -> by module, constants of
+    modules and classes resolved."""
     found: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for path in sorted((ROOT / "pipeline/tasks/library/domino").rglob("*.py")):
         tree = ast.parse(path.read_text())
         constants = dict[str, float]()
         for node in ast.walk(tree):
-            if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Constant):
+            if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(
+                node.value, ast.Constant
+            ):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                names = [name.id for each in targets for name in ast.walk(each) if isinstance(name, ast.Name)]
+                names = [
+                    name.id
+                    for each in targets
+                    for name in ast.walk(each)
+                    if isinstance(name, ast.Name)
+                ]
                 constants |= dict.fromkeys(names, node.value.value)
                 for name in names:
                     if isinstance(node.value.value, float) and name in ("up", "above"):
                         found["class", name][path.stem].append(node.value.value)
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                given = [(f"{i}", value) for i, value in enumerate(node.args)] + [(k.arg or "", k.value) for k in node.keywords]
+                given = [(f"{i}", value) for i, value in enumerate(node.args)] + [
+                    (k.arg or "", k.value) for k in node.keywords
+                ]
                 for name, value in given:
-                    number = constants.get(value.id) if isinstance(value, ast.Name) else getattr(value, "value", None)
+                    number = (
+                        constants.get(value.id)
+                        if isinstance(value, ast.Name)
+                        else getattr(value, "value", None)
+                    )
                     if isinstance(number, float):
                         found[node.func.id, name][path.stem].append(number)
     return {key: dict(values) for key, values in found.items()}
@@ -379,17 +452,28 @@ def given(*keys: tuple[str, str]) -> list[float]:
 @reads("all", "a hand comes in")
 def test_a_hand_comes_in_on_a_line_with_jaws_opened_as_stated(stated):
     standoffs = [*given(("grasp", "standoff")), GRASP.standoff]
-    assert [min(standoffs) * GRASP.short_share, max(standoffs)] == pytest.approx([min(stated[0], 0.03), stated[1]])
+    assert [min(standoffs) * GRASP.short_share, max(standoffs)] == pytest.approx(
+        [min(stated[0], 0.03), stated[1]]
+    )
     assert list(GRASP.openings) == stated[2:]
 
 
 @reads("all", "set down straight")
 def test_bodies_are_set_down_from_the_stated_height_and_pressed_on(stated):
     most, pressed, hammer, drop = stated
-    heights = given(("place", "above"), ("place_or_regrasp", "above"), ("set_down_on", "above"), ("class", "above"))
+    heights = given(
+        ("place", "above"),
+        ("place_or_regrasp", "above"),
+        ("set_down_on", "above"),
+        ("class", "above"),
+    )
     assert max([*heights, PLACE.above]) == pytest.approx(most)
     assert PLACE.press == pytest.approx(pressed)
-    presses = {task: values for task, values in ARGUMENTS["place", "press"].items() if max(map(abs, values))}
+    presses = {
+        task: values
+        for task, values in ARGUMENTS["place", "press"].items()
+        if max(map(abs, values))
+    }
     assert presses == {"beat_block_hammer": [hammer]}
     assert pytest.approx(drop) == CABINET_DROP
 
@@ -441,7 +525,9 @@ def test_a_skillet_is_held_where_it_is_said_to_be(stated):
 
 @reads("place_can_basket, place_object_basket")
 def test_a_basket_is_lifted_straight_up(stated):
-    assert {min(ARGUMENTS["lift", "1"][task]) for task in ("place_can_basket", "place_object_basket")} == {stated[0]}
+    assert {
+        min(ARGUMENTS["lift", "1"][task]) for task in ("place_can_basket", "place_object_basket")
+    } == {stated[0]}
 
 
 @reads("place_phone_stand")
@@ -454,7 +540,9 @@ def test_a_phone_is_lifted_first(stated):
 @reads("shake_bottle, shake_bottle_horizontally")
 def test_bottles_are_swung_as_far_as_stated(stated):
     assert [min(SWING.shake_angles), max(SWING.shake_angles)] == stated[:2]
-    horizontal = (ROOT / "pipeline/tasks/library/domino/handle/shake_bottle_horizontally.py").read_text()
+    horizontal = (
+        ROOT / "pipeline/tasks/library/domino/handle/shake_bottle_horizontally.py"
+    ).read_text()
     assert stated[2:] == [0.38, 0.85] and "angles=(0.85, 0.7, 0.6, 0.5, 0.42, 0.38)" in horizontal
     for name in ("shake_bottle", "shake_bottle_horizontally"):
         assert "times=6" in (ROOT / f"pipeline/tasks/library/domino/handle/{name}.py").read_text()
@@ -479,7 +567,10 @@ def test_a_microphone_ends_at_the_stated_height(stated):
 @reads("put_bottles_dustbin")
 def test_a_bottle_is_upright_or_tilted_over_the_bin(stated):
     poses = TASKS["put_bottles_dustbin"]._over_the_bin(stub("put_bottles_dustbin"))
-    tilts = {round(float(np.arccos(np.clip(up, -1, 1))), 3) for up in quat_rotate(poses[:, 3:], [0, 0, 1.0])[:, 2]}
+    tilts = {
+        round(float(np.arccos(np.clip(up, -1, 1))), 3)
+        for up in quat_rotate(poses[:, 3:], [0, 0, 1.0])[:, 2]
+    }
     assert tilts == {0.0, stated[0]}
 
 

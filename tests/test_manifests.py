@@ -1,4 +1,5 @@
-"""The recipes of manifests/: each expands to the number of episodes that the paper's experiment asks for."""
+"""The recipes of manifests/: each expands to the number of episodes that the paper's experiment
+asks for."""
 
 from collections import Counter
 from pathlib import Path
@@ -37,8 +38,20 @@ EPISODES = {
 }
 
 SUBSET = ("10-tasks", "levels-2-3", "cross-level", "alpha-0.05", "alpha-drawn", "double")
-INTERCEPTION = {"grab_roller", "handover_block", "place_a2b_left", "place_can_basket", "shake_bottle"}
-TRACKING = {"beat_block_hammer", "move_pillbottle_pad", "place_bread_basket", "place_container_plate", "press_stapler"}
+INTERCEPTION = {
+    "grab_roller",
+    "handover_block",
+    "place_a2b_left",
+    "place_can_basket",
+    "shake_bottle",
+}
+TRACKING = {
+    "beat_block_hammer",
+    "move_pillbottle_pad",
+    "place_bread_basket",
+    "place_container_plate",
+    "press_stapler",
+}
 """The ten tasks that the paper's appendix names."""
 
 
@@ -47,7 +60,9 @@ def recipe(name):
 
 
 def test_every_manifest_is_counted_here():
-    assert {path.relative_to(ROOT).with_suffix("").as_posix() for path in ROOT.rglob("*.yaml")} == set(EPISODES)
+    assert {
+        path.relative_to(ROOT).with_suffix("").as_posix() for path in ROOT.rglob("*.yaml")
+    } == set(EPISODES)
 
 
 @pytest.mark.parametrize("name", EPISODES)
@@ -102,7 +117,9 @@ def test_the_camera_over_the_bins_sees_their_floor_and_the_table(task):
         bodies = build_scene(EpisodeSpec(task, "aloha-agilex", 0, 0.0, "clean", 0, seed)).bodies
         bin_ = next(body for name, body in bodies.items() if name in ("big_bin", "dustbin"))
         low, high = bin_.instance.shape().aabb()
-        floor = bin_.pose[:3] + np.array([[x, y, 0.02] for x in (low[0], high[0]) for y in (low[1], high[1])])
+        floor = bin_.pose[:3] + np.array(
+            [[x, y, 0.02] for x in (low[0], high[0]) for y in (low[1], high[1])]
+        )
         assert visible(kind, camera.pose, floor, margin=8).all()
         assert visible(kind, camera.pose, bodies[TASKS[task].target].pose[:3])
         # straight above the bin, so that its wall hides none of the middle of its floor

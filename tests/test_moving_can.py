@@ -14,10 +14,14 @@ SPEC = EpisodeSpec("catch_can", "franka-panda", 1, 0.2, "clean", 0, 0)
 
 def test_the_speed_is_exact_and_every_path_ends_where_it_must():
     end = np.array([0.1, -0.05])
-    paths = draw_exact_speed(np.random.default_rng(0), 50, 0.2, 1.7, end, Workspace(-0.35, 0.35, -0.25, 0.25))
+    paths = draw_exact_speed(
+        np.random.default_rng(0), 50, 0.2, 1.7, end, Workspace(-0.35, 0.35, -0.25, 0.25)
+    )
     travel = paths.coefficients[:, 0, :, 1]
     np.testing.assert_allclose(np.linalg.norm(travel, axis=1) / paths.durations[:, 0], 0.2)
-    np.testing.assert_allclose(paths.coefficients[:, 0, :, 0] + travel, np.broadcast_to(end, (50, 2)))
+    np.testing.assert_allclose(
+        paths.coefficients[:, 0, :, 0] + travel, np.broadcast_to(end, (50, 2))
+    )
     assert not paths.missed.any()
     # all around: every quadrant is drawn
     assert len(np.unique(np.sign(travel), axis=0)) == 4
@@ -36,7 +40,12 @@ def test_a_can_is_caught_and_the_task_does_not_outlive_the_benchmark():
 
 def test_the_table_counts_failures_and_names_their_reasons():
     missed = Try("piper", 0.1, "replay: missed")
-    tries = [Try("piper", 0.1, "", 1.5), missed, Try("piper", 0.2, "", 1.7), Try("piper", 0.2, "", 1.6)]
+    tries = [
+        Try("piper", 0.1, "", 1.5),
+        missed,
+        Try("piper", 0.2, "", 1.7),
+        Try("piper", 0.2, "", 1.6),
+    ]
     lines = table(tries).splitlines()
     assert lines[2] == "| piper | 50 | 100 | 1.60 |"
     assert lines[-1] == "| piper | 0.10 | replay: missed | 1 |"

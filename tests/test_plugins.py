@@ -1,4 +1,5 @@
-"""A task, an object, a motion, an exporter and a policy in a directory outside the package: what it takes to use them."""
+"""A task, an object, a motion, an exporter and a policy in a directory outside the package: what it
+takes to use them."""
 
 import shutil
 import subprocess
@@ -16,8 +17,15 @@ EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "extension"
 
 
 def domino(*words: object, plugins: Path | None = None) -> str:
-    """What a command prints; a process of its own, so that plugins stay in it. Raises CalledProcessError."""
-    command = [sys.executable, "-m", "pipeline.cli", *map(str, words), *(["--plugins", str(plugins)] if plugins else [])]
+    """What a command prints; a process of its own, so that plugins stay in it. Raises
+    CalledProcessError."""
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.cli",
+        *map(str, words),
+        *(["--plugins", str(plugins)] if plugins else []),
+    ]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
@@ -42,7 +50,11 @@ def loaded(monkeypatch, tmp_path):
 
     yield load
     sys.path[:] = path
-    for name in [name for name, module in sys.modules.items() if str(tmp_path) in str(getattr(module, "__file__", ""))]:
+    for name in [
+        name
+        for name, module in sys.modules.items()
+        if str(tmp_path) in str(getattr(module, "__file__", ""))
+    ]:
         del sys.modules[name]
 
 
@@ -50,20 +62,34 @@ def loaded(monkeypatch, tmp_path):
     ("text", "said"),
     [
         ("1 +", "broken.py:1: SyntaxError: invalid syntax"),
-        ("Limit = 1\nx = Limt(2)", "broken.py:2: NameError: name 'Limt' is not defined. Did you mean: 'Limit'?"),
         (
-            "from pipeline.tasks import TASKS\nfrom pipeline.tasks.contract import register\n\n@register\n"
-            "class Own(type(TASKS['click_bell'])):\n    sen = ('Press {bell}.',)",
-            "broken.py:6: task own: has no attribute sen: write seen, or _sen for a name of your own",
+            "Limit = 1\nx = Limt(2)",
+            "broken.py:2: NameError: name 'Limt' is not defined. Did you mean: 'Limit'?",
+        ),
+        (
+            (
+                "from pipeline.tasks import TASKS\nfrom pipeline.tasks.contract import"
+                " register\n\n@register\nclass Own(type(TASKS['click_bell'])):\n    sen = ('Press"
+                " {bell}.',)"
+            ),
+            (
+                "broken.py:6: task own: has no attribute sen: write seen, or _sen for a name of"
+                " your own"
+            ),
         ),
         ("raise RuntimeError('no\\nlicence')", "broken.py:1: RuntimeError: no licence"),
         ("import not_there_at_all", "broken.py:1: ModuleNotFoundError"),
         ("raise SystemExit(0)", "broken.py:1: SystemExit"),
         ("class Odd(BaseException): pass\nraise Odd('two\\nlines')", "broken.py:2: Odd: two lines"),
-        ("import sys\nsys.stdout = open('/dev/null')\nsys.stdout.close()", "broken: closes the standard output"),
+        (
+            "import sys\nsys.stdout = open('/dev/null')\nsys.stdout.close()",
+            "broken: closes the standard output",
+        ),
     ],
 )
-def test_a_module_that_cannot_be_imported_is_named_in_one_line(tmp_path, loaded, monkeypatch, text, said):
+def test_a_module_that_cannot_be_imported_is_named_in_one_line(
+    tmp_path, loaded, monkeypatch, text, said
+):
     monkeypatch.setattr(sys, "stdout", sys.stdout)  # one of them takes its place
     (tmp_path / "broken.py").write_text(text)
     with pytest.raises(DominoError) as error:
@@ -73,7 +99,9 @@ def test_a_module_that_cannot_be_imported_is_named_in_one_line(tmp_path, loaded,
 
 def test_a_class_that_a_call_of_type_makes_is_of_the_module_that_registers_it(tmp_path, loaded):
     made = "register('made_' + 'thing')(type('Thing', (Family,), {'shape': len, 'frames': len}))\n"
-    (tmp_path / "made_things.py").write_text(f"from pipeline.world.objects.contract import Family, register\n{made}")
+    (tmp_path / "made_things.py").write_text(
+        f"from pipeline.world.objects.contract import Family, register\n{made}"
+    )
     loaded(tmp_path)
     assert FAMILIES.remove("made_thing").__module__ == "made_things"
 
@@ -116,29 +144,50 @@ def test_an_extension_goes_the_whole_way(tmp_path):
     domino("verify", out, plugins=plugins)
     assert "2 slots are the same, 0 differ" in domino("diff", out, out, plugins=plugins)
     assert "0 files" in domino("gc", out, plugins=plugins)
-    evaluated = ("--tasks", "tap_eraser", "--levels", "1", "--episodes", "1", "--out", tmp_path / "score")
+    evaluated = (
+        "--tasks",
+        "tap_eraser",
+        "--levels",
+        "1",
+        "--episodes",
+        "1",
+        "--out",
+        tmp_path / "score",
+    )
     assert "100" in domino("evaluate", "--policy", "replay", *evaluated, plugins=plugins)
     domino("evaluate", "--policy", "stay", *evaluated, plugins=plugins)
     assert "the same bytes" in domino(
-        "regenerate", out, "--episode", "tap_eraser/aloha-agilex/L1/clean/episode_0000000", plugins=plugins
+        "regenerate",
+        out,
+        "--episode",
+        "tap_eraser/aloha-agilex/L1/clean/episode_0000000",
+        plugins=plugins,
     )
 
     phrases = plugins / "phrases/eraser.txt"
     text = phrases.read_text()
     phrases.unlink()
     elsewhere = (*evaluated[:-1], tmp_path / "none")
-    assert "write phrases/eraser.txt" in refused("evaluate", "--policy", "stay", *elsewhere, plugins=plugins)
+    assert "write phrases/eraser.txt" in refused(
+        "evaluate", "--policy", "stay", *elsewhere, plugins=plugins
+    )
     phrases.write_text(text)
 
-    # an edit of the exporter makes nothing stale, one of the object or the motion these episodes stale, and none of another task
+    # an edit of the exporter makes nothing stale, one of the object or the motion these episodes
+    # stale, and none of another task
     mixed = tmp_path / "mixed"
     both = ("--tasks", "tap_eraser,click_bell", "--levels", "1", "--episodes", "1", "--out", mixed)
     domino("build", *both, "--executor", "inline", plugins=plugins)
     eraser = plugins / "eraser.py"
     eraser.write_text(eraser.read_text().replace("friction=0.6", "friction=0.5"))
-    assert "the physics of 1 slots again: changed objects" in domino("status", mixed, plugins=plugins)
+    assert "the physics of 1 slots again: changed objects" in domino(
+        "status", mixed, plugins=plugins
+    )
     eraser.write_text(eraser.read_text().replace("friction=0.5", "friction=0.6"))
     for file, stale in (("meetings_csv", False), ("spinning", True)):
         with (plugins / f"{file}.py").open("a") as source:
             source.write("\nADDED = 1\n")
-        assert ("the physics of 1 slots again: changed motion" in domino("status", mixed, plugins=plugins)) == stale
+        assert (
+            "the physics of 1 slots again: changed motion"
+            in domino("status", mixed, plugins=plugins)
+        ) == stale

@@ -29,10 +29,14 @@ def same_rotation(a, b):
 
 @given(quaternions, quaternions, vectors)
 def test_quaternion_products_and_rotations_agree_with_scipy(a, b, v):
-    assert same_rotation(poses.quat_multiply(a, b), (scipy(a) * scipy(b)).as_quat(scalar_first=True))
+    assert same_rotation(
+        poses.quat_multiply(a, b), (scipy(a) * scipy(b)).as_quat(scalar_first=True)
+    )
     np.testing.assert_allclose(poses.quat_rotate(a, v), scipy(a).apply(v), atol=1e-12)
     np.testing.assert_allclose(poses.quat_to_matrix(a), scipy(a).as_matrix(), atol=1e-12)
-    assert poses.angle_between(a, b) == pytest.approx((scipy(a).inv() * scipy(b)).magnitude(), abs=1e-6)
+    assert poses.angle_between(a, b) == pytest.approx(
+        (scipy(a).inv() * scipy(b)).magnitude(), abs=1e-6
+    )
 
 
 @given(quaternions)
@@ -53,31 +57,44 @@ def test_half_turns_about_each_axis_come_back_from_their_matrix(axis):
 def test_axis_angle_and_roll_pitch_yaw_agree_with_scipy(axis, angle, rpy):
     about = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
     assert same_rotation(poses.quat_about(axis, angle), about.as_quat(scalar_first=True))
-    assert same_rotation(poses.quat_from_rpy(*rpy), Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True))
+    assert same_rotation(
+        poses.quat_from_rpy(*rpy), Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True)
+    )
 
 
 @given(any_pose, any_pose, vectors)
 def test_composition_is_the_product_of_homogeneous_matrices(a, b, point):
     product = poses.matrix(a) @ poses.matrix(b)
     np.testing.assert_allclose(poses.matrix(poses.compose(a, b)), product, atol=1e-12)
-    np.testing.assert_allclose(poses.transform(a, point), (poses.matrix(a) @ [*point, 1])[:3], atol=1e-12)
-    np.testing.assert_allclose(poses.matrix(poses.inverse(a)), np.linalg.inv(poses.matrix(a)), atol=1e-12)
+    np.testing.assert_allclose(
+        poses.transform(a, point), (poses.matrix(a) @ [*point, 1])[:3], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        poses.matrix(poses.inverse(a)), np.linalg.inv(poses.matrix(a)), atol=1e-12
+    )
     np.testing.assert_allclose(poses.matrix(poses.from_matrix(product)), product, atol=1e-9)
 
 
 def test_functions_broadcast_over_leading_dimensions():
     rng = np.random.default_rng(0)
-    a = np.stack([poses.pose(rng.normal(size=3), rng.normal(size=4)) for _ in range(6)]).reshape(2, 3, 7)
+    a = np.stack([poses.pose(rng.normal(size=3), rng.normal(size=4)) for _ in range(6)]).reshape(
+        2, 3, 7
+    )
     b = poses.yawed((0.1, 0.2, 0.3), 0.4)
     for index in np.ndindex(2, 3):
-        np.testing.assert_allclose(poses.compose(a, b)[index], poses.compose(a[index], b), atol=1e-15)
+        np.testing.assert_allclose(
+            poses.compose(a, b)[index], poses.compose(a[index], b), atol=1e-15
+        )
         np.testing.assert_allclose(poses.inverse(a)[index], poses.inverse(a[index]), atol=1e-15)
         np.testing.assert_allclose(poses.matrix(a)[index], poses.matrix(a[index]), atol=1e-15)
 
 
 @given(vectors, vectors, vectors)
 def test_a_frame_has_its_x_axis_where_it_was_asked_for(position, x, y):
-    if np.linalg.norm(np.cross(x, y)) < 0.1 * np.linalg.norm(x) * np.linalg.norm(y) or np.linalg.norm(x) * np.linalg.norm(y) < 0.1:
+    if (
+        np.linalg.norm(np.cross(x, y)) < 0.1 * np.linalg.norm(x) * np.linalg.norm(y)
+        or np.linalg.norm(x) * np.linalg.norm(y) < 0.1
+    ):
         return
     m = poses.matrix(poses.frame(position, x, y))
     np.testing.assert_allclose(m[:3, 0], x / np.linalg.norm(x), atol=1e-9)

@@ -15,7 +15,9 @@ ROOT = Path(__file__).parent.parent
 def test_make_help_lists_every_target():
     phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert phony
-    shown = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    shown = subprocess.run(
+        ["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert set(re.findall(r"^  make (\w+) +\S", shown, re.MULTILINE)) == set(phony[1].split())
 
 
@@ -25,7 +27,10 @@ def test_make_help_lists_every_target():
         (
             "debian.sources",
             "Types: deb\nURIs: http://packages.test/debian\nSigned-By: /keys/archive.gpg\n",
-            "deb [signed-by=/keys/archive.gpg] http://packages.test/debian/ bookworm-backports main",
+            (
+                "deb [signed-by=/keys/archive.gpg] http://packages.test/debian/ bookworm-backports"
+                " main"
+            ),
         ),
         (
             "old.list",
@@ -44,8 +49,14 @@ def test_the_set_up_takes_backports_from_the_machines_own_sources(tmp_path, name
     function = re.search(r"^backports_line\(\) \{.*?^\}$", script, re.MULTILINE | re.DOTALL)
     assert function
     (tmp_path / name).write_text(source)
-    rows = (("bookworm-security main", "security", 2), ("bookworm contrib", "other", 1), ("bookworm main", "debian", 1))
-    targets = "".join(f"{of} http://packages.test/{place}/ {tmp_path}/{name}:{line}\n" for of, place, line in rows)
+    rows = (
+        ("bookworm-security main", "security", 2),
+        ("bookworm contrib", "other", 1),
+        ("bookworm main", "debian", 1),
+    )
+    targets = "".join(
+        f"{of} http://packages.test/{place}/ {tmp_path}/{name}:{line}\n" for of, place, line in rows
+    )
     (tmp_path / "targets").write_text(targets)
     (tmp_path / "apt-get").write_text(f"#!/bin/sh\ncat {tmp_path}/targets\n")
     (tmp_path / "apt-get").chmod(0o755)
@@ -61,7 +72,12 @@ def test_the_set_up_takes_backports_from_the_machines_own_sources(tmp_path, name
 
 
 def test_no_server_of_packages_is_written_in_the_repository():
-    files = [ROOT / "Makefile", *(ROOT / "scripts").glob("**/*.??"), *(ROOT / ".ci").iterdir(), ROOT / "pyproject.toml"]
+    files = [
+        ROOT / "Makefile",
+        *(ROOT / "scripts").glob("**/*.??"),
+        *(ROOT / ".ci").iterdir(),
+        ROOT / "pyproject.toml",
+    ]
     found = {host for file in files for host in re.findall(r"https?://([\w.-]+)", file.read_text())}
     # uv's own site: its installer, and a page to read
     assert found <= {"astral.sh", "docs.astral.sh"}
@@ -73,28 +89,44 @@ def test_the_hooks_are_the_checks_of_make_lint():
     wanted = {tuple(line.split("/", 1)[1].split()[:2]) for line in lint[1].splitlines()}
     repos = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
     assert [repo["repo"] for repo in repos] == ["local"]
-    hooks = {tuple(hook["entry"].removeprefix(".venv/bin/").split()[:2]) for hook in repos[0]["hooks"]}
+    hooks = {
+        tuple(hook["entry"].removeprefix(".venv/bin/").split()[:2]) for hook in repos[0]["hooks"]
+    }
     assert hooks == wanted
 
 
 def test_contributing_lists_the_rooms_in_the_order_of_the_import_contract():
-    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+        "contracts"
+    ][0]["layers"]
     wanted = [room.strip() for layer in layers for room in layer.split("|")]
     rows = re.findall(r"^\| (`.*`) \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
     assert [room for row in rows for room in re.findall(r"`(\w+)`", row)] == wanted
 
 
 def test_every_room_is_in_the_import_contract():
-    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
-    there = {p.name.removesuffix(".py") for p in (ROOT / "pipeline").iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+        "contracts"
+    ][0]["layers"]
+    there = {
+        p.name.removesuffix(".py")
+        for p in (ROOT / "pipeline").iterdir()
+        if p.suffix == ".py" or (p / "__init__.py").exists()
+    }
     assert {room.strip() for layer in layers for room in layer.split("|")} == there - {"__init__"}
 
 
 def test_the_newest_version_of_the_changelog_is_the_projects():
-    versions = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    versions = re.findall(
+        r"^## \[(\d+\.\d+\.\d+)\] - \d{4}-\d\d-\d\d$",
+        (ROOT / "CHANGELOG.md").read_text(),
+        re.MULTILINE,
+    )
     assert versions[0] == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
 
 
 def test_the_tools_of_the_hooks_are_locked():
     group = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]["dev"]
-    assert {"ruff", "pyright", "import-linter"} <= {re.split(r"[\[>=<]", entry)[0] for entry in group}
+    assert {"ruff", "pyright", "import-linter"} <= {
+        re.split(r"[\[>=<]", entry)[0] for entry in group
+    }

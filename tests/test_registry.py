@@ -17,7 +17,12 @@ def tools():
 
 def test_it_is_a_mapping_in_the_order_of_adding(tools):
     assert dict(tools) == {"saw": 1, "axe": 2}
-    assert (list(tools), len(tools), "axe" in tools, "pen" in tools) == (["saw", "axe"], 2, True, False)
+    assert (list(tools), len(tools), "axe" in tools, "pen" in tools) == (
+        ["saw", "axe"],
+        2,
+        True,
+        False,
+    )
     assert (tools["saw"], tools.get("axe"), tools.get("pen")) == (1, 2, None)
     assert list(tools.items()) == [("saw", 1), ("axe", 2)]
 

@@ -1,4 +1,5 @@
-"""The `domino-data` command with stages that only sleep: python -m benchmarks.chaos.command build ...
+"""The `domino-data` command with stages that only sleep: python -m benchmarks.chaos.command build
+...
 
 CHAOS_STORED names a dataset. Nothing is planned or drawn: every slot gets the first episode of that
 dataset under its own spec, after a moment's sleep, some after failed attempts. Keys, logs, files,
@@ -67,18 +68,29 @@ class Stored:
 
     def functions(self) -> Mapping[str, Callable[..., Any]]:
         """What stands in place of the functions of pipeline.run.slot.fill."""
-        return {"attempt": self.attempt, "draw": self.draw, "episode_of": self.episode_of, "renew": self.renew}
+        return {
+            "attempt": self.attempt,
+            "draw": self.draw,
+            "episode_of": self.episode_of,
+            "renew": self.renew,
+        }
 
-    def attempt(self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, demonstrator: Demonstrator) -> _Rollout:
+    def attempt(
+        self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, demonstrator: Demonstrator
+    ) -> _Rollout:
         """A rollout, or a Failure, as the spec's own random numbers will have it."""
         chance = spec.rng("chaos")
         with phases("dry_run"):
             time.sleep(LONGEST * chance.random() / 2)
         if chance.random() < FAILING:
             raise Failure("dry_run", "no_path", "drawn by lot")
-        return _Rollout(_Scene(spec), _Replay(self._episode.log), motion_from_json(self._episode.motion), 900)
+        return _Rollout(
+            _Scene(spec), _Replay(self._episode.log), motion_from_json(self._episode.motion), 900
+        )
 
-    def draw(self, dataset: Dataset, scene: _Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
+    def draw(
+        self, dataset: Dataset, scene: _Scene, log: StateLog, recipe: Recipe, phases: Phases
+    ) -> Images:
         """The stored images, with an asset more that no other slot has."""
         with phases("render"):
             time.sleep(LONGEST * scene.spec.rng("chaos/images").random() / 2)
@@ -87,16 +99,26 @@ class Stored:
             for key in drawing.assets.values():
                 store.copy(key, self._store)
             own = store.put({"numbers": scene.spec.rng("chaos/asset").random(1000)}, {})
-        return replace(self._images, drawing=drawing.model_copy(update={"assets": drawing.assets | {"chaos": own}}))
+        return replace(
+            self._images,
+            drawing=drawing.model_copy(update={"assets": drawing.assets | {"chaos": own}}),
+        )
 
     def renew(self, *_: Any) -> SlotRecord:
-        """The scene of a slot would not have the assets of the stored episode: its slot is made from nothing instead."""
+        """The scene of a slot would not have the assets of the stored episode: its slot is made
+        from nothing instead."""
         raise EpisodeError("is not drawn again")
 
-    def episode_of(self, rollout: _Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
+    def episode_of(
+        self, rollout: _Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys
+    ) -> Episode:
         """The stored episode under another spec."""
         spec = rollout.scene.spec
-        changed: dict[str, Any] = {"drawing": drawing, "physics_id": physics_id(spec, self._episode.log), **keys.header()}
+        changed: dict[str, Any] = {
+            "drawing": drawing,
+            "physics_id": physics_id(spec, self._episode.log),
+            **keys.header(),
+        }
         return replace(self._episode, spec=spec, meta=self._episode.meta.model_copy(update=changed))
 
 

@@ -1,4 +1,5 @@
-"""Two datasets of one recipe, compared byte by byte but for what was measured (seconds, times of change, the report's figures)."""
+"""Two datasets of one recipe, compared byte by byte but for what was measured (seconds, times of
+change, the report's figures)."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,8 @@ APART = ("attempts.parquet", "index.sqlite", "report")
 
 @dataclass(frozen=True)
 class Comparison:
-    """The differences of two datasets: files that only one has, files and entries that differ, and the number of equal files.
+    """The differences of two datasets: files that only one has, files and entries that differ, and
+    the number of equal files.
 
     Slots of the reference that are missing are `lost`."""
 
@@ -39,7 +41,9 @@ def compare(reference: Path, other: Path) -> Comparison:
     plain = [name for name in both if Path(name).parts[0] not in APART]
     different = [name for name in plain if file_hash(reference / name) != file_hash(other / name)]
     entries, others = _entries(reference), _entries(other)
-    different += [f"record of {slot}" for slot in entries if slot in others and entries[slot] != others[slot]]
+    different += [
+        f"record of {slot}" for slot in entries if slot in others and entries[slot] != others[slot]
+    ]
     if _attempts(reference) != _attempts(other):
         different.append("attempts.parquet")
     return Comparison(
@@ -53,17 +57,28 @@ def compare(reference: Path, other: Path) -> Comparison:
 
 
 def _files(root: Path) -> list[str]:
-    """All files but the report's pages and pictures, and logs. Which failed attempt a cell's picture
-    shows depends on which came first; a worker that was killed leaves its log."""
-    found = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if not path.is_dir())
-    return [name for name in found if not name.startswith(("report/", "logs/")) or name == "report/index.html"]
+    """All files but the report's pages and pictures, and logs. Which failed attempt a cell's
+    picture shows depends on which came first; a worker that was killed leaves its log."""
+    found = sorted(
+        path.relative_to(root).as_posix() for path in root.rglob("*") if not path.is_dir()
+    )
+    return [
+        name
+        for name in found
+        if not name.startswith(("report/", "logs/")) or name == "report/index.html"
+    ]
 
 
 def _entries(root: Path) -> dict[str, Any]:
     found, dataset = {}, Dataset(root)
     for slot, record in dataset.records(dataset.recipe()):
-        rows = tuple({name: value for name, value in row.items() if name != "seconds"} for row in record.attempts)
-        found[slot.path] = replace(record, attempts=rows, phases={}, file=replace(record.file, changed=0))
+        rows = tuple(
+            {name: value for name, value in row.items() if name != "seconds"}
+            for row in record.attempts
+        )
+        found[slot.path] = replace(
+            record, attempts=rows, phases={}, file=replace(record.file, changed=0)
+        )
     return found
 
 

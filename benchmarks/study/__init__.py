@@ -1,1 +1,2 @@
-"""Closed-loop evaluation of the reference policies, measured: what is run, the rows, tables and plots."""
+"""Closed-loop evaluation of the reference policies, measured: what is run, the rows, tables and
+plots."""

@@ -20,7 +20,8 @@ def write(rows: Rows, docs: Path = DOCS) -> None:
 
 
 def inserted(page: str, block: str, begin: str, end: str) -> str:
-    """The page with the text between two marks replaced. Raises ValueError for a page without them."""
+    """The page with the text between two marks replaced. Raises ValueError for a page without
+    them."""
     head, _, rest = page.partition(begin)
     _, found, tail = rest.partition(end)
     if not found:
@@ -31,15 +32,25 @@ def inserted(page: str, block: str, begin: str, end: str) -> str:
 def text(rows: Rows) -> str:
     """The generated part of the page."""
     seeds = sorted(
-        {len(rows.of(task=t, policy="replay", clock="sim", rules="strict", level=1, alpha=0.1).rows) for t in rows.values("task")}
+        {
+            len(
+                rows.of(
+                    task=t, policy="replay", clock="sim", rules="strict", level=1, alpha=0.1
+                ).rows
+            )
+            for t in rows.values("task")
+        }
     )
     count = f"{seeds[0]}" if len(seeds) == 1 else f"{seeds[0]}-{seeds[-1]}"
     made = rows.rows[-1]
     untimed = ", ".join(f"{task} ({contact})" for task, contact in tables.untimed(rows)) or "none"
     return "\n\n".join(
         [
-            f"{len(rows.rows)} episodes, {count} admitted scenes a task and cell, aloha, clean; code {made['version']}, "
-            f"{made['hardware'].split(', load')[0]}, {date.today()}. Per cent solved, Wilson's 95 % interval in brackets.",
+            (
+                f"{len(rows.rows)} episodes, {count} admitted scenes a task and cell, aloha, clean;"
+                f" code {made['version']}, {made['hardware'].split(', load')[0]}, {date.today()}."
+                " Per cent solved, Wilson's 95 % interval in brackets."
+            ),
             "### Policies that need no training",
             tables.summary(rows),
             "![Success rate against alpha](../evaluation_policies.png)",
@@ -49,10 +60,15 @@ def text(rows: Rows) -> str:
             "Recorded actions, `--clock late:MS`, level 1; per cent solved:",
             tables.timing(rows),
             "![Success rate against delay](../evaluation_timing.png)",
-            f"At alpha 0.1 these keep at least {tables.ENOUGH:.0%} of their success with a target 0.4 s late, "
-            f"so they measure timing only coarsely: {untimed}.",
+            (
+                f"At alpha 0.1 these keep at least {tables.ENOUGH:.0%} of their success with a"
+                f" target 0.4 s late, so they measure timing only coarsely: {untimed}."
+            ),
             "### How much latency costs",
-            "The interceptor at level 1, alpha 0.1, on `--clock latency:MS`; with no latency, chunk size makes no difference:",
+            (
+                "The interceptor at level 1, alpha 0.1, on `--clock latency:MS`; with no latency,"
+                " chunk size makes no difference:"
+            ),
             tables.delays(rows),
             "![Success rate against latency](../evaluation_latency.png)",
         ]

@@ -1,4 +1,5 @@
-"""Which episodes the study runs: reference policies, timing tolerance and latency, on one list of cells."""
+"""Which episodes the study runs: reference policies, timing tolerance and latency, on one list of
+cells."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +10,13 @@ from pipeline.tasks import TASKS
 
 TEN = (
     *("adjust_bottle", "grab_roller", "move_can_pot", "shake_bottle", "place_a2b_left"),
-    *("click_bell", "press_stapler", "beat_block_hammer", "place_container_plate", "place_mouse_pad"),
+    *(
+        "click_bell",
+        "press_stapler",
+        "beat_block_hammer",
+        "place_container_plate",
+        "place_mouse_pad",
+    ),
 )
 """Five interception and five tracking tasks."""
 
@@ -28,7 +35,8 @@ GOES_ON = Setup(contact="continue")
 
 @dataclass(frozen=True)
 class Group:
-    """Cells under one setup, and what is tried on the scenes of each: names of policies and of clocks."""
+    """Cells under one setup, and what is tried on the scenes of each: names of policies and of
+    clocks."""
 
     cell: Cell
     tries: tuple[tuple[str, str], ...]
@@ -43,9 +51,14 @@ def cells(task: str) -> Iterator[Cell]:
 
 
 def groups(task: str) -> Iterator[Group]:
-    """What is run for one task. Contact rules differ in tracking tasks only: a gripper always stops what it holds."""
+    """What is run for one task. Contact rules differ in tracking tasks only: a gripper always stops
+    what it holds."""
     for cell in cells(task):
-        tries = [(policy, "sim") for policy in POLICIES if policy != "random" or (cell.level < 2 and cell.alpha == 0.1)]
+        tries = [
+            (policy, "sim")
+            for policy in POLICIES
+            if policy != "random" or (cell.level < 2 and cell.alpha == 0.1)
+        ]
         if cell.level == 1:
             tries += [("replay", late(ms)) for ms in LATE[1:]]
         if cell.level == 1 and cell.alpha == 0.1:

@@ -28,17 +28,23 @@ def policies(rows: Rows, path: Path) -> None:
 
 
 def timing(rows: Rows, path: Path) -> None:
-    """Success rate of recorded actions against the target's delay: tasks thin, at all alphas together; all tasks thick, an alpha a
-    line; both contact rules."""
+    """Success rate of recorded actions against the target's delay: tasks thin, at all alphas
+    together; all tasks thick, an alpha a line; both contact rules."""
     rows = rows.of(policy="replay", level=1)
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained", sharey=True)
     seconds = [ms / 1000 for ms in LATE]
-    for axis, (rules, title) in zip(axes, (("strict", "stop"), ("strict-continue", "continue")), strict=True):
+    for axis, (rules, title) in zip(
+        axes, (("strict", "stop"), ("strict-continue", "continue")), strict=True
+    ):
         group = rows.of(rules=rules)
         for task in group.values("task"):
             rates = [group.of(task=task, clock=late(ms)).rate.percent for ms in LATE]
             axis.plot(seconds, rates, lw=0.9, alpha=0.8, marker=".", label=task)
-        for a, style in ((a, style) for a, style in zip(ALPHAS, (":", "-", "--"), strict=True) if a in group.values("alpha")):
+        for a, style in (
+            (a, style)
+            for a, style in zip(ALPHAS, (":", "-", "--"), strict=True)
+            if a in group.values("alpha")
+        ):
             rates = [group.of(alpha=a, clock=late(ms)).rate.percent for ms in LATE]
             axis.plot(seconds, rates, f"k{style}", lw=2, label=f"all, alpha {a:g}")
         axis.set(title=f"contact: {title}", xlabel="target late by (s)", ylim=(-3, 103))
@@ -53,7 +59,12 @@ def delays(rows: Rows, path: Path) -> None:
     rows = rows.of(rules="strict", level=1, alpha=0.1)
     figure, axis = plt.subplots(figsize=(5, 3.4), layout="constrained")
     for chunk in CHUNKS:
-        _line(axis, LATENCY, [answers(rows, chunk, ms).rate for ms in LATENCY], f"{chunk} action{'s' * (chunk > 1)} an answer")
+        _line(
+            axis,
+            LATENCY,
+            [answers(rows, chunk, ms).rate for ms in LATENCY],
+            f"{chunk} action{'s' * (chunk > 1)} an answer",
+        )
     axis.set(xlabel="latency of every answer (ms)", ylabel="success rate (%)", ylim=(-3, 103))
     axis.legend(fontsize=8)
     figure.savefig(path, dpi=100)
@@ -63,4 +74,11 @@ def delays(rows: Rows, path: Path) -> None:
 def _line(axis: Axes, x: Sequence[float], rates: Sequence[Rate], label: str) -> None:
     middle = np.array([r.percent for r in rates])
     low, high = np.array([r.interval for r in rates]).T
-    axis.errorbar(x, middle, yerr=[np.maximum(middle - low, 0), np.maximum(high - middle, 0)], marker="o", capsize=3, label=label)
+    axis.errorbar(
+        x,
+        middle,
+        yerr=[np.maximum(middle - low, 0), np.maximum(high - middle, 0)],
+        marker="o",
+        capsize=3,
+        label=label,
+    )

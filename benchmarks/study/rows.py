@@ -22,7 +22,10 @@ class Rate:
     @classmethod
     def of(cls, rows: Sequence[Row]) -> "Rate":
         """The rate of rows, whose scenes several networks may have tried."""
-        tried, solved = Counter(map(scene_of, rows)), Counter(scene_of(row) for row in rows if row["success"])
+        tried, solved = (
+            Counter(map(scene_of, rows)),
+            Counter(scene_of(row) for row in rows if row["success"]),
+        )
         return cls(tuple((solved[scene], count) for scene, count in tried.items()))
 
     @property
@@ -69,7 +72,11 @@ class Rows:
 
     def of(self, **wanted: Any) -> "Rows":
         """Rows whose columns have these values."""
-        return Rows(tuple(row for row in self.rows if all(row[key] == value for key, value in wanted.items())))
+        return Rows(
+            tuple(
+                row for row in self.rows if all(row[key] == value for key, value in wanted.items())
+            )
+        )
 
     def where(self, holds: Callable[[Row], bool]) -> "Rows":
         """Rows for which something holds."""

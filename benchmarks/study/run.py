@@ -1,4 +1,5 @@
-"""Runs the study into DIR/rows.jsonl, a few seeds of everything at a time, so that it can be stopped whenever one likes."""
+"""Runs the study into DIR/rows.jsonl, a few seeds of everything at a time, so that it can be
+stopped whenever one likes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,9 +16,11 @@ from pipeline.run.evaluation import evaluation_version
 
 
 def run(where: Path, groups: Sequence[Group], seeds: int, step: int = 2) -> None:
-    """Run what is missing: `seeds` admitted scenes of every group, `step` of all of them before the next ones.
+    """Run what is missing: `seeds` admitted scenes of every group, `step` of all of them before the
+    next ones.
 
-    Rows say by which version of the code and on which hardware they were made; rows of another version are run again.
+    Rows say by which version of the code and on which hardware they were made; rows of another
+    version are run again.
     """
     results, version = Results(where / "rows.jsonl"), evaluation_version()
     for upto in range(step, seeds + step, step):
@@ -35,6 +38,11 @@ def _group(group: Group, seeds: int, where: Path, results: Results, version: str
         cases = manifests.read(group.cell).cases[:seeds]
     for case in cases:
         for policy, clock in group.tries:
-            job = EpisodeJob(case, policy_name(policy), parse_clock(clock), version, blind(group.setup))
+            job = EpisodeJob(
+                case, policy_name(policy), parse_clock(clock), version, blind(group.setup)
+            )
             if text_key(job.key) not in results:
-                results.append(text_key(job.key), run_episode(job) | {"version": version[:12], "hardware": hardware()})
+                results.append(
+                    text_key(job.key),
+                    run_episode(job) | {"version": version[:12], "hardware": hardware()},
+                )

@@ -6,16 +6,34 @@ from benchmarks.study.plan import CHUNKS, LATE, LATENCY, POLICIES, interceptor, 
 from benchmarks.study.rows import Rows, at, markdown
 
 ENOUGH = 0.8
-"""A task whose success rate keeps this share of itself when the target is half a second late measures no timing."""
+"""A task whose success rate keeps this share of itself when the target is half a second late
+measures no timing."""
 
-COLUMNS = ((0, 0.0), (1, 0.05), (1, 0.1), (1, 0.2), (2, 0.05), (2, 0.1), (2, 0.2), (3, 0.05), (3, 0.1), (3, 0.2))
+COLUMNS = (
+    (0, 0.0),
+    (1, 0.05),
+    (1, 0.1),
+    (1, 0.2),
+    (2, 0.05),
+    (2, 0.1),
+    (2, 0.2),
+    (3, 0.05),
+    (3, 0.1),
+    (3, 0.2),
+)
 
 
 def summary(rows: Rows) -> str:
     """Policies down, cells across: per cent solved over all tasks, with Wilson's interval."""
     rows = rows.of(clock="sim", rules="strict")
     head = ("policy", "still", *(f"L{level}, {alpha:g}" for level, alpha in COLUMNS[1:]))
-    return markdown(head, [(p, *(at(rows.of(policy=p), level, alpha).rate for level, alpha in COLUMNS)) for p in POLICIES])
+    return markdown(
+        head,
+        [
+            (p, *(at(rows.of(policy=p), level, alpha).rate for level, alpha in COLUMNS))
+            for p in POLICIES
+        ],
+    )
 
 
 def by_task(rows: Rows, alpha: float = 0.1) -> str:
@@ -31,7 +49,8 @@ def by_task(rows: Rows, alpha: float = 0.1) -> str:
 
 
 def timing(rows: Rows) -> str:
-    """Recorded actions against a target that is late: tasks x contact rules x alpha down, delays across, per cent solved."""
+    """Recorded actions against a target that is late: tasks x contact rules x alpha down, delays
+    across, per cent solved."""
     rows = rows.of(policy="replay", level=1)
     head = ("task", "contact", "alpha", *(f"{ms / 1000:g} s" for ms in LATE))
     body = []
@@ -40,17 +59,29 @@ def timing(rows: Rows) -> str:
             group = rows.of(rules=rules) if task == "all" else rows.of(rules=rules, task=task)
             for alpha in group.values("alpha"):
                 rates = [group.of(alpha=alpha, clock=late(ms)).rate for ms in LATE]
-                body.append((task, contact, f"{alpha:g}", *(r if task == "all" else f"{r.percent:.0f}" for r in rates)))
+                body.append(
+                    (
+                        task,
+                        contact,
+                        f"{alpha:g}",
+                        *(r if task == "all" else f"{r.percent:.0f}" for r in rates),
+                    )
+                )
     return markdown(head, body)
 
 
 def untimed(rows: Rows, alpha: float = 0.1, ms: int = 400) -> Iterator[tuple[str, str]]:
-    """Tasks, with their contact rule, whose success hardly suffers from a target that is `ms` late."""
+    """Tasks, with their contact rule, whose success hardly suffers from a target that is `ms`
+    late."""
     rows = rows.of(policy="replay", level=1, alpha=alpha)
     for rules, contact in (("strict", "stop"), ("strict-continue", "continue")):
         for task in rows.of(rules=rules).values("task"):
             group = rows.of(rules=rules, task=task)
-            if group.of(clock=late(ms)).rate.percent >= ENOUGH * group.of(clock="sim").rate.percent > 0:
+            if (
+                group.of(clock=late(ms)).rate.percent
+                >= ENOUGH * group.of(clock="sim").rate.percent
+                > 0
+            ):
                 yield task, contact
 
 
@@ -66,5 +97,6 @@ def delays(rows: Rows) -> str:
 
 
 def answers(rows: Rows, chunk: int, ms: int) -> Rows:
-    """Without latency it makes no difference how many actions an answer holds (tests/evaluate/test_evaluate.py)."""
+    """Without latency it makes no difference how many actions an answer holds
+    (tests/evaluate/test_evaluate.py)."""
     return rows.of(policy=interceptor(chunk if ms else 1), clock=latency(ms))

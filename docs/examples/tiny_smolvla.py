@@ -2,9 +2,11 @@
 # requires-python = ">=3.12,<3.13"
 # dependencies = ["lerobot[smolvla]>=0.6.1,<0.7"]
 # ///
-"""Writes a SmolVLA with random weights, small enough for any machine, as lerobot saves a policy: uv run tiny_smolvla.py DIRECTORY.
+"""Writes a SmolVLA with random weights, small enough for any machine, as lerobot saves a policy: uv
+run tiny_smolvla.py DIRECTORY.
 
-It answers nonsense. Serve it to see that the environment for such policies works before you download a large one.
+It answers nonsense. Serve it to see that the environment for such policies works before you
+download a large one.
 """
 
 import sys
@@ -15,7 +17,12 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.policies.smolvla.configuration_smolvla import SmolVLAConfig
 from tokenizers import Tokenizer, models, pre_tokenizers
-from transformers import PreTrainedTokenizerFast, SmolVLMConfig, SmolVLMImageProcessor, SmolVLMProcessor
+from transformers import (
+    PreTrainedTokenizerFast,
+    SmolVLMConfig,
+    SmolVLMImageProcessor,
+    SmolVLMProcessor,
+)
 from transformers.models.smolvlm import SmolVLMVideoProcessor
 
 JOINTS = 14
@@ -35,13 +42,27 @@ WORDS = (
 
 def backbone(folder: Path) -> None:
     """A vision-language model of two layers, with a tokenizer of a few words."""
-    text = {"hidden_size": 64, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 4, "num_key_value_heads": 2}
-    vision = {"hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 1, "num_attention_heads": 2, "image_size": 32}
+    text = {
+        "hidden_size": 64,
+        "intermediate_size": 64,
+        "num_hidden_layers": 2,
+        "num_attention_heads": 4,
+        "num_key_value_heads": 2,
+    }
+    vision = {
+        "hidden_size": 32,
+        "intermediate_size": 32,
+        "num_hidden_layers": 1,
+        "num_attention_heads": 2,
+        "image_size": 32,
+    }
     text |= {"model_type": "llama", "head_dim": 16, "vocab_size": len(WORDS), "pad_token_id": 0}
-    SmolVLMConfig(text_config=text, vision_config=vision | {"patch_size": 8}, scale_factor=2, image_token_id=2).save_pretrained(
-        folder
+    SmolVLMConfig(
+        text_config=text, vision_config=vision | {"patch_size": 8}, scale_factor=2, image_token_id=2
+    ).save_pretrained(folder)
+    words = Tokenizer(
+        models.WordLevel({word: n for n, word in enumerate(WORDS)}, unk_token="<unk>")
     )
-    words = Tokenizer(models.WordLevel({word: n for n, word in enumerate(WORDS)}, unk_token="<unk>"))
     words.pre_tokenizer = pre_tokenizers.WhitespaceSplit()
     named = {
         "fake_image_token": WORDS[3],
@@ -49,9 +70,13 @@ def backbone(folder: Path) -> None:
         "image_token": WORDS[2],
         "end_of_utterance_token": WORDS[5],
     }
-    tokenizer = PreTrainedTokenizerFast(tokenizer_object=words, pad_token="<pad>", unk_token="<unk>", extra_special_tokens=named)
+    tokenizer = PreTrainedTokenizerFast(
+        tokenizer_object=words, pad_token="<pad>", unk_token="<unk>", extra_special_tokens=named
+    )
     images = SmolVLMImageProcessor(size={"longest_edge": 32}, max_image_size={"longest_edge": 32})
-    SmolVLMProcessor(images, tokenizer, SmolVLMVideoProcessor(size={"longest_edge": 32})).save_pretrained(folder)
+    SmolVLMProcessor(
+        images, tokenizer, SmolVLMVideoProcessor(size={"longest_edge": 32})
+    ).save_pretrained(folder)
 
 
 def policy(folder: Path) -> None:

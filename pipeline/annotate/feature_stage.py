@@ -1,4 +1,5 @@
-"""The feature stage: per episode feature (T,K,D) fp16, valid (T,K), coverage (T,K) in patches; objects as in its masks."""
+"""The feature stage: per episode feature (T,K,D) fp16, valid (T,K), coverage (T,K) in patches;
+objects as in its masks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,15 @@ from pipeline.annotate.networks.features import features_of, load_encoder
 from pipeline.annotate.networks.masks import unpack
 from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
 from pipeline.annotate.options import FeatureOptions
-from pipeline.annotate.stage import NotReady, Reading, Result, decode_frames, directory_of, encoded_frames, frames_inputs
+from pipeline.annotate.stage import (
+    NotReady,
+    Reading,
+    Result,
+    decode_frames,
+    directory_of,
+    encoded_frames,
+    frames_inputs,
+)
 from pipeline.annotate.stage_key import annotation_key
 from pipeline.annotate.store import entry_header
 from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_entry
@@ -31,7 +40,9 @@ class FeatureStage:
     uses_models = True
 
     @classmethod
-    def resolve(cls, options: FeatureOptions, masks: MaskStage, device: str, download: bool = True) -> "FeatureStage":
+    def resolve(
+        cls, options: FeatureOptions, masks: MaskStage, device: str, download: bool = True
+    ) -> "FeatureStage":
         """Find the encoder. Raises NoWeights if it is missing."""
         return cls(options, masks, resolve(options.encoder, options.revision, download), device)
 
@@ -53,7 +64,10 @@ class FeatureStage:
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
         path = annotation_path(dataset, directory_of(self.masks), relative)
         wanted = annotation_key(
-            self.masks.name, self.masks.version, self.masks.parameters(), self.masks.read(episode, dataset, relative).inputs
+            self.masks.name,
+            self.masks.version,
+            self.masks.parameters(),
+            self.masks.read(episode, dataset, relative).inputs,
         )
         try:
             key, checksum = entry_header(path)
@@ -78,6 +92,10 @@ class FeatureStage:
             frames, mask, attributes = data
             feature, coverage = features_of(encoder, frames, mask, o.batch)
             arrays = {"feature": feature, "valid": coverage > 0, "coverage": coverage}
-            return Result(arrays, {k: attributes[k] for k in ("objects", "roles")} | {"mask_source": attributes["source"]})
+            return Result(
+                arrays,
+                {k: attributes[k] for k in ("objects", "roles")}
+                | {"mask_source": attributes["source"]},
+            )
 
         return compute

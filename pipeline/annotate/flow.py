@@ -1,8 +1,10 @@
-"""Optical flow between frames and its image, as in the paper's appendix on flow computation; pure functions on arrays.
+"""Optical flow between frames and its image, as in the paper's appendix on flow computation; pure
+functions on arrays.
 
-Frames are shrunk (area average), made grey, and given to Farneback; the two-channel field becomes a hue (direction) and a value
-(magnitude over a percentile of the magnitudes) and is shown as RGB. One row per absolute frame t holds the pair
-(max(0, t - stride), t): the pairs that a history of any length needs at any step are rows of this one array.
+Frames are shrunk (area average), made grey, and given to Farneback; the two-channel field becomes a
+hue (direction) and a value (magnitude over a percentile of the magnitudes) and is shown as RGB. One
+row per absolute frame t holds the pair (max(0, t - stride), t): the pairs that a history of any
+length needs at any step are rows of this one array.
 """
 
 from dataclasses import dataclass
@@ -29,10 +31,17 @@ class Farneback:
     poly_sigma: float = 1.2
 
     def __post_init__(self) -> None:
-        limits = {"levels": (0, 20), "winsize": (3, 1000), "iterations": (1, 100), "poly_n": (3, 15)}
+        limits = {
+            "levels": (0, 20),
+            "winsize": (3, 1000),
+            "iterations": (1, 100),
+            "poly_n": (3, 15),
+        }
         for name, (low, high) in limits.items():
             if not low <= getattr(self, name) <= high:
-                raise AnnotateError(f"flow {name} {getattr(self, name)} is out of range: give {low} to {high}")
+                raise AnnotateError(
+                    f"flow {name} {getattr(self, name)} is out of range: give {low} to {high}"
+                )
         if not (0 < self.pyr_scale < 1 and 0 < self.poly_sigma < 100):
             raise AnnotateError("flow needs 0 < pyr_scale < 1 and 0 < poly_sigma < 100")
 
@@ -41,10 +50,11 @@ class Farneback:
 class Colour:
     """How magnitude becomes brightness.
 
-    `per_map`: full brightness at the map's own percentile of the magnitude (the paper; speed is lost). `shared`: at the
-    percentile over all maps given together (one episode). `fixed`: at `full_scale` px of displacement at map resolution, which
-    compares across episodes and needs no future frame. Maps whose scale is below `threshold` px are black; the original's
-    value only catches exact stillness.
+    `per_map`: full brightness at the map's own percentile of the magnitude (the paper; speed is
+    lost). `shared`: at the percentile over all maps given together (one episode). `fixed`: at
+    `full_scale` px of displacement at map resolution, which compares across episodes and needs no
+    future frame. Maps whose scale is below `threshold` px are black; the original's value only
+    catches exact stillness.
     """
 
     normalisation: str = "per_map"
@@ -54,25 +64,39 @@ class Colour:
 
     def __post_init__(self) -> None:
         if self.normalisation not in NORMALISATIONS:
-            raise AnnotateError(f"flow normalisation {self.normalisation!r} is unknown: choose {', '.join(NORMALISATIONS)}")
+            raise AnnotateError(
+                f"flow normalisation {self.normalisation!r} is unknown: choose"
+                f" {', '.join(NORMALISATIONS)}"
+            )
         if not (0 < self.percentile <= 100 and self.threshold >= 0 and self.full_scale > 0):
-            raise AnnotateError("flow colours need 0 < percentile <= 100, threshold >= 0 and full_scale > 0")
+            raise AnnotateError(
+                "flow colours need 0 < percentile <= 100, threshold >= 0 and full_scale > 0"
+            )
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
-    """Absolute index (T,) of the frame that each frame is paired with: max(0, t - stride), as the original clamps."""
+    """Absolute index (T,) of the frame that each frame is paired with: max(0, t - stride), as the
+    original clamps."""
     return np.maximum(np.arange(frames) - stride, 0).astype(np.int32)
 
 
 def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """(H,W,3) uint8 RGB -> (h,w) uint8 grey at `size` = (width, height): area average, then BT.601 luma."""
+    """(H,W,3) uint8 RGB -> (h,w) uint8 grey at `size` = (width, height): area average, then BT.601
+    luma."""
     with bit_stable():
-        small = rgb if (rgb.shape[1], rgb.shape[0]) == size else cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+        small = (
+            rgb
+            if (rgb.shape[1], rgb.shape[0]) == size
+            else cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+        )
         return np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
-def farneback(before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback) -> NDArray[np.float32]:
-    """Flow (h,w,2) in px (x right, y down) from grey image `before` to `after` (h,w) uint8, at the pixels of `before`."""
+def farneback(
+    before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback
+) -> NDArray[np.float32]:
+    """Flow (h,w,2) in px (x right, y down) from grey image `before` to `after` (h,w) uint8, at the
+    pixels of `before`."""
     with bit_stable():
         flow = cv2.calcOpticalFlowFarneback(
             before,
@@ -90,7 +114,8 @@ def farneback(before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farn
 
 
 def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray[np.float32]:
-    """Flow (T,h,w,2) px of grey frames (T,h,w): row t is the pair (max(0, t-stride), t), each computed once; row 0 is zero."""
+    """Flow (T,h,w,2) px of grey frames (T,h,w): row t is the pair (max(0, t-stride), t), each
+    computed once; row 0 is zero."""
     flow = np.zeros((*grey.shape, 2), np.float32)
     with bit_stable():
         for t, before in enumerate(previous_frames(len(grey), stride)):
@@ -99,11 +124,14 @@ def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray
     return flow
 
 
-def colour_flow(flow: NDArray[np.floating], options: Colour) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """RGB maps (N,h,w,3) uint8 of flows (N,h,w,2) px, and the scale (N,) in px that full brightness stands for (0 = black map).
+def colour_flow(
+    flow: NDArray[np.floating], options: Colour
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """RGB maps (N,h,w,3) uint8 of flows (N,h,w,2) px, and the scale (N,) in px that full brightness
+    stands for (0 = black map).
 
-    Hue = direction (0 = right, 90 degrees = down), saturation full, value = magnitude / scale. With float32 flow and `per_map`
-    this is the original's image.
+    Hue = direction (0 = right, 90 degrees = down), saturation full, value = magnitude / scale. With
+    float32 flow and `per_map` this is the original's image.
     """
     flow = np.ascontiguousarray(flow, np.float32)
     rgb = np.empty((*flow.shape[:3], 3), np.uint8)
@@ -113,14 +141,18 @@ def colour_flow(flow: NDArray[np.floating], options: Colour) -> tuple[NDArray[np
         hsv = np.full((*flow.shape[1:3], 3), 255, np.uint8)
         for t, (magnitude, angle) in enumerate(polar):
             hsv[..., 0] = (np.asarray(angle) / 2).astype(np.uint8) % 180
-            hsv[..., 2] = np.clip(magnitude / scale[t] * 255, 0, 255).astype(np.uint8) if scale[t] > 0 else 0
+            hsv[..., 2] = (
+                np.clip(magnitude / scale[t] * 255, 0, 255).astype(np.uint8) if scale[t] > 0 else 0
+            )
             rgb[t] = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)
     return rgb, scale
 
 
 def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[np.float32]:
     if options.normalisation == "shared" and magnitudes:
-        scale = np.full(len(magnitudes), _percentile(np.stack(magnitudes), options.percentile), np.float32)
+        scale = np.full(
+            len(magnitudes), _percentile(np.stack(magnitudes), options.percentile), np.float32
+        )
     else:
         scale = np.array([_percentile(m, options.percentile) for m in magnitudes], np.float32)
     still = scale < options.threshold
@@ -131,7 +163,8 @@ def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[n
 
 
 def _percentile(values: NDArray[np.float32], percentile: float) -> float:
-    """np.percentile's default (linear) method by partial sort, which is ten times faster on small maps."""
+    """np.percentile's default (linear) method by partial sort, which is ten times faster on small
+    maps."""
     flat = values.ravel()
     place = percentile / 100 * (flat.size - 1)
     low = min(int(place), flat.size - 1)

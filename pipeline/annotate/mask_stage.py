@@ -1,15 +1,31 @@
-"""The mask stage: per episode mask (T,K,bits), box (T,K,4), score, area and valid (T,K); attributes name objects and prompts."""
+"""The mask stage: per episode mask (T,K,bits), box (T,K,4), score, area and valid (T,K); attributes
+name objects and prompts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.networks.masks import Masks, exact_masks, load_detector, load_segmenter, model_masks, pack
+from pipeline.annotate.networks.masks import (
+    Masks,
+    exact_masks,
+    load_detector,
+    load_segmenter,
+    model_masks,
+    pack,
+)
 from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
 from pipeline.annotate.networks.prompts import Asked, ask
 from pipeline.annotate.options import MaskOptions
-from pipeline.annotate.stage import Reading, Render, Result, decode_frames, encoded_frames, frames_inputs, sim_reading
+from pipeline.annotate.stage import (
+    Reading,
+    Render,
+    Result,
+    decode_frames,
+    encoded_frames,
+    frames_inputs,
+    sim_reading,
+)
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
 
@@ -29,13 +45,24 @@ class MaskStage:
     version = 1
 
     @classmethod
-    def resolve(cls, options: MaskOptions, camera: str, render: Render | None, device: str, download: bool = True) -> "MaskStage":
+    def resolve(
+        cls,
+        options: MaskOptions,
+        camera: str,
+        render: Render | None,
+        device: str,
+        download: bool = True,
+    ) -> "MaskStage":
         """Find the models. Raises NoWeights if one is missing."""
         stage = cls(options, camera, render, device)
         if options.source == "sim":
             return stage
         detector = resolve(options.detector, options.detector_revision, download)
-        return replace(stage, detector=detector, segmenter=resolve(options.segmenter, options.segmenter_revision, download))
+        return replace(
+            stage,
+            detector=detector,
+            segmenter=resolve(options.segmenter, options.segmenter_revision, download),
+        )
 
     @property
     def uses_models(self) -> bool:
@@ -43,7 +70,11 @@ class MaskStage:
 
     def parameters(self) -> dict[str, Any]:
         o = self.options
-        plain: dict[str, Any] = {"camera": self.camera, "source": o.source, "objects": list(o.objects)}
+        plain: dict[str, Any] = {
+            "camera": self.camera,
+            "source": o.source,
+            "objects": list(o.objects),
+        }
         if o.source == "sim":
             return plain
         assert self.detector is not None and self.segmenter is not None
@@ -66,13 +97,19 @@ class MaskStage:
             named = inputs | {"objects": list(asked.objects), "roles": dict(asked.roles)}
             return Reading(named, lambda: (asked, view().segmentation, bodies))
         frames = encoded_frames(episode, self.camera)
-        named = frames_inputs(frames) | {"objects": list(asked.objects), "roles": dict(asked.roles), "prompts": list(asked.prompts)}
+        named = frames_inputs(frames) | {
+            "objects": list(asked.objects),
+            "roles": dict(asked.roles),
+            "prompts": list(asked.prompts),
+        }
         return Reading(named, lambda: (asked, decode_frames(frames)))
 
     def start(self) -> Callable[[Any], Result]:
         o = self.options
         if o.source == "sim":
-            return lambda data: _result(exact_masks(data[1], data[2], data[0].objects), data[0], "sim")
+            return lambda data: _result(
+                exact_masks(data[1], data[2], data[0].objects), data[0], "sim"
+            )
         assert self.detector is not None and self.segmenter is not None
         device = pick_device(self.device)
         detector = load_detector(self.detector, device, o.precision)
@@ -80,7 +117,16 @@ class MaskStage:
 
         def compute(data: tuple[Asked, Any]) -> Result:
             asked, frames = data
-            masks = model_masks(detector, segmenter, frames, asked.prompts, o.box_threshold, o.text_threshold, o.max_area, o.batch)
+            masks = model_masks(
+                detector,
+                segmenter,
+                frames,
+                asked.prompts,
+                o.box_threshold,
+                o.text_threshold,
+                o.max_area,
+                o.batch,
+            )
             return _result(masks, asked, "model")
 
         return compute
@@ -88,7 +134,13 @@ class MaskStage:
 
 def _result(masks: Masks, asked: Asked, source: str) -> Result:
     height, width = masks.mask.shape[2:]
-    arrays = {"mask": pack(masks.mask), "box": masks.box, "score": masks.score, "area": masks.area, "valid": masks.valid}
+    arrays = {
+        "mask": pack(masks.mask),
+        "box": masks.box,
+        "score": masks.score,
+        "area": masks.area,
+        "valid": masks.valid,
+    }
     attributes: dict[str, Any] = {
         "source": source,
         "objects": list(asked.objects),

@@ -1,4 +1,5 @@
-"""What the user may choose, as plain frozen dataclasses. What decides a result goes into its key; batch and device do not."""
+"""What the user may choose, as plain frozen dataclasses. What decides a result goes into its key;
+batch and device do not."""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +16,8 @@ def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True)
 class FlowOptions:
-    """`source` farneback (from images) or sim (exact); frames (t - stride, t) at `size` = (width, height) px."""
+    """`source` farneback (from images) or sim (exact); frames (t - stride, t) at `size` = (width,
+    height) px."""
 
     source: str = "farneback"
     stride: int = 4
@@ -26,19 +28,26 @@ class FlowOptions:
     def __post_init__(self) -> None:
         _choice("flow source", self.source, ("farneback", "sim"))
         if not 1 <= self.stride <= MOST_STRIDE:
-            raise AnnotateError(f"flow stride {self.stride} is out of range: give 1 to {MOST_STRIDE} frames")
+            raise AnnotateError(
+                f"flow stride {self.stride} is out of range: give 1 to {MOST_STRIDE} frames"
+            )
         if not FEWEST_PIXELS <= min(self.size) <= max(self.size) <= MOST_PIXELS:
-            raise AnnotateError(f"flow size {self.size[0]}x{self.size[1]} is out of range: each side has 16 to 4096 pixels")
+            raise AnnotateError(
+                f"flow size {self.size[0]}x{self.size[1]} is out of range: each side has 16 to 4096"
+                " pixels"
+            )
 
 
 @dataclass(frozen=True)
 class MaskOptions:
     """`source` model (GroundingDINO boxes, SAM 2 masks) or sim (exact, from the renderer).
 
-    `objects` are roles of the episode's metadata ("target", "manipulated") or object names. `prompt` is what the detector is
-    asked: metadata (the object's noun), description (its full description), or instruction (the paper's rule-based parser over the
-    episode's first seen instruction, the whole instruction where it finds nothing; one mask, named "instruction").
-    Detections that cover more than `max_area` of the image are refused: that is how the detector says it found nothing.
+    `objects` are roles of the episode's metadata ("target", "manipulated") or object names.
+    `prompt` is what the detector is
+    asked: metadata (the object's noun), description (its full description), or instruction (the
+    paper's rule-based parser over the episode's first seen instruction, the whole instruction where
+    it finds nothing; one mask, named "instruction"). Detections that cover more than `max_area` of
+    the image are refused: that is how the detector says it found nothing.
     """
 
     source: str = "model"
@@ -64,7 +73,8 @@ class MaskOptions:
 
 @dataclass(frozen=True)
 class FeatureOptions:
-    """Frozen patch encoder, images squashed to `size` px square (a multiple of its patch), pooled under the masks."""
+    """Frozen patch encoder, images squashed to `size` px square (a multiple of its patch), pooled
+    under the masks."""
 
     encoder: str = "dinov2-base"
     revision: str | None = None

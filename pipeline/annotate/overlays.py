@@ -21,18 +21,26 @@ def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np
     out = rgb.copy()
     for mask, colour in zip(masks, COLOURS * (1 + len(masks) // len(COLOURS)), strict=False):
         out[mask] = (0.55 * out[mask] + 0.45 * np.array(colour)).astype(np.uint8)
-        outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        outline, _ = cv2.findContours(
+            mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
         cv2.drawContours(out, outline, -1, colour, 1)
     return out
 
 
 def annotation_sheet(
-    dataset: Path, episode: Path, camera: str = HEAD, frames: Sequence[int] | None = None, width: int = 200
+    dataset: Path,
+    episode: Path,
+    camera: str = HEAD,
+    frames: Sequence[int] | None = None,
+    width: int = 200,
 ) -> NDArray[np.uint8] | None:
-    """A image (rows of frames in time): frames with masks, then one row of flow a flow annotation, with what it is.
+    """A image (rows of frames in time): frames with masks, then one row of flow a flow annotation,
+    with what it is.
 
-    `episode` is relative to episodes/; `frames` are absolute indices, six spread over the episode by default. Flows are shown with
-    one scale per row, so that faster is brighter. None if the episode has no flow and no masks of that camera.
+    `episode` is relative to episodes/; `frames` are absolute indices, six spread over the episode
+    by default. Flows are shown with one scale per row, so that faster is brighter. None if the
+    episode has no flow and no masks of that camera.
     """
     found: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
@@ -42,26 +50,42 @@ def annotation_sheet(
     if not found["flow"] and not found["masks"]:
         return None
     with open_episode(dataset / "episodes" / episode) as e:
-        chosen = list(frames) if frames is not None else np.linspace(0, len(e) - 1, 7)[1:].round().astype(int).tolist()
+        chosen = (
+            list(frames)
+            if frames is not None
+            else np.linspace(0, len(e) - 1, 7)[1:].round().astype(int).tolist()
+        )
         images = {t: e.rgb(camera, t) for t in chosen}
     first = images[chosen[0]]
     size = (width, round(width * first.shape[0] / first.shape[1]))
-    rows = [_tint(source, entry, images, size) for source, entry in found["masks"]] or [_row("frames", list(images.values()), size)]
+    rows = [_tint(source, entry, images, size) for source, entry in found["masks"]] or [
+        _row("frames", list(images.values()), size)
+    ]
     for source, entry in sorted(found["flow"], key=lambda x: x[0]):
         rgb, scale = colour_flow(entry.arrays["flow"][chosen], Colour("shared"))
-        rows.append(_row(f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})", list(rgb), size))
+        rows.append(
+            _row(f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})", list(rgb), size)
+        )
     return np.concatenate(rows)
 
 
-def _tint(source: str, entry: Entry, images: dict[int, NDArray[np.uint8]], size: tuple[int, int]) -> NDArray[np.uint8]:
+def _tint(
+    source: str, entry: Entry, images: dict[int, NDArray[np.uint8]], size: tuple[int, int]
+) -> NDArray[np.uint8]:
     a = entry.attributes
     masks = unpack(entry.arrays["mask"][list(images)], a["height"], a["width"])
     shown = [mask_overlay(p, m) for p, m in zip(images.values(), masks, strict=True)]
     return _row(f"masks: {source} ({', '.join(a['objects'])})", shown, size)
 
 
-def _row(title: str, images: Sequence[NDArray[np.uint8]], size: tuple[int, int]) -> NDArray[np.uint8]:
-    row = np.concatenate([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in images], axis=1)
+def _row(
+    title: str, images: Sequence[NDArray[np.uint8]], size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    row = np.concatenate(
+        [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in images], axis=1
+    )
     head = np.full((18, row.shape[1], 3), 30, np.uint8)
-    cv2.putText(head, title, (6, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (235, 235, 235), 1, cv2.LINE_AA)
+    cv2.putText(
+        head, title, (6, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (235, 235, 235), 1, cv2.LINE_AA
+    )
     return np.concatenate([head, row]).astype(np.uint8)

@@ -21,8 +21,8 @@ from pipeline.registry import Registry
 
 @dataclass(frozen=True)
 class StageRequest:
-    """What a stage is made for: the options of all stages, the camera, how to render again, the device of its models, and whether
-    it may download them."""
+    """What a stage is made for: the options of all stages, the camera, how to render again, the
+    device of its models, and whether it may download them."""
 
     options: AnnotateOptions
     camera: str
@@ -41,7 +41,8 @@ class Absent:
 
 
 STAGES = Registry[Callable[[StageRequest], Stage]]("stage")
-"""How each stage is made, in the order in which they run. A builder raises NoWeights for a model that is missing."""
+"""How each stage is made, in the order in which they run. A builder raises NoWeights for a model
+that is missing."""
 
 
 def _masks(of: StageRequest) -> MaskStage:
@@ -50,11 +51,17 @@ def _masks(of: StageRequest) -> MaskStage:
 
 STAGES.add("flow", lambda of: FlowStage(of.options.flow, of.camera, of.render))
 STAGES.add("masks", _masks)
-STAGES.add("features", lambda of: FeatureStage.resolve(of.options.features, _masks(of), of.device, of.download))
+STAGES.add(
+    "features",
+    lambda of: FeatureStage.resolve(of.options.features, _masks(of), of.device, of.download),
+)
 
 
-def build_stages(options: AnnotateOptions, stages: Sequence[str], render: Render | None, device: str = "auto") -> list[Stage]:
-    """Stages in the order they must run, one per camera. Raises AnnotateError for an unknown stage, NoWeights."""
+def build_stages(
+    options: AnnotateOptions, stages: Sequence[str], render: Render | None, device: str = "auto"
+) -> list[Stage]:
+    """Stages in the order they must run, one per camera. Raises AnnotateError for an unknown stage,
+    NoWeights."""
     return [build() for _, _, build in _builders(options, stages, render, device, True)]
 
 
@@ -72,18 +79,32 @@ def build_for_dry_run(
 
 
 def _builders(
-    options: AnnotateOptions, stages: Sequence[str], render: Render | None, device: str, download: bool
+    options: AnnotateOptions,
+    stages: Sequence[str],
+    render: Render | None,
+    device: str,
+    download: bool,
 ) -> list[tuple[str, str, Callable[[], Stage]]]:
     """Name, camera and builder of each stage, in the order they must run."""
     unknown = [s for s in stages if s not in STAGES]
     if unknown or not stages:
-        raise AnnotateError(f"stage {', '.join(unknown) or '(none)'} is unknown: stages are {', '.join(STAGES)}")
-    requests = [StageRequest(options, camera, render, device, download) for camera in options.cameras]
-    return [(name, of.camera, partial(STAGES[name], of)) for name in STAGES if name in stages for of in requests]
+        raise AnnotateError(
+            f"stage {', '.join(unknown) or '(none)'} is unknown: stages are {', '.join(STAGES)}"
+        )
+    requests = [
+        StageRequest(options, camera, render, device, download) for camera in options.cameras
+    ]
+    return [
+        (name, of.camera, partial(STAGES[name], of))
+        for name in STAGES
+        if name in stages
+        for of in requests
+    ]
 
 
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:
-    """Episodes of a dataset that a `where` expression selects; files that cannot be read are kept, so that they are reported."""
+    """Episodes of a dataset that a `where` expression selects; files that cannot be read are kept,
+    so that they are reported."""
     expression = parse_where(where or "")
     paths = episode_paths(dataset)
     if not where:
@@ -95,5 +116,9 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
                 fields[path] = fields_of(e.spec, e.meta)
         except EpisodeError:
             continue
-    chosen = {path for path, wanted in zip(fields, select_rows(list(fields.values()), expression), strict=True) if wanted}
+    chosen = {
+        path
+        for path, wanted in zip(fields, select_rows(list(fields.values()), expression), strict=True)
+        if wanted
+    }
     return [path for path in paths if path in chosen or path not in fields]

@@ -1,12 +1,14 @@
-"""Exact optical flow from what the simulator knows: depth, segmentation, body poses and camera motion.
+"""Exact optical flow from what the simulator knows: depth, segmentation, body poses and camera
+motion.
 
-A pixel of frame a shows a point of one rigid body; the point moves with that body to frame b and is projected again. With body
-poses B, camera extrinsics E (world -> camera, OpenCV) and intrinsics K:
+A pixel of frame a shows a point of one rigid body; the point moves with that body to frame b and is
+projected again. With body poses B, camera extrinsics E (world -> camera, OpenCV) and intrinsics K:
 
     u_b = project(K E_b B_b B_a^-1 E_a^-1 X_a),    X_a = z ((u - cx) / f, (v - cy) / f, 1)
 
-so one 3x4 matrix per body maps all of its pixels. Pixels that show no body move with the still world; pixels without depth are
-at infinity and feel only the camera's rotation. A point that is hidden in frame b still has its flow: this is motion, not matching.
+so one 3x4 matrix per body maps all of its pixels. Pixels that show no body move with the still
+world; pixels without depth are at infinity and feel only the camera's rotation. A point that is
+hidden in frame b still has its flow: this is motion, not matching.
 """
 
 import cv2
@@ -20,11 +22,16 @@ from pipeline.poses import inverse, matrix
 
 
 def body_motions(
-    bodies_a: NDArray[np.float64], bodies_b: NDArray[np.float64], camera_a: NDArray[np.float64], camera_b: NDArray[np.float64]
+    bodies_a: NDArray[np.float64],
+    bodies_b: NDArray[np.float64],
+    camera_a: NDArray[np.float64],
+    camera_b: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Matrices (B+1,4,4) from camera coordinates of frame a to those of frame b, row 0 for the still world, row i+1 for body i.
+    """Matrices (B+1,4,4) from camera coordinates of frame a to those of frame b, row 0 for the
+    still world, row i+1 for body i.
 
-    `bodies_*` (B,7) and `camera_*` (7,) are world poses; camera coordinates are OpenCV's (x right, y down, z forward), m.
+    `bodies_*` (B,7) and `camera_*` (7,) are world poses; camera coordinates are OpenCV's (x right,
+    y down, z forward), m.
     """
     e_a, e_b = np.eye(4), np.eye(4)
     e_a[:3], e_b[:3] = extrinsics_cv(camera_a), extrinsics_cv(camera_b)
@@ -33,25 +40,32 @@ def body_motions(
 
 
 def exact_flow(
-    depth: NDArray[np.uint16], segmentation: NDArray[np.uint8], k: NDArray[np.float64], motions: NDArray[np.float64]
+    depth: NDArray[np.uint16],
+    segmentation: NDArray[np.uint8],
+    k: NDArray[np.float64],
+    motions: NDArray[np.float64],
 ) -> NDArray[np.float32]:
     """Flow (H,W,2) px at the pixels of frame a, x right and y down.
 
-    `depth` (H,W) uint16 mm along the viewing axis (0 = nothing hit), `segmentation` (H,W) uint8 body index + 1 (0 = no body), both
-    of frame a; `k` (3,3); `motions` as from `body_motions`. Points that end behind the camera get zero flow.
+    `depth` (H,W) uint16 mm along the viewing axis (0 = nothing hit), `segmentation` (H,W) uint8
+    body index + 1 (0 = no body), both of frame a; `k` (3,3); `motions` as from `body_motions`.
+    Points that end behind the camera get zero flow.
     """
     height, width = depth.shape
     u, v = np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5
     flow = np.zeros((height, width, 2), np.float32)
     infinite = depth == 0
     z = np.where(infinite, 1.0, depth * 1e-3)
-    rays = np.stack(np.broadcast_arrays((u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones_like(z)), -1)
+    rays = np.stack(
+        np.broadcast_arrays((u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones_like(z)), -1
+    )
     for label in np.unique(segmentation):
         motion = motions[label]
         # a point at infinity has no translation and hangs on no body
         for far, m in ((False, motion), (True, motions[0])):
             here = (segmentation == label) & (infinite == far)
-            # the image of what stays put in a still camera is zero exactly, whatever the rounding of depth
+            # the image of what stays put in a still camera is zero exactly, whatever the rounding
+            # of depth
             if np.abs(m - np.eye(4)).max() < 1e-12 or not here.any():
                 continue
             moved = (rays[here] * z[here][:, None]) @ m[:3, :3].T + (0.0 if far else m[:3, 3])
@@ -64,7 +78,8 @@ def exact_flow(
 
 
 def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """(H,W,2) px -> (h,w,2) at `size` = (width, height): area average, displacements in px of the small image."""
+    """(H,W,2) px -> (h,w,2) at `size` = (width, height): area average, displacements in px of the
+    small image."""
     height, width = flow.shape[:2]
     if (width, height) == size:
         return flow
@@ -84,7 +99,8 @@ def exact_flows(
 ) -> NDArray[np.float32]:
     """Exact flow (T,h,w,2) px at `size` of the pairs (max(0, t-stride), t).
 
-    Depth and segmentation (T,H,W) as in `exact_flow`, world poses of bodies (T,B,7) and of the camera (T,7), `k` (3,3).
+    Depth and segmentation (T,H,W) as in `exact_flow`, world poses of bodies (T,B,7) and of the
+    camera (T,7), `k` (3,3).
     """
     flow = np.zeros((len(depth), size[1], size[0], 2), np.float32)
     for t, a in enumerate(previous_frames(len(depth), stride)):

@@ -1,4 +1,5 @@
-"""What a stage of annotation is: read (hashes of inputs) -> decode (frames, on a prefetch thread) -> compute -> store."""
+"""What a stage of annotation is: read (hashes of inputs) -> decode (frames, on a prefetch thread)
+-> compute -> store."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -15,16 +16,19 @@ from pipeline.data.episode.jpeg import decode_frame
 from pipeline.data.keys import arrays_digest, frames_digest
 
 Render = Callable[[Path, str], View]
-"""Renders an episode file again from one camera, with depth and segmentation: `render(episode_path, camera)`."""
+"""Renders an episode file again from one camera, with depth and segmentation: `render(episode_path,
+camera)`."""
 
 
 class NotReady(Exception):
-    """This stage's input for one episode is not there yet (features before masks); the message names what is missing."""
+    """This stage's input for one episode is not there yet (features before masks); the message
+    names what is missing."""
 
 
 @dataclass(eq=False)
 class Reading:
-    """What an annotation is made from: plain `inputs` for the key, and `decode`, called only where it must be computed."""
+    """What an annotation is made from: plain `inputs` for the key, and `decode`, called only where
+    it must be computed."""
 
     inputs: Mapping[str, Any]
     decode: Callable[[], Any]
@@ -40,7 +44,8 @@ class Result:
 
 
 class Stage(Protocol):
-    """One stage for one camera. Plain data, so that it travels to workers; models appear in `start` only."""
+    """One stage for one camera. Plain data, so that it travels to workers; models appear in `start`
+    only."""
 
     @property
     def name(self) -> str:
@@ -49,7 +54,8 @@ class Stage(Protocol):
 
     @property
     def version(self) -> int:
-        """Raised by hand whenever the code would give other bytes for the same parameters and inputs."""
+        """Raised by hand whenever the code would give other bytes for the same parameters and
+        inputs."""
         ...
 
     @property
@@ -63,15 +69,18 @@ class Stage(Protocol):
         ...
 
     def parameters(self) -> dict[str, Any]:
-        """Everything that decides the result besides the inputs, models' digests included, as plain JSON data."""
+        """Everything that decides the result besides the inputs, models' digests included, as plain
+        JSON data."""
         ...
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
-        """Hash the inputs of one open episode. `decode` may be called while the file is open. Raises NotReady, AnnotateError."""
+        """Hash the inputs of one open episode. `decode` may be called while the file is open.
+        Raises NotReady, AnnotateError."""
         ...
 
     def start(self) -> Callable[[Any], Result]:
-        """Load what is heavy, once per worker; the callable turns what `decode` gave into a result."""
+        """Load what is heavy, once per worker; the callable turns what `decode` gave into a
+        result."""
         ...
 
 
@@ -83,7 +92,9 @@ def directory_of(stage: Stage) -> str:
 def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
     """JPEG bytes of all frames of a camera. Raises AnnotateError naming the cameras there are."""
     if camera not in episode.cameras:
-        raise AnnotateError(f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}")
+        raise AnnotateError(
+            f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
+        )
     return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
 
 
@@ -104,7 +115,8 @@ def decode_frames(frames: list[bytes]) -> NDArray[np.uint8]:
 
 @dataclass(eq=False)
 class SimView:
-    """One camera's truth: segmentation (T,H,W) body index + 1, depth (T,H,W) mm or None, world poses (T,7), K (3,3)."""
+    """One camera's truth: segmentation (T,H,W) body index + 1, depth (T,H,W) mm or None, world
+    poses (T,7), K (3,3)."""
 
     segmentation: NDArray[np.uint8]
     depth: NDArray[np.uint16] | None
@@ -117,16 +129,22 @@ def sim_reading(
 ) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
     """Inputs, lazy view and body names for stages that use simulator truth.
 
-    The stored segmentation (and depth without noise) is used where the file has it; else the episode is rendered again from its
-    state log, and what that is a function of is hashed. Raises AnnotateError if neither is possible.
+    The stored segmentation (and depth without noise) is used where the file has it; else the
+    episode is rendered again from its state log, and what that is a function of is hashed. Raises
+    AnnotateError if neither is possible.
     """
     log = episode.read().log
     group = f"observation/{camera}"
     if camera not in episode.cameras:
-        raise AnnotateError(f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}")
+        raise AnnotateError(
+            f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
+        )
     poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
     wanted = ["actor_segmentation", *(["depth"] if depth else [])]
-    scene = {"bodies": log.bodies, "state": arrays_digest({"poses": log.poses, "camera": poses, "k": k})}
+    scene = {
+        "bodies": log.bodies,
+        "state": arrays_digest({"poses": log.poses, "camera": poses, "k": k}),
+    }
     sensors = episode.meta.drawing.sensors
     scene |= {"latency": sensors.latency} if sensors and sensors.latency else {}
     noisy = depth and sensors is not None and sensors.depth_noise is not None
@@ -135,7 +153,10 @@ def sim_reading(
         view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
         return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, list(log.bodies)
     if render is None:
-        raise AnnotateError(f"{episode.path} stores no {' and '.join(wanted)} of {camera}, and no renderer was given")
+        raise AnnotateError(
+            f"{episode.path} stores no {' and '.join(wanted)} of {camera}, and no renderer was"
+            " given"
+        )
     path, meta = episode.path, episode.meta
 
     def again() -> SimView:
@@ -147,7 +168,9 @@ def sim_reading(
     return {"scene": scene, "assets": meta.drawing.assets}, again, list(log.bodies)
 
 
-def _read_stored(episode: EpisodeFile, group: str, wanted: list[str]) -> dict[str, NDArray[Any]] | None:
+def _read_stored(
+    episode: EpisodeFile, group: str, wanted: list[str]
+) -> dict[str, NDArray[Any]] | None:
     try:
         return {key: episode.array(f"{group}/{key}") for key in wanted}
     except EpisodeError:

@@ -1,8 +1,10 @@
-"""Keys: what an annotation was made from and with, as hashes of content. No path, clock or host enters a key.
+"""Keys: what an annotation was made from and with, as hashes of content. No path, clock or host
+enters a key.
 
-annotation key = sha256 of the canonical JSON of {stage, version, parameters, models, inputs}. `inputs` holds the content hash
-of the frames (or poses, or masks) that were read and the prompts that were asked, so a dataset may be moved or copied and
-nothing changes, while one altered frame or parameter changes the key.
+annotation key = sha256 of the canonical JSON of {stage, version, parameters, models, inputs}.
+`inputs` holds the content hash of the frames (or poses, or masks) that were read and the prompts
+that were asked, so a dataset may be moved or copied and nothing changes, while one altered frame or
+parameter changes the key.
 """
 
 import hashlib
@@ -13,7 +15,8 @@ from pipeline.data.errors import DominoError
 from pipeline.data.keys import canonical
 
 MOST_STRIDE = 600
-"""Frames between the two images of a flow pair at most: ten seconds at the highest recording rate."""
+"""Frames between the two images of a flow pair at most: ten seconds at the highest recording
+rate."""
 
 
 class AnnotateError(DominoError):
@@ -25,9 +28,14 @@ def digest(value: Any) -> str:
     return hashlib.sha256(canonical(value)).hexdigest()
 
 
-def annotation_key(stage: str, version: int, parameters: Mapping[str, Any], inputs: Mapping[str, Any]) -> str:
-    """The full key (64 hex digits) of one stage's result for one episode; `parameters` include the models' digests."""
-    return digest({"stage": stage, "version": version, "parameters": dict(parameters), "inputs": dict(inputs)})
+def annotation_key(
+    stage: str, version: int, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
+) -> str:
+    """The full key (64 hex digits) of one stage's result for one episode; `parameters` include the
+    models' digests."""
+    return digest(
+        {"stage": stage, "version": version, "parameters": dict(parameters), "inputs": dict(inputs)}
+    )
 
 
 def stage_key(stage: str, version: int, parameters: Mapping[str, Any]) -> str:

@@ -1,7 +1,9 @@
-"""Where annotations live: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json with the full parameters.
+"""Where annotations live: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json
+with the full parameters.
 
-One file per episode and stage; arrays are indexed by absolute frame. A file appears by atomic rename, carries its full
-annotation key and a checksum of its content, and counts as done only where both hold.
+One file per episode and stage; arrays are indexed by absolute frame. A file appears by atomic
+rename, carries its full annotation key and a checksum of its content, and counts as done only where
+both hold.
 """
 
 import json
@@ -23,7 +25,8 @@ CHUNK_BYTES = 1 << 20
 
 
 def episode_paths(dataset: Path) -> list[Path]:
-    """Episode files of a dataset, relative to `dataset`/episodes, sorted. Raises AnnotateError if there is no such directory."""
+    """Episode files of a dataset, relative to `dataset`/episodes, sorted. Raises AnnotateError if
+    there is no such directory."""
     root = Path(dataset) / "episodes"
     if not root.is_dir():
         raise AnnotateError(f"{dataset} is no dataset: it has no episodes directory")
@@ -31,12 +34,17 @@ def episode_paths(dataset: Path) -> list[Path]:
 
 
 def write_entry(
-    path: Path, key: str, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], compressed: Collection[str] = ()
+    path: Path,
+    key: str,
+    arrays: Mapping[str, NDArray[Any]],
+    attributes: Mapping[str, Any],
+    compressed: Collection[str] = (),
 ) -> Entry:
-    """Write one annotation atomically. Arrays named in `compressed` are stored with gzip in chunks of whole frames.
+    """Write one annotation atomically. Arrays named in `compressed` are stored with gzip in chunks
+    of whole frames.
 
-    The same arguments give the same bytes. Raises OSError if the disk refuses, StoreError if an object store does; nothing is
-    left behind then.
+    The same arguments give the same bytes. Raises OSError if the disk refuses, StoreError if an
+    object store does; nothing is left behind then.
     """
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
@@ -48,25 +56,33 @@ def write_entry(
             options: dict[str, Any] = {}
             if name in compressed and a.size:
                 frames = max(1, min(len(a), CHUNK_BYTES * len(a) // a.nbytes))
-                options = {"chunks": (frames, *a.shape[1:]), "compression": "gzip", "compression_opts": GZIP_LEVEL}
+                options = {
+                    "chunks": (frames, *a.shape[1:]),
+                    "compression": "gzip",
+                    "compression_opts": GZIP_LEVEL,
+                }
             f.create_dataset(name, data=a, track_times=False, **options)
     upload(path)
     return entry
 
 
 def entry_header(path: Path) -> tuple[str, str]:
-    """Key and content checksum that a file claims, without reading its arrays. Raises as `read_entry`."""
+    """Key and content checksum that a file claims, without reading its arrays. Raises as
+    `read_entry`."""
     if not path.is_file():
         raise FileNotFoundError(path)
     try:
         with open_hdf5(path) as f:
             return str(f.attrs["key"]), str(f.attrs["checksum"])
     except (OSError, KeyError, RuntimeError) as error:
-        raise CorruptAnnotation(f"{path}: cannot be read ({error}); run annotate again to recompute it") from error
+        raise CorruptAnnotation(
+            f"{path}: cannot be read ({error}); run annotate again to recompute it"
+        ) from error
 
 
 def check_entry(path: Path, key: str) -> str:
-    """State of a stored annotation against the key it should have: "valid", "missing", "stale" (another key) or "corrupt"."""
+    """State of a stored annotation against the key it should have: "valid", "missing", "stale"
+    (another key) or "corrupt"."""
     try:
         return "valid" if read_entry(path).key == key else "stale"
     except FileNotFoundError:
@@ -76,7 +92,8 @@ def check_entry(path: Path, key: str) -> str:
 
 
 def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -> None:
-    """Write stage.json (name, version, full parameters) of a stage's directory atomically, unless it says just that already."""
+    """Write stage.json (name, version, full parameters) of a stage's directory atomically, unless
+    it says just that already."""
     path = Path(dataset) / "annotations" / directory / "stage.json"
     text = json.dumps(dict(description), indent=2, sort_keys=True) + "\n"
     if path.is_file() and path.read_text() == text:
@@ -86,15 +103,26 @@ def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -
 
 
 def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
-    """The one stage directory with that name whose parameters have the given values, e.g. `find_stage(out, "flow", stride=4)`.
+    """The one stage directory with that name whose parameters have the given values, e.g.
+    `find_stage(out, "flow", stride=4)`.
 
     Raises AnnotateError if none or several fit, naming them.
     """
     candidates = {d: s for d, s in stages_of(dataset).items() if s["stage"] == stage}
-    fit = [d for d, s in candidates.items() if all(s["parameters"].get(k) == v for k, v in parameters.items())]
+    fit = [
+        d
+        for d, s in candidates.items()
+        if all(s["parameters"].get(k) == v for k, v in parameters.items())
+    ]
     if len(fit) == 1:
         return fit[0]
     wanted = " ".join([stage, *(f"{k}={v}" for k, v in parameters.items())])
     if not fit:
-        raise AnnotateError(f"{dataset} has no {wanted} annotations; run: domino-data annotate {dataset} --stages {stage}")
-    raise AnnotateError(f"{dataset} has several {wanted} annotations ({', '.join(fit)}): give more parameters to choose one")
+        raise AnnotateError(
+            f"{dataset} has no {wanted} annotations; run: domino-data annotate {dataset} --stages"
+            f" {stage}"
+        )
+    raise AnnotateError(
+        f"{dataset} has several {wanted} annotations ({', '.join(fit)}): give more parameters to"
+        " choose one"
+    )

@@ -1,7 +1,9 @@
-"""Bring one stage of some episodes up to date: what is valid stays, what is missing, stale or corrupt is computed.
+"""Bring one stage of some episodes up to date: what is valid stays, what is missing, stale or
+corrupt is computed.
 
-The unit is one stage of one episode; it reads the episode and writes one file, so units share nothing and may run anywhere, in any
-order, killed at any time. A prefetch thread reads, checks and decodes the next episodes while the current one is computed.
+The unit is one stage of one episode; it reads the episode and writes one file, so units share
+nothing and may run anywhere, in any order, killed at any time. A prefetch thread reads, checks and
+decodes the next episodes while the current one is computed.
 """
 
 from collections import deque
@@ -25,8 +27,9 @@ AHEAD = 2
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one stage of one episode. `action` is computed, reused, failed or waiting; `state` is what was found
-    (valid, missing, stale, corrupt, or unknown where the episode could not be read); `reason` is one line."""
+    """What became of one stage of one episode. `action` is computed, reused, failed or waiting;
+    `state` is what was found (valid, missing, stale, corrupt, or unknown where the episode could
+    not be read); `reason` is one line."""
 
     episode: str
     action: str
@@ -54,7 +57,8 @@ _EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation,
 
 
 class StageWorker:
-    """Works on one stage of one dataset; models are loaded at the first episode that needs them and kept."""
+    """Works on one stage of one dataset; models are loaded at the first episode that needs them and
+    kept."""
 
     def __init__(self, stage: Stage, dataset: Path, dry_run: bool = False) -> None:
         self.stage, self.dataset, self.dry_run = stage, Path(dataset), dry_run
@@ -62,10 +66,11 @@ class StageWorker:
         self._compute: Callable[[Any], Result] | None = None
 
     def run(self, episodes: Sequence[Path]) -> Iterator[Outcome]:
-        """Bring the given episodes up to date, in order; yields one outcome each. A dry run computes and writes nothing.
+        """Bring the given episodes up to date, in order; yields one outcome each. A dry run
+        computes and writes nothing.
 
-        Raises AnnotateError for models that cannot be loaded or if a result cannot be written (a full disk stops the run;
-        nothing is half-written).
+        Raises AnnotateError for models that cannot be loaded or if a result cannot be written (a
+        full disk stops the run; nothing is half-written).
         """
         for episode, found in _prefetch(self._prepare, episodes):
             yield found if isinstance(found, Outcome) else self._finish(episode, found)
@@ -99,14 +104,23 @@ class StageWorker:
         result = self.start()(work.data)
         path = annotation_path(self.dataset, self.directory, episode)
         try:
-            write_entry(path, work.key, result.arrays, {**result.attributes, "inputs": work.inputs}, result.compressed)
+            write_entry(
+                path,
+                work.key,
+                result.arrays,
+                {**result.attributes, "inputs": work.inputs},
+                result.compressed,
+            )
         except OSError as error:
             raise AnnotateError(f"cannot write {path}: {error.strerror or error}") from error
         return Outcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
 
 
-def _prefetch[T](prepare: Callable[[Path], T], episodes: Sequence[Path]) -> Iterator[tuple[Path, T]]:
-    """`(episode, prepare(episode))` in order, prepared on one thread at most AHEAD episodes before they are asked for."""
+def _prefetch[T](
+    prepare: Callable[[Path], T], episodes: Sequence[Path]
+) -> Iterator[tuple[Path, T]]:
+    """`(episode, prepare(episode))` in order, prepared on one thread at most AHEAD episodes before
+    they are asked for."""
     pending: deque[tuple[Path, Future[T]]] = deque()
     rest = iter(episodes)
     with ThreadPoolExecutor(1) as pool:

@@ -1,4 +1,5 @@
-"""Commands whose options are checked, each by its type, before anything else happens; and how an application of them ends."""
+"""Commands whose options are checked, each by its type, before anything else happens; and how an
+application of them ends."""
 
 import sys
 from collections.abc import Callable
@@ -19,8 +20,8 @@ from pipeline.data.store.urls import with_urls
 class BoundedCommand(TyperCommand):
     """A command that refuses values which no option accepts.
 
-    These are numbers out of the range of their option or not written in digits, and texts and paths that are empty, longer than
-    4096 characters, or not on one line.
+    These are numbers out of the range of their option or not written in digits, and texts and paths
+    that are empty, longer than 4096 characters, or not on one line.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -40,7 +41,8 @@ class BoundedCommand(TyperCommand):
 
 
 def check_of(param: Any) -> Callable[[str], object] | None:
-    """What reads the text of an option or argument, by its type; None for one that takes no text, or one of a few words."""
+    """What reads the text of an option or argument, by its type; None for one that takes no text,
+    or one of a few words."""
     kind = param.type_descriptor.annotation
     kind = next(iter(get_args(kind)), kind) if param.type_descriptor.is_list else kind
     info = param.type_descriptor.parameter_info
@@ -52,15 +54,21 @@ def check_of(param: Any) -> Callable[[str], object] | None:
 
 def name_of(param: Any) -> str:
     """An option as it is typed, or the name of an argument."""
-    return max(param.opts, key=len) if isinstance(param, TyperOption) else param.metavar or param.name.upper()
+    return (
+        max(param.opts, key=len)
+        if isinstance(param, TyperOption)
+        else param.metavar or param.name.upper()
+    )
 
 
 def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.argv[1:]) -> None:
-    """Run an application on `words()` and exit: an expected error becomes a line on stderr that begins with `name`, exit code 2."""
+    """Run an application on `words()` and exit: an expected error becomes a line on stderr that
+    begins with `name`, exit code 2."""
     try:
         code = app(words(), standalone_mode=False)
     except TyperException as error:
-        if not (message := " ".join(error.format_message().split())):  # a group without a word after it has printed its help
+        # a group without a word after it has printed its help
+        if not (message := " ".join(error.format_message().split())):
             sys.exit(2)
         context = getattr(error, "ctx", None)
         said = f"{message.rstrip('.')}; see {context.command_path if context else name} --help"

@@ -1,4 +1,5 @@
-"""tasks, motions, embodiments, objects, robots: what the factory can make, what is added, and whether it keeps its contracts."""
+"""tasks, motions, embodiments, objects, robots: what the factory can make, what is added, and
+whether it keeps its contracts."""
 
 import shutil
 import sys
@@ -10,7 +11,16 @@ import typer
 
 from pipeline.commands import complete
 from pipeline.commands.bounded import BoundedCommand
-from pipeline.commands.common import AsJson, UsageError, check_file, numbers, print_findings, print_result, split_list, table
+from pipeline.commands.common import (
+    AsJson,
+    UsageError,
+    check_file,
+    numbers,
+    print_findings,
+    print_result,
+    split_list,
+    table,
+)
 from pipeline.commands.options import Given, recipe_options
 from pipeline.data.parsing import whole
 
@@ -20,9 +30,19 @@ def tasks(as_json: AsJson = False) -> None:
     from pipeline.intake.catalogue.tasks import listing
 
     values = listing()
-    rows = [(t["name"], t["category"], t["step_limit"], f"{t['description']} ({', '.join(t['objects'])})") for t in values]
+    rows = [
+        (
+            t["name"],
+            t["category"],
+            t["step_limit"],
+            f"{t['description']} ({', '.join(t['objects'])})",
+        )
+        for t in values
+    ]
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    lines = table(("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows).splitlines()
+    lines = table(
+        ("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows
+    ).splitlines()
     print_result(values, as_json, "\n".join(line[:width] for line in lines))
 
 
@@ -43,7 +63,10 @@ def embodiments(as_json: AsJson = False) -> None:
 
 
 def motions(
-    paths: Annotated[Path | None, typer.Option(help="Write a PNG with paths of every model here.")] = None, as_json: AsJson = False
+    paths: Annotated[
+        Path | None, typer.Option(help="Write a PNG with paths of every model here.")
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """List the models of motions."""
     from pipeline.intake.catalogue.motions import listing, write_paths
@@ -52,9 +75,16 @@ def motions(
     values = listing()
     if paths is not None:
         write_paths(paths)
-        print(f"domino-data: the paths of {len(values)} models are drawn in {paths}", file=sys.stderr)
+        print(
+            f"domino-data: the paths of {len(values)} models are drawn in {paths}", file=sys.stderr
+        )
     rows = [
-        (m["name"], number, text, ", ".join(m["tasks"]) if number == 1 and len(m["tasks"]) < 10 else "")
+        (
+            m["name"],
+            number,
+            text,
+            ", ".join(m["tasks"]) if number == 1 and len(m["tasks"]) < 10 else "",
+        )
         for m in values
         for number, text in m["levels"].items()
         if number
@@ -65,15 +95,25 @@ def motions(
 @recipe_options("expert", files=())
 def check_task(
     given: Given,
-    name: Annotated[str, typer.Argument(help="The task, or `all`.", metavar="NAME", autocompletion=complete.task)],
-    embodiment: Annotated[str, typer.Option(help="The robot.", autocompletion=complete.robot)] = "aloha",
+    name: Annotated[
+        str,
+        typer.Argument(help="The task, or `all`.", metavar="NAME", autocompletion=complete.task),
+    ],
+    embodiment: Annotated[
+        str, typer.Option(help="The robot.", autocompletion=complete.robot)
+    ] = "aloha",
     levels: Annotated[
-        str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")
+        str | None,
+        typer.Option(
+            help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt."
+        ),
     ] = "0,1,2,3",
-    images: Annotated[Path, typer.Option(help="Directory for images of poses that an arm cannot reach, if any.")] = Path(
-        "check-task"
-    ),
-    words: Annotated[bool, typer.Option("--words/--no-words", help="Whether its instructions are checked, too.")] = True,
+    images: Annotated[
+        Path, typer.Option(help="Directory for images of poses that an arm cannot reach, if any.")
+    ] = Path("check-task"),
+    words: Annotated[
+        bool, typer.Option("--words/--no-words", help="Whether its instructions are checked, too.")
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 if it does not."""
@@ -86,20 +126,31 @@ def check_task(
     names = expand_tasks([name])
     if names[0] not in TASKS:
         raise UsageError(unknown_name("task", name, TASKS))
-    known, wanted = levels_of(TASKS[names[0]].motion), tuple(numbers(levels, whole, "--levels") or ())
+    known, wanted = (
+        levels_of(TASKS[names[0]].motion),
+        tuple(numbers(levels, whole, "--levels") or ()),
+    )
     if unknown := [level for level in wanted if level not in known]:
-        raise UsageError(f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}")
+        raise UsageError(
+            f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}"
+        )
     robot = get_embodiment(embodiment).name
     found = {task: check(task, robot, wanted, images, given.recipe(), words) for task in names}
     print_findings(found, as_json)
 
 
 def check_object(
-    name: Annotated[str, typer.Argument(help="The object family, an object from files, or `all`.", metavar="NAME")],
-    images: Annotated[Path | None, typer.Option(help="Directory for an image of each with its frames and grasps.")] = None,
+    name: Annotated[
+        str,
+        typer.Argument(help="The object family, an object from files, or `all`.", metavar="NAME"),
+    ],
+    images: Annotated[
+        Path | None, typer.Option(help="Directory for an image of each with its frames and grasps.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check that an object family or an object from files keeps its contract; exit code 1 if it does not."""
+    """Check that an object family or an object from files keeps its contract; exit code 1 if it
+    does not."""
     from pipeline.intake.catalogue.object_check import check_object as check
     from pipeline.run.names import unknown_name
     from pipeline.world.objects import FAMILIES
@@ -121,8 +172,13 @@ objects_app = typer.Typer(help="Object families, and objects from mesh files.")
 @objects_app.callback(invoke_without_command=True)
 def objects(
     context: typer.Context,
-    gallery: Annotated[Path | None, typer.Option(help="Write a page with images of instances, frames and grasps here.")] = None,
-    families: Annotated[str | None, typer.Option(help="Families, comma separated; all by default.")] = None,
+    gallery: Annotated[
+        Path | None,
+        typer.Option(help="Write a page with images of instances, frames and grasps here."),
+    ] = None,
+    families: Annotated[
+        str | None, typer.Option(help="Families, comma separated; all by default.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the object families, or draw them."""
@@ -134,10 +190,14 @@ def objects(
     check_file(gallery, "--gallery", "a page", ".html")
     names = sorted(FAMILIES) if families is None else split_list(families) or []
     if not names:
-        raise UsageError(f"--families {families!r} names nothing: families are {', '.join(sorted(FAMILIES))}")
+        raise UsageError(
+            f"--families {families!r} names nothing: families are {', '.join(sorted(FAMILIES))}"
+        )
     unknown = [name for name in names if name not in FAMILIES]
     if unknown:
-        raise UsageError(f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}")
+        raise UsageError(
+            f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}"
+        )
     if gallery is not None:
         from pipeline.intake.catalogue.gallery import write_gallery
 
@@ -154,38 +214,73 @@ def objects(
         for name, d in described.items()
     ]
     shown = (
-        table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows) if gallery is None else str(gallery)
+        table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows)
+        if gallery is None
+        else str(gallery)
     )
-    print_result({"families": names, "described": described, "gallery": str(gallery) if gallery else None}, as_json, shown)
+    print_result(
+        {"families": names, "described": described, "gallery": str(gallery) if gallery else None},
+        as_json,
+        shown,
+    )
 
 
 @objects_app.command("add", cls=BoundedCommand)
 def objects_add(
-    source: Annotated[Path, typer.Argument(help="A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD."
+        ),
+    ],
     name: Annotated[str, typer.Option(help="What the object is to be called, e.g. mug7.")],
-    family: Annotated[str, typer.Option(help="The object family that it stands for; `domino-data objects` lists them.")],
-    to: Annotated[Path, typer.Option(help="A directory of plugins; the object is written to TO/objects/NAME.")] = Path("plugins"),
+    family: Annotated[
+        str,
+        typer.Option(
+            help="The object family that it stands for; `domino-data objects` lists them."
+        ),
+    ],
+    to: Annotated[
+        Path, typer.Option(help="A directory of plugins; the object is written to TO/objects/NAME.")
+    ] = Path("plugins"),
     mass: Annotated[float | None, typer.Option(help="Mass (kg).", min=0, max=50)] = None,
-    density: Annotated[float | None, typer.Option(help="Density (kg/m3), where no mass is given; 400.", min=0, max=20000)] = None,
+    density: Annotated[
+        float | None,
+        typer.Option(help="Density (kg/m3), where no mass is given; 400.", min=0, max=20000),
+    ] = None,
     up: Annotated[
         Literal["x", "y", "z", "-x", "-y", "-z"] | None,
-        typer.Option(help="Axis of the file that is up; by default the way of standing that is most like the family."),
+        typer.Option(
+            help=(
+                "Axis of the file that is up; by default the way of standing that is most like the"
+                " family."
+            )
+        ),
     ] = None,
-    scale: Annotated[float, typer.Option(help="Metres per unit of the file.", min=1e-6, max=1000)] = 1.0,
+    scale: Annotated[
+        float, typer.Option(help="Metres per unit of the file.", min=1e-6, max=1000)
+    ] = 1.0,
     words: Annotated[
-        str | None, typer.Option(help="What people call it, comma separated, the noun first; NAME by default.")
+        str | None,
+        typer.Option(help="What people call it, comma separated, the noun first; NAME by default."),
     ] = None,
-    licence: Annotated[str, typer.Option(help="The licence of the mesh, e.g. CC-BY-4.0.")] = "unknown",
+    licence: Annotated[
+        str, typer.Option(help="The licence of the mesh, e.g. CC-BY-4.0.")
+    ] = "unknown",
     within: Annotated[
-        Path | None, typer.Option(help="Directory below which textures may lie; that of the mesh by default.")
+        Path | None,
+        typer.Option(help="Directory below which textures may lie; that of the mesh by default."),
     ] = None,
 ) -> None:
-    """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the frames of its family."""
+    """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the
+    frames of its family."""
     from pipeline.intake.catalogue.object_check import check_object
     from pipeline.intake.objects.add import add_objects, describe
     from pipeline.intake.objects.draft import Options
 
-    options = Options(name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within)
+    options = Options(
+        name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within
+    )
     added = add_objects(source, options)
     print("\n".join(line for one in added for line in describe(one)))
     names = [one.directory.name for one in added]
@@ -201,22 +296,43 @@ robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
 
 @robots_app.command("add", cls=BoundedCommand)
 def robots_add(
-    source: Annotated[Path, typer.Argument(help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin."
+        ),
+    ],
     name: Annotated[str, typer.Option(help="Name of the robot, e.g. xarm6.")],
-    to: Annotated[Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")] = Path("plugins"),
-    base: Annotated[str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")] = None,
-    jaw: Annotated[str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")] = None,
+    to: Annotated[
+        Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")
+    ] = Path("plugins"),
+    base: Annotated[
+        str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")
+    ] = None,
+    jaw: Annotated[
+        str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")
+    ] = None,
     licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
-    gripper: Annotated[Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")] = None,
-    flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
+    gripper: Annotated[
+        Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")
+    ] = None,
+    flange: Annotated[
+        str | None, typer.Option(help="The link that carries the gripper, if it is not found.")
+    ] = None,
     package: Annotated[
-        list[str] | None, typer.Option(help="NAME=DIR: where package://NAME/ is, if it is not found; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            help="NAME=DIR: where package://NAME/ is, if it is not found; may be repeated."
+        ),
     ] = None,
 ) -> None:
-    """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
+    """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest
+    configuration."""
     from pipeline.intake.robots.add import Options, add_robot, describe
 
-    added = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange, _packages(package or ())))
+    added = add_robot(
+        source, Options(name, to, base, jaw, licence, gripper, flange, _packages(package or ()))
+    )
     print("\n".join(describe(added)))
 
 
@@ -232,9 +348,15 @@ def _packages(given: Sequence[str]) -> dict[str, Path]:
 
 
 def check_robot(
-    name: Annotated[str, typer.Argument(help="The robot.", metavar="NAME", autocompletion=complete.robot)],
-    tasks: Annotated[str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")] = "click_bell",
-    images: Annotated[Path | None, typer.Option(help="Directory for an image of each clause.")] = None,
+    name: Annotated[
+        str, typer.Argument(help="The robot.", metavar="NAME", autocompletion=complete.robot)
+    ],
+    tasks: Annotated[
+        str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")
+    ] = "click_bell",
+    images: Annotated[
+        Path | None, typer.Option(help="Directory for an image of each clause.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check that a robot can do its work; exit code 1 if a clause does not hold."""

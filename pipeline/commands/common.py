@@ -1,4 +1,5 @@
-"""What the verbs share: options, printing for people or programs, and the recipe that options describe."""
+"""What the verbs share: options, printing for people or programs, and the recipe that options
+describe."""
 
 import json
 import re
@@ -23,13 +24,17 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
 
 GIVEN_UP = 3
-"""Exit code of a build that gave slots up: everything else went well, but the dataset lacks episodes (docs/quickstart.md)."""
+"""Exit code of a build that gave slots up: everything else went well, but the dataset lacks
+episodes (docs/quickstart.md)."""
 
 MOST_WORKERS = 10_000
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
-Root = Annotated[Path, typer.Argument(help="The dataset, a directory or URL (docs/storage.md).", metavar="DATASET")]
+Root = Annotated[
+    Path,
+    typer.Argument(help="The dataset, a directory or URL (docs/storage.md).", metavar="DATASET"),
+]
 
 
 class UsageError(DominoError):
@@ -43,34 +48,46 @@ def print_result(values: Any, as_json: bool, text: str) -> None:
 
 
 def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Rows under their headers, columns as wide as their longest entry; numbers stand to the right."""
+    """Rows under their headers, columns as wide as their longest entry; numbers stand to the
+    right."""
     lines = [list(map(str, line)) for line in (headers, *rows)]
-    right = [all(line[i].replace(".", "", 1).isdigit() for line in lines[1:]) for i in range(len(headers))]
+    right = [
+        all(line[i].replace(".", "", 1).isdigit() for line in lines[1:])
+        for i in range(len(headers))
+    ]
     wide = [max(len(line[i]) for line in lines) for i in range(len(headers))]
     cells = [
-        [text.rjust(n) if to_right else text.ljust(n) for text, n, to_right in zip(line, wide, right, strict=True)]
+        [
+            text.rjust(n) if to_right else text.ljust(n)
+            for text, n, to_right in zip(line, wide, right, strict=True)
+        ]
         for line in lines
     ]
     return "\n".join("  ".join(line).rstrip() for line in cells)
 
 
 def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
-    """Warn on standard error of episodes that are of another version of code or recipe; they are used nevertheless."""
+    """Warn on standard error of episodes that are of another version of code or recipe; they are
+    used nevertheless."""
     from pipeline.run.names import missing_names
     from pipeline.run.state import DONE, OPEN, states
 
     if missing := missing_names(recipe):
         print(
-            f"domino-data: warning: {missing} is not installed: give --plugins with its directory to learn whether the episodes "
-            "are of this version of code and recipe",
+            f"domino-data: warning: {missing} is not installed: give --plugins with its directory"
+            " to learn whether the episodes are of this version of code and recipe",
             file=sys.stderr,
         )
         return
-    stale = sum(state.todo not in (DONE, OPEN) and bool(state.accepted) for _, state in states(dataset, recipe))
+    stale = sum(
+        state.todo not in (DONE, OPEN) and bool(state.accepted)
+        for _, state in states(dataset, recipe)
+    )
     if stale:
         print(
-            f"domino-data: warning: {stale} episodes are of another version of code or recipe and are used as they are; "
-            f"`domino-data status {with_urls(str(dataset.root))}` shows what changed",
+            f"domino-data: warning: {stale} episodes are of another version of code or recipe and"
+            f" are used as they are; `domino-data status {with_urls(str(dataset.root))}` shows what"
+            " changed",
             file=sys.stderr,
         )
 
@@ -85,20 +102,24 @@ def warn_of_pattern(path: Path) -> None:
     """Warn on standard error of a path in which other libraries see a pattern."""
     if set("[]*?") & set(str(path.absolute())):
         print(
-            f"domino-data: warning: {path}: `datasets` and other readers take [ ] * ? in a path for a pattern and find no files "
-            "there: choose another name",
+            f"domino-data: warning: {path}: `datasets` and other readers take [ ] * ? in a path for"
+            " a pattern and find no files there: choose another name",
             file=sys.stderr,
         )
 
 
 @contextmanager
 def resumable(out: Path) -> Iterator[None]:
-    """End the command with one line and exit code 130 if a signal stops the work; what is finished in `out` stays."""
+    """End the command with one line and exit code 130 if a signal stops the work; what is finished
+    in `out` stays."""
     try:
         with stop_on_signal():
             yield
     except Stopped:
-        print(f"stopped; finished work is in {with_urls(str(out))}; rerun the same command to resume", file=sys.stderr)
+        print(
+            f"stopped; finished work is in {with_urls(str(out))}; rerun the same command to resume",
+            file=sys.stderr,
+        )
         raise typer.Exit(130) from None
 
 
@@ -112,12 +133,19 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
     try:
         return None if text is None else [parse(part) for part in split_list(text) or []]
     except ParseError as error:
-        raise UsageError(f"{option} {show_value(text)} is not a list of numbers like 1,2,3") from error
+        raise UsageError(
+            f"{option} {show_value(text)} is not a list of numbers like 1,2,3"
+        ) from error
 
 
 Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
-Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores")]
-Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores"),
+]
+Address = Annotated[
+    str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")
+]
 Gpus = Annotated[
     float | None,
     typer.Option(
@@ -128,12 +156,19 @@ Gpus = Annotated[
     ),
 ]
 RuntimeEnv = Annotated[
-    Path | None, typer.Option(help="A YAML or JSON file with Ray's runtime_env for the processes on the nodes of --address.")
+    Path | None,
+    typer.Option(
+        help=(
+            "A YAML or JSON file with Ray's runtime_env for the processes on the nodes of"
+            " --address."
+        )
+    ),
 ]
 
 
 def check_file(path: Path | None, option: str, kind: str, suffix: str) -> None:
-    """Raise UsageError for a place of a page, an image or a film that names none: no other file is written over."""
+    """Raise UsageError for a place of a page, an image or a film that names none: no other file is
+    written over."""
     if path is not None and path.suffix != suffix:
         raise UsageError(f"{option} {path}: is not the name of {kind}: let it end in {suffix}")
 
@@ -152,17 +187,27 @@ def kind_of(progress: str) -> Kind:
 
 
 def crew_of(
-    executor: str, workers: int | None, address: str | None, gpus: float | None = None, runtime_env: Path | None = None
+    executor: str,
+    workers: int | None,
+    address: str | None,
+    gpus: float | None = None,
+    runtime_env: Path | None = None,
 ) -> Crew:
     """The workers that the options select; an address selects Ray."""
     if address is not None and executor == "inline":
-        raise UsageError("--address names a Ray cluster and --executor inline uses none: leave one of them out")
+        raise UsageError(
+            "--address names a Ray cluster and --executor inline uses none: leave one of them out"
+        )
     if address is not None and not re.fullmatch(r"[A-Za-z0-9._-]{1,253}:[0-9]{1,5}", address):
         raise UsageError(f"--address {show_value(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
     if gpus is not None and not (0 < gpus <= 1 or gpus == gpus // 1 > 1):
-        raise UsageError(f"--gpus-per-worker {gpus:g} is neither a share of a GPU like 0.25 nor a number of GPUs")
+        raise UsageError(
+            f"--gpus-per-worker {gpus:g} is neither a share of a GPU like 0.25 nor a number of GPUs"
+        )
     if runtime_env is not None and address is None:
-        raise UsageError("--runtime-env is for the nodes of a cluster: give its --address, or leave it out")
+        raise UsageError(
+            "--runtime-env is for the nodes of a cluster: give its --address, or leave it out"
+        )
     name, count = executor_of("ray" if address else executor, workers)
     return Crew(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
 
@@ -176,14 +221,28 @@ def runtime_env_of(path: Path | None) -> dict[str, Any]:
     except ParseError as error:
         raise UsageError(f"--runtime-env {error}") from error
     variables = values.get("env_vars", {})
-    if not isinstance(variables, dict) or not all(isinstance(word, str) for pair in variables.items() for word in pair):
-        raise UsageError(f"--runtime-env {path}: env_vars is not a mapping of names to texts, like {{NAME: 'value'}}")
+    if not isinstance(variables, dict) or not all(
+        isinstance(word, str) for pair in variables.items() for word in pair
+    ):
+        raise UsageError(
+            f"--runtime-env {path}: env_vars is not a mapping of names to texts, like {{NAME:"
+            " 'value'}"
+        )
     return values
 
 
 def print_findings(found: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
-    """Print what checks found, by name of what was checked. Raises typer.Exit(1) if a clause does not hold."""
-    lines = [f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}" for name, all_of in found.items() for f in all_of]
-    print_result({name: [vars(f) for f in all_of] for name, all_of in found.items()}, as_json, "\n".join(lines))
+    """Print what checks found, by name of what was checked. Raises typer.Exit(1) if a clause does
+    not hold."""
+    lines = [
+        f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}"
+        for name, all_of in found.items()
+        for f in all_of
+    ]
+    print_result(
+        {name: [vars(f) for f in all_of] for name, all_of in found.items()},
+        as_json,
+        "\n".join(lines),
+    )
     if not all(f.ok for all_of in found.values() for f in all_of):
         raise typer.Exit(1)

@@ -35,7 +35,11 @@ def recipe(incomplete: str) -> list[str]:
     """Names of the recipes of the package, and YAML files and directories, that begin like this."""
     start = Path(incomplete)
     folder = start if incomplete.endswith("/") else start.parent
-    files = [f"{path}/" if path.is_dir() else str(path) for path in folder.glob("*") if path.is_dir() or path.suffix == ".yaml"]
+    files = [
+        f"{path}/" if path.is_dir() else str(path)
+        for path in folder.glob("*")
+        if path.is_dir() or path.suffix == ".yaml"
+    ]
     return _fitting(incomplete, [*shipped_recipes(), *files])
 
 

@@ -1,4 +1,5 @@
-"""evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside the paper, on a WebSocket."""
+"""evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside
+the paper, on a WebSocket."""
 
 import sys
 from collections.abc import Iterator
@@ -28,7 +29,11 @@ from pipeline.data.setup import Setup
 from pipeline.data.store.urls import with_urls
 
 Baselines = Annotated[
-    bool, typer.Option("--baselines", help="Also evaluate `static` and `still` on the same scenes; printed beside the table.")
+    bool,
+    typer.Option(
+        "--baselines",
+        help="Also evaluate `static` and `still` on the same scenes; printed beside the table.",
+    ),
 ]
 
 if TYPE_CHECKING:
@@ -39,52 +44,105 @@ PRINTS = "policy.log"
 """The file in OUT for what a policy prints in a process of its own that a worker started."""
 
 
-@recipe_options(*CELLS, "assets", *SETUP, levels="1", tasks="all", cameras="none", textures="unseen", rules="strict")
+@recipe_options(
+    *CELLS,
+    "assets",
+    *SETUP,
+    levels="1",
+    tasks="all",
+    cameras="none",
+    textures="unseen",
+    rules="strict",
+)
 def evaluate(
     given: Given,
     policy: Annotated[
         str,
         typer.Option(
-            help="replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and others (docs/evaluation.md)."
+            help=(
+                "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
+                " others (docs/evaluation.md)."
+            )
         ),
     ],
-    episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Admitted scenes per cell.")] = 100,
+    episodes: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Admitted scenes per cell.")
+    ] = 100,
     seed: Annotated[
-        int, typer.Option(min=0, max=10**12, help="Scenes are drawn from seed 100000 * (1 + SEED); a large secret seed hides them.")
+        int,
+        typer.Option(
+            min=0,
+            max=10**12,
+            help="Scenes are drawn from seed 100000 * (1 + SEED); a large secret seed hides them.",
+        ),
     ] = 0,
     clock: Annotated[
         str | None,
-        typer.Option(help="sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default that of the rules."),
+        typer.Option(
+            help=(
+                "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
+                " that of the rules."
+            )
+        ),
     ] = None,
-    instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
-    compounding: Annotated[bool, typer.Option(help="Apply the clutter penalty to every distractor, as the original does.")] = False,
+    instructions: Annotated[
+        str, typer.Option(help="Instructions of the split seen or unseen.")
+    ] = "unseen",
+    compounding: Annotated[
+        bool,
+        typer.Option(help="Apply the clutter penalty to every distractor, as the original does."),
+    ] = False,
     baselines: Baselines = False,
-    films: Annotated[int, typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films).")] = 0,
+    films: Annotated[
+        int,
+        typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films)."),
+    ] = 0,
     answer_seconds: Annotated[
         float,
         typer.Option(
-            min=0.01, max=86_400, help="Time limit of one answer of the policy (s); all answers of an episode have ten times that."
+            min=0.01,
+            max=86_400,
+            help=(
+                "Time limit of one answer of the policy (s); all answers of an episode have ten"
+                " times that."
+            ),
         ),
     ] = 300.0,
     batch_wait: Annotated[
         float | None,
         typer.Option(
-            min=0, max=60_000, help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions."
+            min=0,
+            max=60_000,
+            help=(
+                "Load a BatchPolicy once for all workers; a batch waits this many ms for more"
+                " questions."
+            ),
         ),
     ] = None,
     in_process: Annotated[
         bool,
-        typer.Option(help="Run the policy in the evaluator's process, where a debugger reaches it and it could change its score."),
+        typer.Option(
+            help=(
+                "Run the policy in the evaluator's process, where a debugger reaches it and it"
+                " could change its score."
+            )
+        ),
     ] = False,
-    manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
+    manifests: Annotated[
+        Path | None,
+        typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default."),
+    ] = None,
     executor: Executor = "auto",
     workers: Workers = None,
     address: Address = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
+    out: Annotated[
+        Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
+    ] = Path("OUT"),
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
+    """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with
+    intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.scoring.summary import table
@@ -92,7 +150,9 @@ def evaluate(
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
-    recipe = given.recipe(without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1])
+    recipe = given.recipe(
+        without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1]
+    )
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)
@@ -123,7 +183,8 @@ def evaluate(
     if outcome.faults:
         count, first = sum(outcome.faults.values()), next(iter(outcome.faults))
         print(
-            f"domino-data: warning: episodes without a valid answer of the policy, which count as failed: {count} ({first})",
+            "domino-data: warning: episodes without a valid answer of the policy, which count as"
+            f" failed: {count} ({first})",
             file=sys.stderr,
         )
     text = [table(outcome.cells), *_mean_lines(outcome)]
@@ -135,19 +196,28 @@ def _mean_lines(outcome: "Outcome") -> list[str]:
     same = ("level", "alpha", "domain", "embodiment", "category")
 
     def line(mean: dict[str, Any], name: str) -> str:
-        scores = f"SR {mean['success_rate']:.1f} %, RC {mean['route_completion']:.1f}, MS {mean['manipulation_score']:.1f}"
+        scores = (
+            f"SR {mean['success_rate']:.1f} %, RC {mean['route_completion']:.1f}, MS"
+            f" {mean['manipulation_score']:.1f}"
+        )
         return f"{name}: {scores}"
 
     out = list[str]()
     for mean in outcome.means:
-        out.append(line(mean, f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}"))
+        out.append(
+            line(mean, f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}")
+        )
         beside = [row for row in outcome.baselines if all(row[key] == mean[key] for key in same)]
-        out += [line(row, f"   {row['policy']} on {row['episodes']} of these {mean['episodes']} scenes") for row in beside]
+        out += [
+            line(row, f"   {row['policy']} on {row['episodes']} of these {mean['episodes']} scenes")
+            for row in beside
+        ]
     return out
 
 
 def _named(policy: str, in_process: bool, prints: Path | None = None) -> "PolicyName":
-    """The policy that `--policy` names; one of this machine runs in a process of its own unless `in_process`."""
+    """The policy that `--policy` names; one of this machine runs in a process of its own unless
+    `in_process`."""
     from pipeline.evaluate.names import policy_name
 
     name = policy_name(policy, prints)
@@ -161,15 +231,21 @@ def name_file(prints: Path | None) -> Iterator[None]:
         yield
     finally:
         if prints is not None and prints.is_file() and prints.stat().st_size:
-            print(f"domino-data: what the policy printed is in {with_urls(str(prints))}", file=sys.stderr)
+            print(
+                f"domino-data: what the policy printed is in {with_urls(str(prints))}",
+                file=sys.stderr,
+            )
 
 
 def _images_setup(given: Given, recipe: Recipe) -> Setup:
-    """The setup of an evaluation: images only where cameras are named, textures of training only where they are asked for."""
+    """The setup of an evaluation: images only where cameras are named, textures of training only
+    where they are asked for."""
     from pipeline.evaluate.scenes.case import blind
 
     if given.values.get("cameras") == [] or not (given.from_file or "cameras" in given.values):
-        if asked := next((key for key in ("depth", "segmentation", "pointcloud") if given.values.get(key)), None):
+        if asked := next(
+            (key for key in ("depth", "segmentation", "pointcloud") if given.values.get(key)), None
+        ):
             raise UsageError(f"--{asked} is of the images of --cameras: name some")
         return blind(recipe)
     return recipe.setup.override({"textures": given.values.get("textures", "unseen")})
@@ -178,21 +254,39 @@ def _images_setup(given: Given, recipe: Recipe) -> Setup:
 def compare(
     runs: Annotated[
         list[str],
-        typer.Argument(help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.", metavar="RUN..."),
+        typer.Argument(
+            help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.",
+            metavar="RUN...",
+        ),
     ],
     effect: Annotated[
-        float, typer.Option(min=0.01, max=100, help="Estimate the number of scenes that a difference of this many points needs.")
+        float,
+        typer.Option(
+            min=0.01,
+            max=100,
+            help="Estimate the number of scenes that a difference of this many points needs.",
+        ),
     ] = 5,
-    unpaired: Annotated[bool, typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise.")] = False,
+    unpaired: Annotated[
+        bool,
+        typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare policies with the first one on the scenes they share: difference, 95 % interval, exact test, scenes needed."""
+    """Compare policies with the first one on the scenes they share: difference, 95 % interval,
+    exact test, scenes needed."""
     from pipeline.evaluate.scoring.compare import compare as compare_arms
     from pipeline.evaluate.scoring.compare import compare_unpaired, read_arms
 
     first, *others = read_arms(runs)
-    found = [row for other in others for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)]
-    text = "\n".join([_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]).rstrip()
+    found = [
+        row
+        for other in others
+        for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)
+    ]
+    text = "\n".join(
+        [_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]
+    ).rstrip()
     print_result({"effect": effect, "comparisons": found}, as_json, text)
 
 
@@ -201,11 +295,26 @@ def _describe_share(row: dict[str, Any]) -> str:
     tried = [row.get("first_episodes"), row.get("second_episodes")]
     if tried == [row.get("shared")] * 2:
         return ""
-    return f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of {tried[1]} and {tried[0]}"
+    return (
+        f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of"
+        f" {tried[1]} and {tried[0]}"
+    )
 
 
 def _describe(rows: list[dict[str, Any]], effect: float) -> str:
-    head = ("policy", "against", "of", "scenes", "SR %", "SR %", "difference (95 %)", "won", "lost", "p", f"for {effect:g} points")
+    head = (
+        "policy",
+        "against",
+        "of",
+        "scenes",
+        "SR %",
+        "SR %",
+        "difference (95 %)",
+        "won",
+        "lost",
+        "p",
+        f"for {effect:g} points",
+    )
     body = [
         (
             row["second"],
@@ -228,19 +337,29 @@ def _describe(rows: list[dict[str, Any]], effect: float) -> str:
 @recipe_options("rules", "cameras", files=(), rules="domino")
 def paper_table(
     given: Given,
-    name: Annotated[str, typer.Argument(help="One of those in docs/evaluation.md, such as main.", metavar="NAME")],
+    name: Annotated[
+        str,
+        typer.Argument(help="One of those in docs/evaluation.md, such as main.", metavar="NAME"),
+    ],
     policy: Annotated[str, typer.Option(help="A policy, as for `evaluate`.")],
     tasks: Annotated[str, typer.Option(help="Only these of its tasks, such as click_bell.")] = "",
-    episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")] = 100,
-    clock: Annotated[str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")] = None,
+    episodes: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")
+    ] = 100,
+    clock: Annotated[
+        str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")
+    ] = None,
     baselines: Baselines = False,
     in_process: Annotated[bool, typer.Option("--in-process", help="As for `evaluate`.")] = False,
     executor: Executor = "auto",
     workers: Workers = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
+    out: Annotated[
+        Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
+    ] = Path("OUT"),
     as_json: AsJson = False,
 ) -> None:
-    """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
+    """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published
+    rows."""
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.scoring.paper import beside, differences, experiment
     from pipeline.run.evaluation import evaluation_of, runner
@@ -254,7 +373,14 @@ def paper_table(
     }
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(recipe, setup, _named(policy, in_process), clock or "", episodes=episodes, baselines=baselines)
+    wanted = evaluation_of(
+        recipe,
+        setup,
+        _named(policy, in_process),
+        clock or "",
+        episodes=episodes,
+        baselines=baselines,
+    )
     outcome = run_evaluation(wanted, out, runner(crew_of(executor, workers, None)))
     means = outcome.means
     rows = beside(found, [*means, *outcome.baselines])
@@ -265,33 +391,75 @@ def paper_table(
             row["method"] if row["paper"] else f"-> {row['method']}",
             row["level"],
             row["category"],
-            *(_number(row["paper"], row[key], row.get(f"{key}_interval")) for key in ("success_rate", "manipulation_score")),
+            *(
+                _number(row["paper"], row[key], row.get(f"{key}_interval"))
+                for key in ("success_rate", "manipulation_score")
+            ),
         )
         for row in rows
     ]
-    text = [found.title, "", table(("method", "level", "tasks", "SR %", "MS"), lines), "", "-> differs from the paper:"]
+    text = [
+        found.title,
+        "",
+        table(("method", "level", "tasks", "SR %", "MS"), lines),
+        "",
+        "-> differs from the paper:",
+    ]
     values = {"experiment": name, "rows": rows, "differences": apart, "episodes": str(out)}
     print_result(values, as_json, "\n".join([*text, *(f"   {line}" for line in apart)]))
 
 
 def _number(paper: bool, value: float, interval: list[float] | None) -> str:
-    return f"{value:g}" if paper or interval is None else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
+    return (
+        f"{value:g}"
+        if paper or interval is None
+        else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
+    )
 
 
 def serve_policy(
-    policy: Annotated[str, typer.Argument(help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds.")],
+    policy: Annotated[
+        str,
+        typer.Argument(
+            help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds."
+        ),
+    ],
     host: Annotated[
-        str, typer.Option(help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN.")
+        str,
+        typer.Option(
+            help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN."
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")] = 8765,
-    clients: Annotated[int, typer.Option(min=1, max=1000, help="Number of simultaneous clients, each with its own policy.")] = 1,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")
+    ] = 8765,
+    clients: Annotated[
+        int,
+        typer.Option(
+            min=1, max=1000, help="Number of simultaneous clients, each with its own policy."
+        ),
+    ] = 1,
     batch_wait: Annotated[
         float | None,
-        typer.Option(min=0, max=60_000, help="Use one BatchPolicy for all clients; a batch waits this many ms for more questions."),
+        typer.Option(
+            min=0,
+            max=60_000,
+            help=(
+                "Use one BatchPolicy for all clients; a batch waits this many ms for more"
+                " questions."
+            ),
+        ),
     ] = None,
-    embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
+    embodiment: Annotated[
+        str, typer.Option(help="The robot of openpi's clients, which do not name it.")
+    ] = "aloha",
     reset_every: Annotated[
-        int, typer.Option(min=0, max=100_000, help="Number of questions in an episode of openpi's clients; 0 detects its end.")
+        int,
+        typer.Option(
+            min=0,
+            max=100_000,
+            help="Number of questions in an episode of openpi's clients; 0 detects its end.",
+        ),
     ] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -313,7 +481,10 @@ def serve_policy(
     def made() -> Policy:
         found = make_here(name)
         if isinstance(found, SeesTruth):
-            raise UsageError(f"{policy} is shown the simulation itself and cannot be served: give it to evaluate --policy")
+            raise UsageError(
+                f"{policy} is shown the simulation itself and cannot be served: give it to evaluate"
+                " --policy"
+            )
         return found
 
     def print_address(port: int) -> None:
@@ -327,5 +498,7 @@ def serve_policy(
 
     make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
     options = ServerOptions(name.label, robot, reset_every)
-    server = PolicyServer(make, options, place, Limits(clients), lambda line: typer.echo(line, err=True))
+    server = PolicyServer(
+        make, options, place, Limits(clients), lambda line: typer.echo(line, err=True)
+    )
     server.run(print_address)

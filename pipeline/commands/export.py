@@ -1,4 +1,5 @@
-"""export and publish: the episodes of a dataset in another format, whose own options are those of its dataclass."""
+"""export and publish: the episodes of a dataset in another format, whose own options are those of
+its dataclass."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +27,10 @@ from pipeline.data.licences import forbidden, licences_in
 from pipeline.data.splits import VALIDATION
 
 GIVEN = "given"
-FORMATS = "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds, dynamicwam, puma-gt"
+FORMATS = (
+    "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds,"
+    " dynamicwam, puma-gt"
+)
 
 
 def format_flags(formats: Iterable[str]) -> dict[str, dict[str, bool]]:
@@ -44,9 +48,11 @@ def format_flags(formats: Iterable[str]) -> dict[str, dict[str, bool]]:
 def split_options(
     args: list[str], own: set[str], flags: Mapping[str, bool], format_: str = ""
 ) -> tuple[list[str], dict[str, str | bool]]:
-    """Arguments without the options of the format, and these by field name; `flags` is true for options that take no value.
+    """Arguments without the options of the format, and these by field name; `flags` is true for
+    options that take no value.
 
-    Raises UsageError for an option that is neither in `own` nor in `flags`, and for one without its value.
+    Raises UsageError for an option that is neither in `own` nor in `flags`, and for one without its
+    value.
     """
     rest: list[str] = []
     given: dict[str, str | bool] = {}
@@ -65,7 +71,9 @@ def split_options(
             continue
         if flag.startswith("--") and flag not in own:
             options = ", ".join(flags) or "none"
-            raise UsageError(f"{flag} is not an option of export nor of --format {format_}, which has: {options}")
+            raise UsageError(
+                f"{flag} is not an option of export nor of --format {format_}, which has: {options}"
+            )
         rest.append(word)
     return rest, given
 
@@ -81,19 +89,26 @@ def named_format(args: Sequence[str]) -> str | None:
 
 
 class ExportCommand(BoundedCommand):
-    """A command that takes the options of a format beside its own; the module of no other format is imported."""
+    """A command that takes the options of a format beside its own; the module of no other format is
+    imported."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the command line. Raises UsageError, in one line, for options that the format does not have."""
+        """Parse the command line. Raises UsageError, in one line, for options that the format does
+        not have."""
         from pipeline.export import EXPORTERS
 
         name, helps = named_format(args), "--help" in args
-        if name is None and not helps and not ctx.resilient_parsing:  # words that the shell completes
+        # words that the shell completes
+        if name is None and not helps and not ctx.resilient_parsing:
             raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
         # whether the format exists is for the verb to say
-        flags = format_flags([name] if name is not None and name in EXPORTERS and not helps else EXPORTERS)
+        flags = format_flags(
+            [name] if name is not None and name in EXPORTERS and not helps else EXPORTERS
+        )
         own = {option for parameter in self.get_params(ctx) for option in parameter.opts}
-        rest, given = split_options(args, own, {flag: all(users.values()) for flag, users in flags.items()}, name or "")
+        rest, given = split_options(
+            args, own, {flag: all(users.values()) for flag, users in flags.items()}, name or ""
+        )
         ctx.meta[GIVEN] = given
         if helps:
             self.epilog = _describe_options(flags)
@@ -108,7 +123,11 @@ def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
     lines = ["Options of formats:"]
     for flag, users in flags.items():
         f = next(f for f in fields(EXPORTERS[next(iter(users))].options) if flag_name(f) == flag)
-        default = "" if f.default is MISSING or isinstance(f.default, bool | None) or f.default == "" else f"; default {f.default}"
+        default = (
+            ""
+            if f.default is MISSING or isinstance(f.default, bool | None) or f.default == ""
+            else f"; default {f.default}"
+        )
         lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}{default}")
     return "\n\n".join(lines)
 
@@ -117,16 +136,31 @@ def export(
     ctx: typer.Context,
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help=f"{FORMATS}.")],
-    out: Annotated[Path | None, typer.Option(help="Directory of the export.", show_default="DATASET/exports/FORMAT")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Directory of the export.", show_default="DATASET/exports/FORMAT"),
+    ] = None,
     split: Annotated[
-        Literal["episodes", "failures"], typer.Option(help="What to export: the episodes, or the stored failed attempts.")
+        Literal["episodes", "failures"],
+        typer.Option(help="What to export: the episodes, or the stored failed attempts."),
     ] = "episodes",
-    embodiment: Annotated[str | None, typer.Option(help="Export these robots only, comma separated.", show_default="all")] = None,
-    where: Annotated[str | None, typer.Option(help='Export these episodes only, e.g. "level=3 and average_speed>0.1".')] = None,
+    embodiment: Annotated[
+        str | None,
+        typer.Option(help="Export these robots only, comma separated.", show_default="all"),
+    ] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(help='Export these episodes only, e.g. "level=3 and average_speed>0.1".'),
+    ] = None,
     validation: Annotated[
-        float, typer.Option(min=0, max=0.9, help="Share of physics episodes in the split named validation.")
+        float,
+        typer.Option(
+            min=0, max=0.9, help="Share of physics episodes in the split named validation."
+        ),
     ] = VALIDATION,
-    ladder: Annotated[Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")] = None,
+    ladder: Annotated[
+        Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")
+    ] = None,
     workers: Workers = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -137,8 +171,13 @@ def export(
 
     source, robots = Dataset(dataset), split_list(embodiment)
     if embodiment is not None and not robots:
-        raise UsageError(f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by commas")
-    request = Request(format_, ctx.meta[GIVEN], out, split, robots or (), where or "", validation, ladder)
+        raise UsageError(
+            f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by"
+            " commas"
+        )
+    request = Request(
+        format_, ctx.meta[GIVEN], out, split, robots or (), where or "", validation, ladder
+    )
     warn_of_pattern(out or dataset)
     made = run_export(source, request, executor_of("ray", workers)[1], not as_json and not quiet)
     if made.warning:
@@ -150,9 +189,15 @@ def export(
 def publish(
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help="The export to publish; it must exist.")],
-    repo_id: Annotated[str, typer.Option("--repo-id", help="Name of the dataset repository, OWNER/NAME.")],
-    private: Annotated[bool, typer.Option("--private", help="Make the repository private.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be uploaded.")] = False,
+    repo_id: Annotated[
+        str, typer.Option("--repo-id", help="Name of the dataset repository, OWNER/NAME.")
+    ],
+    private: Annotated[
+        bool, typer.Option("--private", help="Make the repository private.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only list what would be uploaded.")
+    ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the upload.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -167,9 +212,13 @@ def publish(
         raise UsageError(f"--format {format_!r} is unknown: choose {', '.join(EXPORTERS)}")
     place = source.exports(format_)
     if not place.is_dir():
-        raise UsageError(f"{place} is not there: run `domino-data export {dataset} --format {format_}` first")
+        raise UsageError(
+            f"{place} is not there: run `domino-data export {dataset} --format {format_}` first"
+        )
     if held := forbidden(licences_in(source.made_by())):
-        raise UsageError(f"{dataset}: shows {', '.join(held)}: this licence forbids publishing; ask its owner")
+        raise UsageError(
+            f"{dataset}: shows {', '.join(held)}: this licence forbids publishing; ask its owner"
+        )
     if problems := differences(source, place):
         raise UsageError(f"{problems[0]}: export it again first")
     shipment = prepare(place, repo_id, private)

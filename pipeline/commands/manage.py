@@ -27,7 +27,11 @@ def diff(
     values = run_diff(Dataset(a), Dataset(b))
     lines = [f"recipe: {change}" for change in values["recipes"]]
     lines += [Difference(**d).describe() for d in values["differ"][:SHOWN]]
-    lines += [f"and {len(values['differ']) - SHOWN} more (--json prints all)"] if len(values["differ"]) > SHOWN else []
+    lines += (
+        [f"and {len(values['differ']) - SHOWN} more (--json prints all)"]
+        if len(values["differ"]) > SHOWN
+        else []
+    )
     lines += [f"{count} slots: {reason}" for reason, count in values["why"].items()]
     lines.append(f"{values['same']} slots are the same, {len(values['differ'])} differ")
     print_result(values, as_json, "\n".join(lines))
@@ -37,46 +41,73 @@ def diff(
 
 def regenerate(
     dataset: Root,
-    episode: Annotated[str, typer.Option(help="The episode: its path below DATASET/episodes.", show_default=False)],
+    episode: Annotated[
+        str, typer.Option(help="The episode: its path below DATASET/episodes.", show_default=False)
+    ],
     as_json: AsJson = False,
 ) -> None:
-    """Make one episode again in a temporary directory, and compare its bytes with the stored ones; exit code 1 if they differ."""
+    """Make one episode again in a temporary directory, and compare its bytes with the stored ones;
+    exit code 1 if they differ."""
     from pipeline.run.regenerate import regenerate as run_regenerate
 
     made = run_regenerate(Dataset(dataset), episode)
     said = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
     if not made.same:
-        why = f"; changed since it was made: {', '.join(made.changed)}" if made.changed else "; its keys are the same"
-        said = f"{made.slot}: made again, other bytes: {', '.join(made.differ) or 'how they are laid out'}{why}"
+        why = (
+            f"; changed since it was made: {', '.join(made.changed)}"
+            if made.changed
+            else "; its keys are the same"
+        )
+        said = (
+            f"{made.slot}: made again, other bytes:"
+            f" {', '.join(made.differ) or 'how they are laid out'}{why}"
+        )
     print_result(asdict(made), as_json, said)
     if not made.same:
         raise typer.Exit(1)
 
 
 def merge(
-    datasets: Annotated[list[Path], typer.Argument(help="Two or more dataset directories of one recipe.", metavar="A B")],
-    out: Annotated[Path, typer.Option(help="Directory of the new dataset; rerun the same command to resume.")],
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(help="Two or more dataset directories of one recipe.", metavar="A B"),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Directory of the new dataset; rerun the same command to resume.")
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Join datasets of one recipe and one version of the code."""
     from pipeline.run.merge import merge as run_merge
 
     merged = run_merge([Dataset(path) for path in datasets], Dataset(out))
-    parts = ", ".join(f"{count} from {path}" for count, path in zip(merged.taken, datasets, strict=True))
+    parts = ", ".join(
+        f"{count} from {path}" for count, path in zip(merged.taken, datasets, strict=True)
+    )
     print_result(
-        asdict(merged), as_json, f"{merged.accepted} of {merged.slots} episodes in {out} ({merged.given_up} given up; {parts})"
+        asdict(merged),
+        as_json,
+        f"{merged.accepted} of {merged.slots} episodes in {out} ({merged.given_up} given up;"
+        f" {parts})",
     )
 
 
 def gc(
     dataset: Root,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only list what would be removed.")
+    ] = False,
     local: Annotated[
-        bool, typer.Option("--local", help="For a URL: remove its local copy on this machine, and nothing on the store.")
+        bool,
+        typer.Option(
+            "--local",
+            help="For a URL: remove its local copy on this machine, and nothing on the store.",
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and partial files.
+    """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and
+    partial files.
 
     Whole episodes of no slot go to DATASET/orphans."""
     from pipeline.run.gc import WHOLE, collect
@@ -87,20 +118,37 @@ def gc(
     found = collect(Dataset(dataset), dry_run)
     lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
     lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
-    would, removed = "would be" if dry_run else "were", [orphan for orphan in found if orphan.why != WHOLE]
+    would, removed = (
+        "would be" if dry_run else "were",
+        [orphan for orphan in found if orphan.why != WHOLE],
+    )
     if moved := len(found) - len(removed):
-        lines.append(f"{moved} whole episodes of no slot {would} moved to {Dataset(dataset).orphans}")
-    lines.append(f"{len(removed)} files, {sum(orphan.size for orphan in removed) / 1e6:.1f} MB, {would} removed")
-    print_result({"removed": not dry_run, "files": [asdict(orphan) for orphan in found]}, as_json, "\n".join(lines))
+        lines.append(
+            f"{moved} whole episodes of no slot {would} moved to {Dataset(dataset).orphans}"
+        )
+    lines.append(
+        f"{len(removed)} files, {sum(orphan.size for orphan in removed) / 1e6:.1f} MB, {would}"
+        " removed"
+    )
+    print_result(
+        {"removed": not dry_run, "files": [asdict(orphan) for orphan in found]},
+        as_json,
+        "\n".join(lines),
+    )
 
 
 def _forget(dataset: Path, dry_run: bool, as_json: bool) -> None:
     """Remove the mirrors of a URL."""
     url = url_of(dataset)
     if url is None:
-        raise UsageError(f"--local is for the URL of a store, and {dataset} is a directory: leave it out")
+        raise UsageError(
+            f"--local is for the URL of a store, and {dataset} is a directory: leave it out"
+        )
     places = forget(url, dry_run)
     lines = [f"{place.path}: {place.size / 1e6:.1f} MB" for place in places]
-    lines.append(f"{len(places)} directories with local copies of {url} {'would be' if dry_run else 'were'} removed")
+    lines.append(
+        f"{len(places)} directories with local copies of {url} {'would be' if dry_run else 'were'}"
+        " removed"
+    )
     values = {"removed": not dry_run, "directories": [asdict(place) for place in places]}
     print(json.dumps(values, indent=1) if as_json else "\n".join(lines))

@@ -1,4 +1,5 @@
-"""The options that name keys of a recipe, made from the recipe's model: the same names, bounds and help for every verb."""
+"""The options that name keys of a recipe, made from the recipe's model: the same names, bounds and
+help for every verb."""
 
 import inspect
 import json
@@ -31,14 +32,20 @@ Manifest = Annotated[
     typer.Option(
         "--manifest",
         "--recipe",
-        help="A recipe file (YAML), or the name of one that ships with the package; other options override its keys.",
+        help=(
+            "A recipe file (YAML), or the name of one that ships with the package; other options"
+            " override its keys."
+        ),
         autocompletion=complete.recipe,
     ),
 ]
 Like = Annotated[
     Path | None,
     typer.Option(
-        help="A dataset whose recipe is used, or a checkpoint with a setup.yaml; other options override its keys.",
+        help=(
+            "A dataset whose recipe is used, or a checkpoint with a setup.yaml; other options"
+            " override its keys."
+        ),
         metavar="DATASET",
     ),
 ]
@@ -49,7 +56,8 @@ FLAGS = {key: option_of(key) for key in EVERY}
 
 @dataclass(frozen=True)
 class Given:
-    """The part of a command line that defines a recipe: the values of the given options, by key, and the files."""
+    """The part of a command line that defines a recipe: the values of the given options, by key,
+    and the files."""
 
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
     manifest: Path | None = None
@@ -61,8 +69,9 @@ class Given:
         return self.manifest is not None or self.like is not None
 
     def recipe(self, without: Sequence[str] = (), **defaults: Any) -> Recipe:
-        """The recipe of the files and the options, whose names are resolved; keys `without` are not set. `defaults` hold where no
-        file gives a whole recipe. Raises RecipeError, and UsageError if two files do."""
+        """The recipe of the files and the options, whose names are resolved; keys `without` are not
+        set. `defaults` hold where no file gives a whole recipe. Raises RecipeError, and UsageError
+        if two files do."""
         # a second: it imports every task
         from pipeline.run.names import installed_recipe, recipe_from
 
@@ -72,17 +81,23 @@ class Given:
         if self.manifest is not None:
             values, source = read_recipe(find_recipe(self.manifest)), str(self.manifest)
         elif self.like is not None and (self.like / SETUP_FILE).exists():
-            values, source = values | read_recipe(self.like / SETUP_FILE), str(self.like / SETUP_FILE)
+            values, source = (
+                values | read_recipe(self.like / SETUP_FILE),
+                str(self.like / SETUP_FILE),
+            )
         elif self.like is not None:
             values, source = installed_recipe(Dataset(self.like)).model_dump(), str(self.like)
-        values = {key: value for key, value in (values | dict(self.values)).items() if key not in without}
+        values = {
+            key: value for key, value in (values | dict(self.values)).items() if key not in without
+        }
         return recipe_from(values, source, {key: FLAGS[key] for key in self.values})
 
 
 def recipe_options(
     *keys: str, files: Sequence[str] = tuple(FILES), **shown_defaults: str
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Gives a verb, whose first parameter is `given: Given`, an option for each of these keys of a recipe and for `files`.
+    """Gives a verb, whose first parameter is `given: Given`, an option for each of these keys of a
+    recipe and for `files`.
 
     `shown_defaults` are what --help shows as defaults, where they are not the recipe's.
     """
@@ -91,14 +106,21 @@ def recipe_options(
         @wraps(verb)
         def run(**arguments: Any) -> None:
             texts = {key: arguments.pop(_parameter(key)) for key in keys}
-            values = {key: parse_value(key, text) for key, text in texts.items() if text is not None}
+            values = {
+                key: parse_value(key, text) for key, text in texts.items() if text is not None
+            }
             paths = {name: arguments.pop(name) for name in files}
             verb(Given(values, **paths), **arguments)
 
         own = inspect.signature(verb, eval_str=True)
         kind = inspect.Parameter.KEYWORD_ONLY
-        taken = {name: FILES[name] for name in files} | {_parameter(key): _option(key, shown_defaults.get(key)) for key in keys}
-        added = [inspect.Parameter(name, kind, default=None, annotation=option) for name, option in taken.items()]
+        taken = {name: FILES[name] for name in files} | {
+            _parameter(key): _option(key, shown_defaults.get(key)) for key in keys
+        }
+        added = [
+            inspect.Parameter(name, kind, default=None, annotation=option)
+            for name, option in taken.items()
+        ]
         rest = [p.replace(kind=kind) for p in list(own.parameters.values())[1:]]
         parameters = sorted([*added, *rest], key=lambda p: p.default is not inspect.Parameter.empty)
         run.__signature__ = own.replace(parameters=parameters)  # pyright: ignore[reportAttributeAccessIssue]
@@ -120,7 +142,12 @@ def _option(key: str, default: str | None) -> Any:
     field_ = Recipe.model_fields[key]
     text = " ".join((field_.description or "").split())
     if kind is bool:
-        return Annotated[bool | None, typer.Option(f"{option_of(key)}/--no-{option_of(key)[2:]}", help=text, show_default=False)]
+        return Annotated[
+            bool | None,
+            typer.Option(
+                f"{option_of(key)}/--no-{option_of(key)[2:]}", help=text, show_default=False
+            ),
+        ]
     names = (option_of(key), "--preset") if key == "render" else (option_of(key),)
     words: dict[str, Any] = {
         "help": text,
@@ -156,12 +183,16 @@ def parse_value(key: str, given: Any) -> Any:
         wrong = error if key == "size" else "is not a list of numbers like 1,2,3"
         raise UsageError(f"{option_of(key)} {show_value(given)} {wrong}") from error
     if not words:
-        raise UsageError(f"{option_of(key)} {given!r} names nothing: leave it out, or name some, separated by commas")
+        raise UsageError(
+            f"{option_of(key)} {given!r} names nothing: leave it out, or name some, separated by"
+            " commas"
+        )
     return words
 
 
 def cameras_of(text: str) -> list[str | dict[str, Any]]:
-    """The comma-separated names and JSON objects of --cameras; nothing for "none". Raises UsageError."""
+    """The comma-separated names and JSON objects of --cameras; nothing for "none". Raises
+    UsageError."""
     found: list[str | dict[str, Any]] = []
     decoder, at = json.JSONDecoder(), 0
     while at < len(text):
@@ -173,7 +204,9 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
                 found.append(bounded(value))
             except (ValueError, RecursionError) as error:
                 why = "nested too deeply" if isinstance(error, RecursionError) else error
-                raise UsageError(f"--cameras: {show_value(text[at:])} is not JSON ({why})") from error
+                raise UsageError(
+                    f"--cameras: {show_value(text[at:])} is not JSON ({why})"
+                ) from error
             at = end
         else:
             end = text.find(",", at)
@@ -181,5 +214,7 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
             found.append(text[at:end].strip())
             at = end
     if not found:
-        raise UsageError(f"--cameras {text!r} names nothing: leave it out, or name some, separated by commas")
+        raise UsageError(
+            f"--cameras {text!r} names nothing: leave it out, or name some, separated by commas"
+        )
     return [] if found == ["none"] else found

@@ -15,27 +15,39 @@ from pipeline.data.intact import check_bytes, kept_failures
 
 def show(
     episode: Annotated[Path, typer.Argument(help="An episode file (.hdf5).", metavar="EPISODE")],
-    out: Annotated[Path | None, typer.Option(help="The page to write.", show_default="DATASET/report/show/...html")] = None,
-    film: Annotated[Path | None, typer.Option(help="Film (.mp4) to write instead: both arms, the target's path.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The page to write.", show_default="DATASET/report/show/...html"),
+    ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(help="Film (.mp4) to write instead: both arms, the target's path."),
+    ] = None,
     open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a page with the film of an episode, its frames, events and sentences, and print its path."""
+    """Write a page with the film of an episode, its frames, events and sentences, and print its
+    path."""
     from pipeline.report.show import show as write
 
     check_file(out, "--out", "a page", ".html")
     if episode.is_dir():
-        raise UsageError(f"{episode} is a directory: name one of the .hdf5 files below DATASET/episodes")
+        raise UsageError(
+            f"{episode} is a directory: name one of the .hdf5 files below DATASET/episodes"
+        )
     if film is not None and out is not None:
         raise UsageError("--film and --out: each writes a file of its own; give one of them")
-    page = write(episode, out or default_page(episode)) if film is None else write_film(episode, film)
+    page = (
+        write(episode, out or default_page(episode)) if film is None else write_film(episode, film)
+    )
     print_result({"page" if film is None else "film": str(page)}, as_json, str(page))
     if open_ and not webbrowser.open(page.resolve().as_uri()):
         raise UsageError(f"no browser could be opened: open {page} by hand")
 
 
 def write_film(episode: Path, film: Path) -> Path:
-    """Draw an episode of a dataset again and write the film of it. Raises UsageError, and EpisodeError."""
+    """Draw an episode of a dataset again and write the film of it. Raises UsageError, and
+    EpisodeError."""
     from functools import partial
 
     from pipeline.report.clip import observed
@@ -44,7 +56,10 @@ def write_film(episode: Path, film: Path) -> Path:
     root = dataset_of(episode)
     check_file(film, "--film", "a film", ".mp4")
     if root is None:
-        raise UsageError(f"{episode} is in no dataset, whose assets/ a film is drawn from: name a file below DATASET/episodes")
+        raise UsageError(
+            f"{episode} is in no dataset, whose assets/ a film is drawn from: name a file below"
+            " DATASET/episodes"
+        )
     write_atomic(film, observed(episode, partial(redraw_smooth, bodies=Dataset(root).bodies)))
     return film
 
@@ -52,11 +67,19 @@ def write_film(episode: Path, film: Path) -> Path:
 def dataset_of(episode: Path) -> Path | None:
     """The root of the dataset that an episode file belongs to, or None."""
     places = episode.resolve().parents
-    return next((root for root in places if (root / "manifest.yaml").exists() and root / "episodes" in places), None)
+    return next(
+        (
+            root
+            for root in places
+            if (root / "manifest.yaml").exists() and root / "episodes" in places
+        ),
+        None,
+    )
 
 
 def default_page(episode: Path) -> Path:
-    """Where the page of an episode goes: in the report of its dataset, or here for a file that is in none."""
+    """Where the page of an episode goes: in the report of its dataset, or here for a file that is
+    in none."""
     root = dataset_of(episode)
     if root is None:
         return Path(f"{episode.stem}.html")
@@ -69,18 +92,35 @@ PAGES = 30
 
 def view(
     dataset: Root,
-    out: Annotated[Path | None, typer.Option(help="Directory of the pages.", show_default="DATASET/report/view")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Directory of the pages.", show_default="DATASET/report/view"),
+    ] = None,
     episodes: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Episodes on the offline page, and as many failures; levels have equal shares.")
+        int,
+        typer.Option(
+            min=1,
+            max=100_000,
+            help="Episodes on the offline page, and as many failures; levels have equal shares.",
+        ),
     ] = PAGES,
-    serve: Annotated[bool, typer.Option("--serve", help="Show all episodes from a server on this machine instead.")] = False,
-    rerun: Annotated[Path | None, typer.Option(help="Write recordings for rerun (.rrd) to this directory instead.")] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 selects a free one.")] = 0,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Show all episodes from a server on this machine instead."),
+    ] = False,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(help="Write recordings for rerun (.rrd) to this directory instead."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the server; 0 selects a free one.")
+    ] = 0,
     open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write pages that show episodes, cameras in step with curves and events, or serve them; works without a network."""
+    """Write pages that show episodes, cameras in step with curves and events, or serve them; works
+    without a network."""
     from pipeline.report.viewer import choose, viewer_server, write_viewer
     from pipeline.report.viewer.rerun_log import log_episode
 
@@ -90,7 +130,10 @@ def view(
         if place is not None and place.resolve() != pages.resolve():
             _check_place(place, source.root, option)
     recipe = source.recipe()
-    there, failed = sorted(source.accepted(recipe)), sorted(path for _, path, _ in kept_failures(source, recipe))
+    there, failed = (
+        sorted(source.accepted(recipe)),
+        sorted(path for _, path, _ in kept_failures(source, recipe)),
+    )
     if not there and not failed:
         raise UsageError(f"{dataset} has no finished episodes to show")
     if serve:
@@ -107,8 +150,13 @@ def view(
     for path in chosen:
         check_bytes(source, path.relative_to(source.episodes))
     if rerun is not None:
-        names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
-        made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]
+        names = [
+            "-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen
+        ]
+        made = [
+            str(log_episode(path, name, rerun / f"{name}.rrd"))
+            for path, name in zip(chosen, names, strict=True)
+        ]
         return print_result({"recordings": made}, as_json, "\n".join(made))
     shown = [*chosen, *choose(failed, episodes)]
     with tqdm(total=len(shown), unit="ep", disable=as_json or quiet or None) as bar:
@@ -120,12 +168,22 @@ def view(
 
 
 def _check_place(place: Path, dataset: Path, option: str) -> None:
-    """Raise UsageError for a directory in the dataset, one that holds it, and one with files that this command did not write."""
+    """Raise UsageError for a directory in the dataset, one that holds it, and one with files that
+    this command did not write."""
     from pipeline.report.viewer.page import LIST, PAGE, PLOTLY
 
     inside, outside = place.resolve(), dataset.resolve()
     if inside.is_relative_to(outside) or outside.is_relative_to(inside):
-        raise UsageError(f"{option} {place}: is inside the dataset or holds it: name another directory")
+        raise UsageError(
+            f"{option} {place}: is inside the dataset or holds it: name another directory"
+        )
     ours = (PAGE, LIST, PLOTLY, "episode_", ".")
-    if place.is_dir() and (foreign := [f for f in place.iterdir() if not f.name.startswith(ours) and f.suffix != ".rrd"]):
-        raise UsageError(f"{option} {place}: has {foreign[0].name}, which is not a page of the viewer: name another directory")
+    if place.is_dir() and (
+        foreign := [
+            f for f in place.iterdir() if not f.name.startswith(ours) and f.suffix != ".rrd"
+        ]
+    ):
+        raise UsageError(
+            f"{option} {place}: has {foreign[0].name}, which is not a page of the viewer: name"
+            " another directory"
+        )

@@ -1,4 +1,5 @@
-"""The contract of the crew: the workers, what a job and its work are, and the two ways in which a job ends."""
+"""The contract of the crew: the workers, what a job and its work are, and the two ways in which a
+job ends."""
 
 import os
 from collections import Counter
@@ -31,7 +32,8 @@ all machines, by name. Raises DominoError for a machine that cannot do the work.
 
 
 class CrewError(DominoError):
-    """The crew cannot work: no worker starts, no cluster answers, or worker after worker is lost."""
+    """The crew cannot work: no worker starts, no cluster answers, or worker after worker is
+    lost."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,18 @@ class Crew:
 
     def __post_init__(self) -> None:
         if not (0 <= self.gpus <= 1 or self.gpus == int(self.gpus) > 1):
-            raise CrewError(f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number")
+            raise CrewError(
+                f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number"
+            )
         if self.runtime_env and self.address is None:
-            raise CrewError("a runtime environment is for the machines of a cluster: name it with --address")
+            raise CrewError(
+                "a runtime environment is for the machines of a cluster: name it with --address"
+            )
         if self.executor not in EXECUTORS[1:] or self.workers < 1:
-            raise CrewError(f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at least 1 worker")
+            raise CrewError(
+                f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at"
+                " least 1 worker"
+            )
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,9 @@ def run[J, R](
 
 
 @contextmanager
-def _hire[J, R](make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> "Iterator[Workers[J, R]]":
+def _hire[J, R](
+    make: Make[J, R], crew: Crew, seconds: float, check: Check | None
+) -> "Iterator[Workers[J, R]]":
     """The Ray workers of a run; they are killed at its end."""
     with session(crew):
         # the session sets what Ray reads when it is imported

@@ -176,7 +176,9 @@ class Metrics:
             self._count("domino_attempts", 1, **cell, reason=row["reason"] or "accepted")
             if row is attempts[-1]:
                 accepted = row["outcome"] == "accepted"
-                self._count("domino_slots", 1, **cell, outcome="accepted" if accepted else "given_up")
+                self._count(
+                    "domino_slots", 1, **cell, outcome="accepted" if accepted else "given_up"
+                )
         for phase, seconds in phases.items():
             if not phase.endswith(".cpu") and seconds > 0:
                 self._count("domino_phase_seconds", seconds, phase=phase)

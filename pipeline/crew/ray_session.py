@@ -122,23 +122,30 @@ def _check_cluster(address: str) -> None:
     process that joins what is no cluster, or with another token, is ended by Ray."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535 or "//" in host:
-        raise CrewError(f"--address {address} is not host:port: run the command on a machine of the cluster")
+        raise CrewError(
+            f"--address {address} is not host:port: run the command on a machine of the cluster"
+        )
     command = [sys.executable, "-c", _ASK, address]
     why = ""
     try:
         with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS):
             pass
-        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=_JOIN_SECONDS)
+        done = subprocess.run(
+            command, check=False, capture_output=True, text=True, timeout=_JOIN_SECONDS
+        )
         if done.returncode:
-            why = one_line(done.stderr.strip().rpartition("\n")[2]) or f"exit code {done.returncode}"
+            why = (
+                one_line(done.stderr.strip().rpartition("\n")[2]) or f"exit code {done.returncode}"
+            )
     except subprocess.TimeoutExpired:
         why = f"no answer for {_JOIN_SECONDS:.0f} s"
     except (OSError, UnicodeError) as error:
         why = getattr(error, "strerror", None) or str(error)
     if why:
         raise CrewError(
-            f"no Ray cluster at {address} lets this command in: {why}; start one, name another --address, or set "
-            "RAY_AUTH_MODE, RAY_AUTH_TOKEN and the version of Ray to the cluster's (docs/cluster.md)"
+            f"no Ray cluster at {address} lets this command in: {why}; start one, name another"
+            " --address, or set RAY_AUTH_MODE, RAY_AUTH_TOKEN and the version of Ray to the"
+            " cluster's (docs/cluster.md)"
         )
 
 

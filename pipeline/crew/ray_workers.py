@@ -27,7 +27,9 @@ _PR_SET_PDEATHSIG = 1
 class CrewWorker:
     """What runs inside a Ray actor."""
 
-    def begin(self, make: Make[Any, Any], check: Check | None, plugins: Snapshot) -> "tuple[str, str, dict[str, str]]":
+    def begin(
+        self, make: Make[Any, Any], check: Check | None, plugins: Snapshot
+    ) -> "tuple[str, str, dict[str, str]]":
         """Load plugins, check the machine and make the work. Returns Ray's id of the node, the
         machine's name, and what `check` found. Raises CrewError for a machine that is refused."""
         # the kernel ends this process with its parent, the raylet, which ends with the driver:
@@ -92,7 +94,9 @@ class Workers[J, R]:
         plugins = Snapshot.taken() if crew.address else Snapshot()
         self._begin = make, check, plugins
         actor: Any = ray.remote(CrewWorker)
-        self._actor = actor.options(num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD")
+        self._actor = actor.options(
+            num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD"
+        )
         self._first: tuple[str, dict[str, str]] | None = None
         self._busy: dict[ray.ObjectRef[Any], _Hired[J]] = {}  # by the answer to come
         self._idle: list[_Hired[J]] = []
@@ -166,13 +170,20 @@ class Workers[J, R]:
             one, other = known.get(fact, "none"), facts.get(fact, "none")
             if one != other:
                 ray.kill(worker.actor)
-                raise CrewError(f"node {name}: its {fact} is {other}, that of node {first} is {one}: have the same on all nodes")
+                raise CrewError(
+                    f"node {name}: its {fact} is {other}, that of node {first} is {one}: have the"
+                    " same on all nodes"
+                )
 
-    def _lose(self, worker: _Hired[J], reason: Literal["worker_died", "worker_hung"], why: str) -> Iterator[Lost[J]]:
+    def _lose(
+        self, worker: _Hired[J], reason: Literal["worker_died", "worker_hung"], why: str
+    ) -> Iterator[Lost[J]]:
         ray.kill(worker.actor)
         alive = {node["NodeID"] for node in ray.nodes() if node["Alive"]}
         if not alive:
-            raise CrewError("Ray has ended (killed, or no memory left?); rerun the same command to resume")
+            raise CrewError(
+                "Ray has ended (killed, or no memory left?); rerun the same command to resume"
+            )
         if worker.task is not None:
             gone = "node_lost" if worker.node not in alive else reason
             yield Lost(worker.task, gone, worker.trying, time.monotonic() - worker.since)
@@ -193,5 +204,8 @@ def _share(crew: Crew) -> float:
     room = int(there) * per_gpu if crew.gpus <= 1 else int(there / crew.gpus)
     if room < crew.workers:
         has = f"{there:g} GPUs, room for {room} workers" if there else "no GPU"
-        raise CrewError(f"{crew.workers} workers with {crew.gpus:g} GPUs each: Ray has {has}; fewer --workers or --gpus-per-worker")
+        raise CrewError(
+            f"{crew.workers} workers with {crew.gpus:g} GPUs each: Ray has {has}; fewer --workers"
+            " or --gpus-per-worker"
+        )
     return crew.gpus

@@ -1,1 +1,2 @@
-"""What is stored: recipes, datasets, episodes. Opens anywhere; nothing of the simulator is imported."""
+"""What is stored: recipes, datasets, episodes. Opens anywhere; nothing of the simulator is
+imported."""

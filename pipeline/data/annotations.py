@@ -1,7 +1,9 @@
-"""Annotations as stored: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json with the full parameters.
+"""Annotations as stored: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json
+with the full parameters.
 
-One file per episode and stage; arrays are indexed by absolute frame. A file carries its full annotation key and a checksum of its
-content. pipeline/annotate makes them; whatever reads them needs only this.
+One file per episode and stage; arrays are indexed by absolute frame. A file carries its full
+annotation key and a checksum of its content. pipeline/annotate makes them; whatever reads them
+needs only this.
 """
 
 import hashlib
@@ -23,12 +25,14 @@ from pipeline.data.reading import read_regular
 
 
 class CorruptAnnotation(Exception):
-    """An annotation file that cannot be read or whose content is not what was written; the message names the file."""
+    """An annotation file that cannot be read or whose content is not what was written; the message
+    names the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One annotation file: its full key, its arrays (first axis = absolute frame), plain attributes, and the content checksum."""
+    """One annotation file: its full key, its arrays (first axis = absolute frame), plain
+    attributes, and the content checksum."""
 
     key: str
     arrays: Mapping[str, NDArray[Any]]
@@ -37,7 +41,8 @@ class Entry:
 
 
 def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
-    """File of one episode (relative path as from `episode_paths`) in a stage's directory such as "flow@0a1b2c3d".
+    """File of one episode (relative path as from `episode_paths`) in a stage's directory such as
+    "flow@0a1b2c3d".
 
     Raises ValueError for a directory that is no plain name: stored parameters name some.
     """
@@ -48,11 +53,14 @@ def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
 
 def checksum(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> str:
     """sha256 of what an entry holds: its arrays and its attributes."""
-    return hashlib.sha256(canonical([arrays_digest(arrays), canonical(dict(attributes)).decode()])).hexdigest()
+    return hashlib.sha256(
+        canonical([arrays_digest(arrays), canonical(dict(attributes)).decode()])
+    ).hexdigest()
 
 
 def read_entry(path: Path) -> Entry:
-    """Read an annotation whole and check it. Raises FileNotFoundError, or CorruptAnnotation for a damaged file."""
+    """Read an annotation whole and check it. Raises FileNotFoundError, or CorruptAnnotation for a
+    damaged file."""
     if not path.is_file():
         raise FileNotFoundError(path)
     try:
@@ -65,14 +73,27 @@ def read_entry(path: Path) -> Entry:
             entry = Entry(str(f.attrs["key"]), arrays, attributes, str(f.attrs["checksum"]))
         whole = checksum(arrays, attributes) == entry.checksum
     # h5py answers damage with any of these, depending on which byte it is
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeError, MemoryError) as error:
-        raise CorruptAnnotation(f"{path}: cannot be read ({error}); run annotate again to recompute it") from error
+    except (
+        OSError,
+        KeyError,
+        ValueError,
+        TypeError,
+        RuntimeError,
+        UnicodeError,
+        MemoryError,
+    ) as error:
+        raise CorruptAnnotation(
+            f"{path}: cannot be read ({error}); run annotate again to recompute it"
+        ) from error
     if not whole:
-        raise CorruptAnnotation(f"{path}: content does not match its checksum; run annotate again to recompute it")
+        raise CorruptAnnotation(
+            f"{path}: content does not match its checksum; run annotate again to recompute it"
+        )
     return entry
 
 
 def stages_of(dataset: Path) -> dict[str, dict[str, Any]]:
-    """Stage directories that a dataset has: directory name -> content of its stage.json, sorted by name."""
+    """Stage directories that a dataset has: directory name -> content of its stage.json, sorted by
+    name."""
     found = sorted((Path(dataset) / "annotations").glob("*@*/stage.json"))
     return {path.parent.name: parse_json(read_regular(path)) for path in found}

@@ -1,4 +1,5 @@
-"""A store of what images were drawn from: named arrays and plain attributes under the hash of their content, each once."""
+"""A store of what images were drawn from: named arrays and plain attributes under the hash of their
+content, each once."""
 
 import io
 import json
@@ -50,11 +51,16 @@ class AssetStore:
         for folder in self.root.iterdir() if self.root.is_dir() else ():
             if folder.is_dir():
                 with os.scandir(folder) as files:
-                    found.update(file.name.removesuffix(".npz") for file in files if file.name.endswith(".npz"))
+                    found.update(
+                        file.name.removesuffix(".npz")
+                        for file in files
+                        if file.name.endswith(".npz")
+                    )
         return found
 
     def put(self, arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:
-        """Keep arrays and attributes (plain JSON data), unless they are there already; returns their hash. Raises OSError."""
+        """Keep arrays and attributes (plain JSON data), unless they are there already; returns
+        their hash. Raises OSError."""
         key = _hash(arrays, attributes)
         path = self.path(key)
         if not path.exists():
@@ -62,15 +68,16 @@ class AssetStore:
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
-        """Take an asset over from another store, unless it is here already. Raises AssetError if it is missing there or
-        damaged, OSError."""
+        """Take an asset over from another store, unless it is here already. Raises AssetError if it
+        is missing there or damaged, OSError."""
         path = self.path(key)
         if not path.exists():
             source.get(key)
             write_atomic(path, source.path(key).read_bytes())
 
     def get(self, key: str) -> tuple[dict[str, NDArray[Any]], Any]:
-        """Arrays and attributes of an asset. Raises AssetError if it is missing, damaged or not what its hash says."""
+        """Arrays and attributes of an asset. Raises AssetError if it is missing, damaged or not
+        what its hash says."""
         path = self.path(key)
         try:
             check_regular(path)
@@ -78,26 +85,46 @@ class AssetStore:
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; {_FIX}") from error
-        except (OSError, ValueError, KeyError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-            raise AssetError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); remove it: {_FIX}") from error
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            MemoryError,
+            RuntimeError,
+            zipfile.BadZipFile,
+            zlib.error,
+        ) as error:
+            raise AssetError(
+                f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); remove it:"
+                f" {_FIX}"
+            ) from error
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; remove it: {_FIX}")
         return arrays, attributes
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file that `put` wrote, by name. Raises ValueError if an array claims another size than its member of the
-    archive has, and the errors of zipfile."""
+    """The arrays of a file that `put` wrote, by name. Raises ValueError if an array claims another
+    size than its member of the archive has, and the errors of zipfile."""
     arrays, most = dict[str, NDArray[Any]](), INFLATION * path.stat().st_size
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
             if info.file_size > most:
-                raise ValueError(f"{info.filename} claims {info.file_size} bytes, more than the file can hold")
+                raise ValueError(
+                    f"{info.filename} claims {info.file_size} bytes, more than the file can hold"
+                )
             data = bytearray(archive.read(info))
-            start = npy.MAGIC_LEN + 2 + int.from_bytes(data[npy.MAGIC_LEN : npy.MAGIC_LEN + 2], "little")
+            start = (
+                npy.MAGIC_LEN
+                + 2
+                + int.from_bytes(data[npy.MAGIC_LEN : npy.MAGIC_LEN + 2], "little")
+            )
             shape, in_columns, dtype = _header(bytes(data[:start]))
             if math.prod(shape) * dtype.itemsize != len(data) - start:
-                raise ValueError(f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size")
+                raise ValueError(
+                    f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size"
+                )
             array = np.ndarray(shape, dtype, data, start, order="F" if in_columns else "C")
             arrays[info.filename.removesuffix(".npy")] = array
     return arrays
@@ -105,8 +132,8 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 @lru_cache(4096)
 def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order and type that the header of an array says: numpy compiles each header as Python, and few differ. Raises
-    ValueError."""
+    """Shape, order and type that the header of an array says: numpy compiles each header as Python,
+    and few differ. Raises ValueError."""
     stream = io.BytesIO(data)
     npy.read_magic(stream)
     shape, in_columns, dtype = npy.read_array_header_1_0(stream)
@@ -118,7 +145,12 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 def _encode(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:
     data = io.BytesIO()
     text = np.frombuffer(canonical(attributes), np.uint8)
-    np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **{name: arrays[name] for name in sorted(arrays)})
+    np.savez_compressed(
+        data,
+        allow_pickle=False,
+        **{_ATTRIBUTES: text},
+        **{name: arrays[name] for name in sorted(arrays)},
+    )
     return data.getvalue()
 
 

@@ -1,7 +1,8 @@
-"""Files and directories that are either whole or not there: written beside their place, flushed, then renamed.
+"""Files and directories that are either whole or not there: written beside their place, flushed,
+then renamed.
 
-A temporary name is `.<name>.<host>.<process id>.tmp`, so that what a killed process left behind can be told from what a live one is
-writing.
+A temporary name is `.<name>.<host>.<process id>.tmp`, so that what a killed process left behind can
+be told from what a live one is writing.
 """
 
 import os
@@ -23,7 +24,8 @@ def temporary_name(path: Path) -> Path:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path to write a file to, which becomes `path` when the block ends without an error and vanishes otherwise.
+    """A temporary path to write a file to, which becomes `path` when the block ends without an
+    error and vanishes otherwise.
 
     The directory is made where it is missing. Raises OSError if the disk refuses.
     """
@@ -40,10 +42,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_directory(path: Path) -> Iterator[Path]:
-    """A temporary directory which becomes `path` when the block ends without an error and vanishes otherwise.
+    """A temporary directory which becomes `path` when the block ends without an error and vanishes
+    otherwise.
 
-    A directory that is already at `path` is replaced only then; one that a killed process had set aside is put back first. Raises
-    OSError where the disk refuses.
+    A directory that is already at `path` is replaced only then; one that a killed process had set
+    aside is put back first. Raises OSError where the disk refuses.
     """
     old = path.with_name(f".{path.name}.old")
     made = not path.parent.exists()
@@ -74,7 +77,8 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 
 def remove(path: Path) -> None:
-    """Take away what is at `path`, if anything: a file, a link, or a directory with all that it holds. Raises OSError."""
+    """Take away what is at `path`, if anything: a file, a link, or a directory with all that it
+    holds. Raises OSError."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -82,11 +86,17 @@ def remove(path: Path) -> None:
 
 
 def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
-    """Delete temporary files and directories that dead processes of this host left below `directory`; returns how many."""
+    """Delete temporary files and directories that dead processes of this host left below
+    `directory`; returns how many."""
     host, gone = socket.gethostname(), 0
     for left in sorted(directory.glob(pattern)):
         parts = left.name.removesuffix(".tmp").rsplit(".", 1)
-        if len(parts) == 2 and parts[0].endswith(f".{host}") and parts[1].isdecimal() and not _writes(int(parts[1]), left):
+        if (
+            len(parts) == 2
+            and parts[0].endswith(f".{host}")
+            and parts[1].isdecimal()
+            and not _writes(int(parts[1]), left)
+        ):
             with suppress(OSError):
                 remove(left)
                 gone += 1
@@ -94,12 +104,15 @@ def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
 
 
 def _writes(pid: int, path: Path) -> bool:
-    """Whether that process may be writing `path`: it lives, and it began no later than the last change there.
+    """Whether that process may be writing `path`: it lives, and it began no later than the last
+    change there.
 
-    A process that began later only has got the number of the one that wrote it, and a zombie writes no more.
+    A process that began later only has got the number of the one that wrote it, and a zombie writes
+    no more.
     """
     try:
-        # after the name, which may hold blanks and brackets: the state, field 3, and field 22, ticks since the machine started
+        # after the name, which may hold blanks and brackets: the state, field 3, and field 22,
+        # ticks since the machine started
         state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         ticks = int(fields[18])
         up = float(Path("/proc/uptime").read_text().split()[0])

@@ -1,4 +1,5 @@
-"""Images and light that a user brings for the room: found, hashed and read. A recipe names them by path and content."""
+"""Images and light that a user brings for the room: found, hashed and read. A recipe names them by
+path and content."""
 
 import hashlib
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from pipeline.data.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
 
 KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
-"""Folders of a directory of textures, and metres that an image there covers if its name does not tell (`oak@0.8.jpg`)."""
+"""Folders of a directory of textures, and metres that an image there covers if its name does not
+tell (`oak@0.8.jpg`)."""
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 TEXELS = 512
@@ -34,7 +36,8 @@ class BroughtError(DominoError, ValueError):
 
 
 class Brought(BaseModel):
-    """A directory of textures or a file of light: absolute path, sha256 of what it holds, and its licence."""
+    """A directory of textures or a file of light: absolute path, sha256 of what it holds, and its
+    licence."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -53,9 +56,12 @@ def bring_textures(text: str) -> Brought:
 
 
 def bring_light(text: str) -> Brought:
-    """The light in a file, read as textures are. Raises DominoError for one that is missing or damaged."""
+    """The light in a file, read as textures are. Raises DominoError for one that is missing or
+    damaged."""
     path = Path(text).absolute()
-    return Brought(path=str(path), content=_limited(_light_hash, path), licence=_licence(path.parent))
+    return Brought(
+        path=str(path), content=_limited(_light_hash, path), licence=_licence(path.parent)
+    )
 
 
 def _limited(read: Callable[[Path], str], path: Path) -> str:
@@ -74,12 +80,14 @@ def _light_hash(path: Path) -> str:
 
 
 def textures_of(brought: Brought) -> Textures:
-    """The textures that a recipe names. Raises BroughtError as `bring_textures`, and if they have changed."""
+    """The textures that a recipe names. Raises BroughtError as `bring_textures`, and if they have
+    changed."""
     return _held_textures(Path(brought.path), brought.content)
 
 
 def light_of(brought: Brought) -> NDArray[np.float32]:
-    """Radiance (H,W,3) from all directions, equirectangular. Raises BroughtError as `bring_light`, and if it has changed."""
+    """Radiance (H,W,3) from all directions, equirectangular. Raises BroughtError as `bring_light`,
+    and if it has changed."""
     return _held_light(Path(brought.path), brought.content)
 
 
@@ -99,25 +107,41 @@ def _held_light(path: Path, content: str) -> NDArray[np.float32]:
 
 def _check_same(path: Path, found: str, content: str) -> None:
     if found != content:
-        raise BroughtError(f"{path}: has changed since the recipe was made: bring back what it held")
+        raise BroughtError(
+            f"{path}: has changed since the recipe was made: bring back what it held"
+        )
 
 
 def _read_textures(root: Path) -> tuple[str, Textures]:
-    files = {kind: sorted(p for p in (root / kind).glob("*") if p.suffix.lower() in SUFFIXES) for kind in KINDS}
+    files = {
+        kind: sorted(p for p in (root / kind).glob("*") if p.suffix.lower() in SUFFIXES)
+        for kind in KINDS
+    }
     if not 0 < sum(map(len, files.values())) <= MOST_FILES:
-        wanted = f"1 to {MOST_FILES} images ({', '.join(SUFFIXES)}) into {', '.join(f'{kind}/' for kind in KINDS)}"
+        wanted = (
+            f"1 to {MOST_FILES} images ({', '.join(SUFFIXES)}) into"
+            f" {', '.join(f'{kind}/' for kind in KINDS)}"
+        )
         raise BroughtError(f"{root}: is no directory of textures: put {wanted}")
     total, found = hashlib.sha256(), Textures()
     for kind, paths in files.items():
         images = []
         for path in paths:
             data = _bytes(path)
-            total.update(f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n".encode(errors="surrogateescape"))
+            total.update(
+                f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n".encode(
+                    errors="surrogateescape"
+                )
+            )
             image = _decode(path, data, cv2.IMREAD_COLOR)
             if image is None:
                 raise BroughtError(f"{path}: is no image that can be read: replace or remove it")
-            rgba = cv2.cvtColor(cv2.resize(image, (TEXELS, TEXELS), interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2RGBA)
-            upright = np.asarray(rgba[::-1].copy(), np.uint8)  # a texture begins at the foot of its tile
+            rgba = cv2.cvtColor(
+                cv2.resize(image, (TEXELS, TEXELS), interpolation=cv2.INTER_AREA),
+                cv2.COLOR_BGR2RGBA,
+            )
+            # a texture begins at the foot of its tile
+            upright = np.asarray(rgba[::-1].copy(), np.uint8)
             images.append((upright, _metres(path, kind)))
         if images:
             found[kind] = tuple(images)
@@ -133,7 +157,9 @@ def _metres(path: Path, kind: str) -> float:
     except ValueError:
         metres = 0.0
     if not 0.01 <= metres <= 100:
-        raise BroughtError(f"{path}: after the @ of its name come the metres that it covers, 0.01 to 100")
+        raise BroughtError(
+            f"{path}: after the @ of its name come the metres that it covers, 0.01 to 100"
+        )
     return metres
 
 
@@ -147,7 +173,9 @@ def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
         raise BroughtError(f"{path}: holds no light that can be read: replace it")
     height, width = radiance.shape[:2]
     if width != 2 * height:
-        raise BroughtError(f"{path}: is {width}x{height}, but an equirectangular image is twice as wide as high")
+        raise BroughtError(
+            f"{path}: is {width}x{height}, but an equirectangular image is twice as wide as high"
+        )
     return hashlib.sha256(data).hexdigest(), np.asarray(radiance[..., ::-1], np.float32)
 
 
@@ -155,7 +183,9 @@ def _decode(path: Path, data: bytes, how: int) -> NDArray | None:
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), how) if data else None
     except cv2.error as error:
-        raise BroughtError(f"{path}: unpacks to more than there is memory for: make it smaller") from error
+        raise BroughtError(
+            f"{path}: unpacks to more than there is memory for: make it smaller"
+        ) from error
 
 
 def _bytes(path: Path) -> bytes:

@@ -1,4 +1,5 @@
-"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL conventions), and what one captured."""
+"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL conventions), and what one
+captured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ CAMERA_TYPES = {
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera: `link` is None for one fixed in the world; `pose` (7,) is in the world or in the link, x forward, y left, z up."""
+    """A camera: `link` is None for one fixed in the world; `pose` (7,) is in the world or in the
+    link, x forward, y left, z up."""
 
     name: str
     type: CameraType
@@ -43,14 +45,19 @@ def look(position: ArrayLike, forward: ArrayLike, left: ArrayLike = (-1, 0, 0)) 
 
 
 def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: float = 0.05) -> Pose:
-    """World pose of the nearest upright camera looking along `forward` that has all points (N,3) in its image.
+    """World pose of the nearest upright camera looking along `forward` that has all points (N,3) in
+    its image.
 
     A share `margin` of the width and of the height stays free on each side.
     """
     f = np.asarray(forward, float) / np.linalg.norm(forward)
     left = np.cross([0.0, 0.0, 1.0], f)
     left /= np.linalg.norm(left)
-    across = np.tan(np.radians(kind.fovy) / 2) * (1 - 2 * margin) * np.array([kind.width / kind.height, 1.0])
+    across = (
+        np.tan(np.radians(kind.fovy) / 2)
+        * (1 - 2 * margin)
+        * np.array([kind.width / kind.height, 1.0])
+    )
     p = np.asarray(points, float)
     depth, sides = p @ f, p @ np.stack([left, np.cross(f, left)], 1)
     # |side - centre| <= across (depth - eye) for every point bounds `eye` from both sides
@@ -65,7 +72,8 @@ def intrinsics(camera: CameraType) -> NDArray[np.float64]:
     return np.array([[f, 0, camera.width / 2], [0, f, camera.height / 2], [0, 0, 1]])
 
 
-# columns: camera axes (x right, y down, z forward) expressed in the body convention (x forward, y left, z up)
+# columns: camera axes (x right, y down, z forward) expressed in the body convention (x forward, y
+# left, z up)
 _CV_IN_BODY = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _GL_IN_BODY = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
 
@@ -84,37 +92,58 @@ def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=64)
-def _matrices(camera: CameraType, world_pose: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Extrinsics and intrinsics of one view, remembered: an evaluation asks at every control period whether a fixed camera sees."""
+def _matrices(
+    camera: CameraType, world_pose: bytes
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Extrinsics and intrinsics of one view, remembered: an evaluation asks at every control period
+    whether a fixed camera sees."""
     return extrinsics_cv(np.frombuffer(world_pose)), intrinsics(camera)
 
 
-def project(camera: CameraType, world_pose: ArrayLike, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Project world points (..., 3): pixel coordinates (..., 2) and depth (...) in m along the viewing axis."""
+def project(
+    camera: CameraType, world_pose: ArrayLike, points: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Project world points (..., 3): pixel coordinates (..., 2) and depth (...) in m along the
+    viewing axis."""
     e, k = _matrices(camera, np.asarray(world_pose, float).tobytes())
     p = np.asarray(points, float) @ e[:3, :3].T + e[:3, 3]
     uv = p @ k.T
     return uv[..., :2] / uv[..., 2:], p[..., 2]
 
 
-def visible(camera: CameraType, world_pose: ArrayLike, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Which world points (..., 3) fall inside the image, at least `margin` pixels from its border, in front of the camera."""
+def visible(
+    camera: CameraType, world_pose: ArrayLike, points: ArrayLike, margin: float = 0.0
+) -> NDArray[np.bool_]:
+    """Which world points (..., 3) fall inside the image, at least `margin` pixels from its border,
+    in front of the camera."""
     uv, depth = project(camera, world_pose, points)
-    inside = (uv >= margin).all(-1) & (uv[..., 0] <= camera.width - margin) & (uv[..., 1] <= camera.height - margin)
+    inside = (
+        (uv >= margin).all(-1)
+        & (uv[..., 0] <= camera.width - margin)
+        & (uv[..., 1] <= camera.height - margin)
+    )
     return inside & (depth > 0.05)
 
 
-def world_poses(camera: Camera, links: Mapping[str, NDArray[np.float64]], frames: int) -> NDArray[np.float64]:
-    """World poses (T,7) of a camera over `frames` frames; `links` holds the poses (T,7) of the links by name. Raises KeyError."""
+def world_poses(
+    camera: Camera, links: Mapping[str, NDArray[np.float64]], frames: int
+) -> NDArray[np.float64]:
+    """World poses (T,7) of a camera over `frames` frames; `links` holds the poses (T,7) of the
+    links by name. Raises KeyError."""
     mount = np.asarray(camera.pose, float)
-    return np.repeat(mount[None], frames, 0) if camera.link is None else compose(links[camera.link], mount)
+    return (
+        np.repeat(mount[None], frames, 0)
+        if camera.link is None
+        else compose(links[camera.link], mount)
+    )
 
 
 @dataclass(eq=False)
 class View:
     """The images of one camera: RGB (T,H,W,3) uint8 and its world poses (T,7).
 
-    Depth is (T,H,W) uint16 mm, segmentation (T,H,W) uint8: body index + 1, 0 = background. Both are None unless requested.
+    Depth is (T,H,W) uint16 mm, segmentation (T,H,W) uint8: body index + 1, 0 = background. Both are
+    None unless requested.
     """
 
     camera: Camera

@@ -1,4 +1,5 @@
-"""Hashes of every dataset and attribute of an episode file, by name: they show what changed even if the file's hash is forged."""
+"""Hashes of every dataset and attribute of an episode file, by name: they show what changed even if
+the file's hash is forged."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -16,7 +17,8 @@ HEADER = "header"
 
 
 def content_hashes(file: h5py.File, read: Callable[[str], Any]) -> dict[str, str]:
-    """sha256 (32 hex digits) of every dataset by its name, and of all attributes under HEADER; `read` returns a dataset, whole.
+    """sha256 (32 hex digits) of every dataset by its name, and of all attributes under HEADER;
+    `read` returns a dataset, whole.
 
     Raises what h5py raises for a damaged file.
     """
@@ -39,9 +41,17 @@ def differing(a: Mapping[str, str], b: Mapping[str, str]) -> list[str]:
 
 def _hash(values: Any) -> str:
     # texts are objects, one alone is no array where h5py reads it
-    texts = [values] if isinstance(values, bytes) else values.ravel().tolist() if values.dtype.hasobject else None
+    texts = (
+        [values]
+        if isinstance(values, bytes)
+        else values.ravel().tolist()
+        if values.dtype.hasobject
+        else None
+    )
     return (arrays_digest({"": np.asarray(values)}) if texts is None else frames_digest(texts))[:32]
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: np.asarray(attributes[name]).tolist() for name in sorted(attributes) if name != HASHES}
+    return {
+        name: np.asarray(attributes[name]).tolist() for name in sorted(attributes) if name != HASHES
+    }

@@ -1,4 +1,5 @@
-"""A dataset directory: where its files are, and which of its slots are finished. Reading one needs no simulator."""
+"""A dataset directory: where its files are, and which of its slots are finished. Reading one needs
+no simulator."""
 
 import json
 import os
@@ -27,8 +28,8 @@ from pipeline.data.setup import Setup
 from pipeline.data.store.mirror import upload
 
 EDITED = (
-    "was edited after it was written; undo the edit. To change what a dataset holds, give `build` other options: "
-    "a dataset only grows, anything else needs another --out"
+    "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"
+    " other options: a dataset only grows, anything else needs another --out"
 )
 """What is said of a manifest whose values are not those that were frozen."""
 
@@ -45,7 +46,8 @@ class Dataset(Paths):
     """One dataset directory: its paths, its recipe, and which of its slots are finished."""
 
     def create(self, recipe: Recipe) -> None:
-        """Freeze the recipe, or check that the directory already holds this one or a part of it, which then grows.
+        """Freeze the recipe, or check that the directory already holds this one or a part of it,
+        which then grows.
 
         Raises DatasetError if it holds another, or more.
         """
@@ -56,11 +58,13 @@ class Dataset(Paths):
             if held == recipe:
                 return
             if changed := differences(held, recipe):
-                raise DatasetError(f"{self.root} holds another recipe: {'; '.join(changed)}: choose another --out")
+                raise DatasetError(
+                    f"{self.root} holds another recipe: {'; '.join(changed)}: choose another --out"
+                )
             if more := left_out(held, recipe):
                 raise DatasetError(
-                    f"{self.root} holds another recipe, with more: {'; '.join(more)}: name all of it and what is new "
-                    "(a dataset only grows), or choose another --out"
+                    f"{self.root} holds another recipe, with more: {'; '.join(more)}: name all of"
+                    " it and what is new (a dataset only grows), or choose another --out"
                 )
             self._freeze(recipe)
             return
@@ -73,7 +77,8 @@ class Dataset(Paths):
         upload(self.manifest)
 
     def recipe(self) -> Recipe:
-        """The frozen recipe, whose names were resolved when it was frozen. Raises DatasetError if there is none."""
+        """The frozen recipe, whose names were resolved when it was frozen. Raises DatasetError if
+        there is none."""
         self.check_folders()
         if not self.manifest.exists():
             raise DatasetError(f"{self.root} is no dataset: it has no manifest.yaml")
@@ -88,11 +93,15 @@ class Dataset(Paths):
         except RecipeError as error:
             raise DatasetError(str(error)) from error
         if not recipe.tasks:
-            raise DatasetError(f"{self.manifest}: names no tasks, so it is not the manifest of a dataset; restore it")
+            raise DatasetError(
+                f"{self.manifest}: names no tasks, so it is not the manifest of a dataset;"
+                " restore it"
+            )
         return recipe
 
     def is_edited(self) -> bool:
-        """Whether the values of manifest.yaml are not those that were frozen. A dataset of version 0.1.0 has no seal: False.
+        """Whether the values of manifest.yaml are not those that were frozen. A dataset of version
+        0.1.0 has no seal: False.
 
         Raises DatasetError for a manifest that cannot be read.
         """
@@ -118,11 +127,13 @@ class Dataset(Paths):
                 raise DatasetError(f"{path} is a file, not a directory; remove it")
 
     def ask[T](self, question: Callable[[Index], T]) -> T:
-        """What the index answers; it is made again from the files first if it is missing or damaged. Raises OSError."""
+        """What the index answers; it is made again from the files first if it is missing or
+        damaged. Raises OSError."""
         return ask_index(self, self.recipe, question)
 
     def rows(self, recipe: Recipe, *more: str) -> Rows:
-        """The slots of a recipe that are finished, with more columns of the index, whether their files are there or not."""
+        """The slots of a recipe that are finished, with more columns of the index, whether their
+        files are there or not."""
         return self.ask(lambda index: index.rows(recipe, *more))
 
     def present(self, recipe: Recipe, *more: str) -> Rows:
@@ -131,11 +142,13 @@ class Dataset(Paths):
         return rows.where(Listing(self.episodes, recipe).there(rows))
 
     def record(self, recipe: Recipe, slot: Slot) -> SlotRecord | None:
-        """What the index knows of a slot, None if it is not finished; for many slots, `records`. Raises OSError."""
+        """What the index knows of a slot, None if it is not finished; for many slots, `records`.
+        Raises OSError."""
         return self.ask(lambda index: index.record(recipe, slot))
 
     def records(self, recipe: Recipe) -> list[tuple[Slot, SlotRecord]]:
-        """Every slot of the recipe that was filled or given up, in the recipe's order; those whose file is missing are not."""
+        """Every slot of the recipe that was filled or given up, in the recipe's order; those whose
+        file is missing are not."""
         rows = self.present(recipe, *FULL)
         return self.ask(lambda index: list(index.records(rows)))
 
@@ -147,19 +160,31 @@ class Dataset(Paths):
     def missing(self, recipe: Recipe) -> list[Path]:
         """Files of the accepted episodes that are not there, in the recipe's order."""
         rows = self.rows(recipe)
-        return [self.episode(slot) for slot in rows.where(rows.accepted & ~Listing(self.episodes, recipe).there(rows)).slots]
+        return [
+            self.episode(slot)
+            for slot in rows.where(
+                rows.accepted & ~Listing(self.episodes, recipe).there(rows)
+            ).slots
+        ]
 
     def made_by(self) -> dict[str, Any]:
-        """What provenance.json says; empty if there is none. Raises DatasetError for one that cannot be read."""
+        """What provenance.json says; empty if there is none. Raises DatasetError for one that
+        cannot be read."""
         try:
             values = parse_json(read_regular(self.provenance))
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
-            said = (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
-            raise DatasetError(f"{self.provenance}: cannot be read ({said}); run the build again") from error
+            said = (error.strerror if isinstance(error, OSError) else None) or " ".join(
+                str(error).split()
+            )
+            raise DatasetError(
+                f"{self.provenance}: cannot be read ({said}); run the build again"
+            ) from error
         if not isinstance(values, dict):
-            raise DatasetError(f"{self.provenance}: does not name what made the dataset; run the build again")
+            raise DatasetError(
+                f"{self.provenance}: does not name what made the dataset; run the build again"
+            )
         return values
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
@@ -172,12 +197,17 @@ class Dataset(Paths):
 
 
 def attempts_table(index: Index, rows: Rows) -> pa.Table:
-    """All attempts at the slots of some rows, in their order, as a table with the columns ATTEMPTS."""
+    """All attempts at the slots of some rows, in their order, as a table with the columns
+    ATTEMPTS."""
     of, found = index.attempts(rows, *OF_ATTEMPT)
     columns: dict[str, Any] = (
-        dict(zip(OF_ATTEMPT, zip(*found, strict=True), strict=True)) if found else dict.fromkeys(OF_ATTEMPT, ())
+        dict(zip(OF_ATTEMPT, zip(*found, strict=True), strict=True))
+        if found
+        else dict.fromkeys(OF_ATTEMPT, ())
     )
-    columns["conditions"] = [None if text is None else json.loads(text) for text in columns["conditions"]]
+    columns["conditions"] = [
+        None if text is None else json.loads(text) for text in columns["conditions"]
+    ]
     cells = [rows.cells[rank] for rank in rows.ranks[of].tolist()]
     columns |= {name: [getattr(cell, name) for cell in cells] for name in PLACE[:5]}
     columns["slot"] = rows.index[of].tolist()

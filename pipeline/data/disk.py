@@ -13,25 +13,43 @@ FIXES = {
     errno.EPERM: "give this user the permission",
     errno.EROFS: "make it writable",
     errno.EFBIG: "raise the limit of file sizes (ulimit -f)",
-    **dict.fromkeys((errno.EIO, errno.ENODEV, errno.ENOTCONN, errno.ENXIO, errno.ESTALE, errno.EHOSTDOWN, errno.EREMOTEIO), _MOUNT),
+    **dict.fromkeys(
+        (
+            errno.EIO,
+            errno.ENODEV,
+            errno.ENOTCONN,
+            errno.ENXIO,
+            errno.ESTALE,
+            errno.EHOSTDOWN,
+            errno.EREMOTEIO,
+        ),
+        _MOUNT,
+    ),
 }
 """What to do about an error, by its number."""
 
 
 def describe_error(error: OSError) -> str:
-    """One line on a command that can be repeated: the file, what is wrong with it, and the fix where there is one."""
+    """One line on a command that can be repeated: the file, what is wrong with it, and the fix
+    where there is one."""
     where = f"{error.filename}: " if error.filename else ""
     return where + refusal(error) + (f"; {_KEPT}" if error.errno in FIXES else "")
 
 
 def refusal(error: OSError) -> str:
-    """What the system refused, in its own words whatever a library made of them, and the fix where there is one."""
+    """What the system refused, in its own words whatever a library made of them, and the fix where
+    there is one."""
     fix = FIXES.get(error.errno or 0)
-    return f"{os.strerror(error.errno or 0)}: {fix}" if fix else " ".join((error.strerror or str(error)).split())
+    return (
+        f"{os.strerror(error.errno or 0)}: {fix}"
+        if fix
+        else " ".join((error.strerror or str(error)).split())
+    )
 
 
 def check_directory(path: Path) -> None:
-    """Raise OSError for a path that is no directory and cannot become one, because a file is there or above it."""
+    """Raise OSError for a path that is no directory and cannot become one, because a file is there
+    or above it."""
     there = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
         raise OSError(errno.ENOTDIR, "is no directory; name another path", str(there))

@@ -2,4 +2,5 @@
 
 
 class DominoError(Exception):
-    """Bad input or a damaged file. The message is one line that names the thing and the fix; the command ends with exit code 2."""
+    """Bad input or a damaged file. The message is one line that names the thing and the fix; the
+    command ends with exit code 2."""

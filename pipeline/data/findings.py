@@ -16,10 +16,14 @@ class Finding:
     detail: str
 
 
-def catch_errors(name: str, author: type, check: Callable[[], Iterable[Finding]]) -> Iterator[Finding]:
-    """The findings of a check of what the class `author` makes; an error that its code causes is a finding of this name.
+def catch_errors(
+    name: str, author: type, check: Callable[[], Iterable[Finding]]
+) -> Iterator[Finding]:
+    """The findings of a check of what the class `author` makes; an error that its code causes is a
+    finding of this name.
 
-    The finding names the last line of the author's files that led to the error, or the line of the class.
+    The finding names the last line of the author's files that led to the error, or the line of the
+    class.
     """
     try:
         yield from check()

@@ -1,4 +1,5 @@
-"""The note in place of an episode that a slot was given up: its keys and its attempts, so that nothing but files is needed."""
+"""The note in place of an episode that a slot was given up: its keys and its attempts, so that
+nothing but files is needed."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,12 +16,16 @@ from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.data.store.mirror import delete_uploaded, upload
 
 
-def write_given_up(dataset: Paths, slot: Slot, keys: SlotKeys, attempts: Sequence[Mapping[str, Any]]) -> SlotRecord:
+def write_given_up(
+    dataset: Paths, slot: Slot, keys: SlotKeys, attempts: Sequence[Mapping[str, Any]]
+) -> SlotRecord:
     """Note that a slot was given up; its record. Raises OSError."""
     path = dataset.file(slot, False)
     values = {"slot": slot.path, "keys": keys.to_json(), "attempts": untimed(attempts)}
     write_atomic(path, json.dumps(values, sort_keys=True, indent=1).encode() + b"\n")
-    record = SlotRecord(keys, False, file_hash(path), tuple(map(dict, attempts)), file=FileFacts.of(path.stat()))
+    record = SlotRecord(
+        keys, False, file_hash(path), tuple(map(dict, attempts)), file=FileFacts.of(path.stat())
+    )
     upload(path)
     return record
 

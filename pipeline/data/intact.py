@@ -1,4 +1,5 @@
-"""Whether the files of a dataset have the bytes that its index names: asked before they are used."""
+"""Whether the files of a dataset have the bytes that its index names: asked before they are
+used."""
 
 import os
 from collections.abc import Iterator
@@ -10,7 +11,9 @@ from pipeline.data.keys import file_hash
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.rows import find_slot
 
-CHANGED = "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
+CHANGED = (
+    "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
+)
 """What is said of an episode file that is not the one that was written."""
 
 REMAKE = "remove it, if it is there, and run the build again to make its slot"
@@ -20,7 +23,10 @@ REMAKE = "remove it, if it is there, and run the build again to make its slot"
 def missed(paths: list[Path]) -> str:
     """One line on finished episodes that are missing."""
     many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
-    return f"{many} missing that the index calls finished, first {paths[0]}; rerun the build command of this dataset"
+    return (
+        f"{many} missing that the index calls finished, first {paths[0]}; rerun the build command"
+        " of this dataset"
+    )
 
 
 def is_intact(path: Path, sha256: str) -> bool:
@@ -34,7 +40,8 @@ def is_intact(path: Path, sha256: str) -> bool:
 
 
 def check_bytes(dataset: Dataset, episode: Path) -> None:
-    """Raise DatasetError for an episode file, relative to `episodes`, whose bytes are not those that the index names.
+    """Raise DatasetError for an episode file, relative to `episodes`, whose bytes are not those
+    that the index names.
 
     A directory without a recipe was not built: there is nothing to compare with.
     """
@@ -56,7 +63,8 @@ def check_bytes(dataset: Dataset, episode: Path) -> None:
 def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
     """The episode files of the recipe's slots, in its order, after reading every one.
 
-    Raises DatasetError for those that are missing, cannot be read or are not those that were written.
+    Raises DatasetError for those that are missing, cannot be read or are not those that were
+    written.
     """
     if missing := dataset.missing(recipe):
         raise DatasetError(missed(missing))
@@ -67,7 +75,9 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
         try:
             hashes = list(threads.map(file_hash, paths))
         except OSError as error:
-            raise DatasetError(f"{error.filename}: cannot be read ({error.strerror}); run the build again") from error
+            raise DatasetError(
+                f"{error.filename}: cannot be read ({error.strerror}); run the build again"
+            ) from error
     pairs = zip(paths, hashes, rows.more["sha256"], strict=True)
     if damaged := [path for path, found, sha256 in pairs if found != sha256.hex()]:
         others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
@@ -76,7 +86,8 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
 
 
 def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path, str]]:
-    """The failed attempts that are kept, in the recipe's order: their slots, their files, and the sha256 of each."""
+    """The failed attempts that are kept, in the recipe's order: their slots, their files, and the
+    sha256 of each."""
     rows = dataset.rows(recipe)
     of, found = dataset.ask(lambda index: index.attempts(rows, "attempt", "kept"))
     for row, (attempt, kept) in zip(of.tolist(), found, strict=True):
@@ -85,7 +96,8 @@ def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path
 
 
 def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
-    """As `kept_failures`, after reading every file. Raises DatasetError for one that is missing or not the one that was written."""
+    """As `kept_failures`, after reading every file. Raises DatasetError for one that is missing or
+    not the one that was written."""
     found = list(kept_failures(dataset, recipe))
     for _, path, sha256 in found:
         try:

@@ -1,4 +1,5 @@
-"""Keys: what an artifact was made from, as named hashes, so that a difference can be explained and not only detected."""
+"""Keys: what an artifact was made from, as named hashes, so that a difference can be explained and
+not only detected."""
 
 import hashlib
 import json
@@ -15,8 +16,11 @@ from pipeline.data.reading import open_regular
 
 
 def canonical(value: Any) -> bytes:
-    """Canonical JSON of plain data: sorted keys, no spaces, UTF-8. Raises ValueError for NaN, TypeError for what JSON lacks."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    """Canonical JSON of plain data: sorted keys, no spaces, UTF-8. Raises ValueError for NaN,
+    TypeError for what JSON lacks."""
+    return json.dumps(
+        value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+    ).encode()
 
 
 def digest(value: Any) -> str:
@@ -25,7 +29,8 @@ def digest(value: Any) -> str:
 
 
 def frames_digest(encoded: Iterable[bytes]) -> str:
-    """sha256 of a sequence of encoded frames: each one's length, then its bytes, so that no two sequences run together."""
+    """sha256 of a sequence of encoded frames: each one's length, then its bytes, so that no two
+    sequences run together."""
     h = hashlib.sha256()
     for data in encoded:
         h.update(len(data).to_bytes(8, "little"))
@@ -34,7 +39,8 @@ def frames_digest(encoded: Iterable[bytes]) -> str:
 
 
 def arrays_digest(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """sha256 of named arrays: per name in sorted order its name, type, shape and bytes (C order, little endian)."""
+    """sha256 of named arrays: per name in sorted order its name, type, shape and bytes (C order,
+    little endian)."""
     h = hashlib.sha256()
     for name in sorted(arrays):
         a = np.ascontiguousarray(arrays[name])
@@ -63,12 +69,15 @@ class Key:
 
     def changed(self, other: "Key") -> list[str]:
         """Names of the parts that differ from `other`, sorted."""
-        return sorted(n for n in {*self.parts, *other.parts} if self.parts.get(n) != other.parts.get(n))
+        return sorted(
+            n for n in {*self.parts, *other.parts} if self.parts.get(n) != other.parts.get(n)
+        )
 
 
 @dataclass(frozen=True)
 class SlotKeys:
-    """What decides a slot's physics, its images and its sentences. The images follow from the physics, the sentences too."""
+    """What decides a slot's physics, its images and its sentences. The images follow from the
+    physics, the sentences too."""
 
     physics: Key
     render: Key
@@ -79,7 +88,8 @@ class SlotKeys:
         return {name: dict(key.parts) for name, key in vars(self).items() if isinstance(key, Key)}
 
     def header(self) -> dict[str, Any]:
-        """The attributes that an episode file stores of the keys (data/episode/meta.py), always in the same order."""
+        """The attributes that an episode file stores of the keys (data/episode/meta.py), always in
+        the same order."""
         parts = {kind: dict(sorted(parts.items())) for kind, parts in self.to_json().items()}
         return {"physics_key": self.physics.digest, "render_key": self.render.digest, "keys": parts}
 

@@ -1,20 +1,26 @@
-"""Licences of the robots and objects that a dataset shows, as its provenance names them, and which of them forbid publishing."""
+"""Licences of the robots and objects that a dataset shows, as its provenance names them, and which
+of them forbid publishing."""
 
 import re
 from typing import Any
 
 FORBIDDING = re.compile(
-    r"no[ -]?redistribution|not redistributable|proprietary|all rights reserved|confidential|internal|-nd\b", re.I
+    r"no[ -]?redistribution|not redistributable|proprietary|all rights"
+    r" reserved|confidential|internal|-nd\b",
+    re.I,
 )
 """Words of a licence that forbids to pass on what was made of the files, images included."""
 
 
 def licences_in(made_by: Any) -> dict[str, str]:
-    """Licences by robot or object, of a dataset's provenance and of those that it was drawn or merged from."""
+    """Licences by robot or object, of a dataset's provenance and of those that it was drawn or
+    merged from."""
     found: dict[str, str] = {}
     if isinstance(made_by, dict):
         own = made_by.get("licences")
-        found |= {str(name): str(text) for name, text in own.items()} if isinstance(own, dict) else {}
+        found |= (
+            {str(name): str(text) for name, text in own.items()} if isinstance(own, dict) else {}
+        )
         for key, value in made_by.items():
             found |= licences_in(value) if key != "licences" else {}
     elif isinstance(made_by, list):

@@ -1,7 +1,8 @@
-"""Runs a function on files or code of others in a child process that may take so much memory and time, and no more.
+"""Runs a function on files or code of others in a child process that may take so much memory and
+time, and no more.
 
-The child inherits what is installed, the environment and the directory, and none of this process's memory or output. What it
-prints is dropped.
+The child inherits what is installed, the environment and the directory, and none of this process's
+memory or output. What it prints is dropped.
 """
 
 import importlib
@@ -29,7 +30,8 @@ class LimitError(DominoError):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child may take: bytes of memory beyond its imports, seconds of processor and wall time, bytes of a file."""
+    """What a child may take: bytes of memory beyond its imports, seconds of processor and wall
+    time, bytes of a file."""
 
     memory: int = 3 << 30
     processor: int = 600
@@ -40,10 +42,13 @@ class Limits:
 USUAL = Limits()
 
 
-def run_limited[T](what: str, function: Callable[..., T], *arguments: Any, limits: Limits = USUAL) -> T:
+def run_limited[T](
+    what: str, function: Callable[..., T], *arguments: Any, limits: Limits = USUAL
+) -> T:
     """The value of a function of a module, for picklable arguments, computed in a child process.
 
-    Raises DominoError with the line of one that the function raises, and LimitError, which begins with `what`, for any other end.
+    Raises DominoError with the line of one that the function raises, and LimitError, which begins
+    with `what`, for any other end.
     """
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as found:
         for part in (limits, (_module_of(function), function.__name__, arguments)):
@@ -88,12 +93,16 @@ def _cause(code: int, limits: Limits) -> str:
     if code == -signal.SIGXCPU:
         return f"takes more than {limits.processor} s of processor time"
     if code < 0:
-        return f"ended its process by {signal.Signals(-code).name}; it may need more than {limits.memory >> 20} MiB of memory"
+        return (
+            f"ended its process by {signal.Signals(-code).name}; it may need more than"
+            f" {limits.memory >> 20} MiB of memory"
+        )
     return f"ended its process with exit code {code}"
 
 
 def answer(fd: int) -> None:
-    """The child's side: set the limits, run the function, write its value or its error to a file, and end."""
+    """The child's side: set the limits, run the function, write its value or its error to a file,
+    and end."""
     limits = pickle.load(sys.stdin.buffer)
     resource.setrlimit(resource.RLIMIT_CPU, (limits.processor, limits.processor + 5))
     resource.setrlimit(resource.RLIMIT_FSIZE, (limits.file, limits.file))

@@ -9,7 +9,8 @@ MANIFEST = "manifest.yaml"
 SIDES = ("left", "right")
 """The arms, in the order of every vector; a robot may have only one of them."""
 NONE = "none"
-"""What stands for the arm that is not there in the name of an embodiment, as in `franka-panda+none`."""
+"""What stands for the arm that is not there in the name of an embodiment, as in
+`franka-panda+none`."""
 
 
 def sides_of(vector_names: Collection[str]) -> tuple[str, ...]:
@@ -27,7 +28,12 @@ CAMERAS = {"head": HEAD, "left": LEFT_WRIST, "right": RIGHT_WRIST, "observer": O
 MOUNTED = ("head", "left", "right")
 """The cameras that every robot carries."""
 
-EXPORTED_CAMERAS = {HEAD: "cam_high", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist", OBSERVER: "cam_observer"}
+EXPORTED_CAMERAS = {
+    HEAD: "cam_high",
+    LEFT_WRIST: "cam_left_wrist",
+    RIGHT_WRIST: "cam_right_wrist",
+    OBSERVER: "cam_observer",
+}
 """Cameras as they are called in exports, unless the format has names of its own."""
 
 _WORD = r"[A-Za-z0-9]+(?:[_-][A-Za-z0-9]+)*"
@@ -36,23 +42,31 @@ _EMBODIMENT = re.compile(rf"{_WORD}(?:\+{_WORD})?")
 LONGEST = 64
 
 RETIRED = "robot_meshes"
-"""A key that recipes and episodes of earlier versions have: robots drawn with their vendor's meshes."""
+"""A key that recipes and episodes of earlier versions have: robots drawn with their vendor's
+meshes."""
 
 
 def is_name(text: object) -> bool:
-    """Whether a text is a plain name (letters, digits, single underscores or hyphens inside): safe as a part of a path."""
+    """Whether a text is a plain name (letters, digits, single underscores or hyphens inside): safe
+    as a part of a path."""
     return isinstance(text, str) and len(text) <= LONGEST and _NAME.fullmatch(text) is not None
 
 
 def is_embodiment(text: object) -> bool:
     """Whether a text is the name of a robot, or of a pair of arms written left+right."""
-    return isinstance(text, str) and len(text) <= 2 * LONGEST + 1 and _EMBODIMENT.fullmatch(text) is not None
+    return (
+        isinstance(text, str)
+        and len(text) <= 2 * LONGEST + 1
+        and _EMBODIMENT.fullmatch(text) is not None
+    )
 
 
 def exported_names(cameras: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Exported name of each camera: the one `given` for it, else that of EXPORTED_CAMERAS, else its own.
+    """Exported name of each camera: the one `given` for it, else that of EXPORTED_CAMERAS, else its
+    own.
 
-    Raises ValueError if a given camera is not among them, a name is not a plain name, or two cameras get the same.
+    Raises ValueError if a given camera is not among them, a name is not a plain name, or two
+    cameras get the same.
     """
     cameras = tuple(cameras)
     if missing := sorted(set(given) - set(cameras)):
@@ -60,7 +74,11 @@ def exported_names(cameras: Iterable[str], given: Mapping[str, str]) -> dict[str
     names = {camera: given.get(camera, EXPORTED_CAMERAS.get(camera, camera)) for camera in cameras}
     for name in names.values():
         if not is_name(name):
-            raise ValueError(f"camera name {name!r} is not a name: use letters, digits and single underscores")
+            raise ValueError(
+                f"camera name {name!r} is not a name: use letters, digits and single underscores"
+            )
     if len(set(names.values())) < len(names):
-        raise ValueError(f"two cameras get the same name: {', '.join(f'{c}={n}' for c, n in names.items())}")
+        raise ValueError(
+            f"two cameras get the same name: {', '.join(f'{c}={n}' for c, n in names.items())}"
+        )
     return names

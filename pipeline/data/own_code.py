@@ -26,7 +26,8 @@ def file_of(cls: type) -> str | None:
 
 
 def line_of_class(cls: type, name: str = "") -> str:
-    """FILE:LINE at which a class is defined, or at which its body names an attribute; its module if it has no source text."""
+    """FILE:LINE at which a class is defined, or at which its body names an attribute; its module if
+    it has no source text."""
     try:
         lines, first = inspect.getsourcelines(cls)
     except (OSError, TypeError):
@@ -37,7 +38,8 @@ def line_of_class(cls: type, name: str = "") -> str:
 
 
 def line_of_error(error: BaseException, file: str | None) -> str:
-    """FILE:LINE of the last line in `file`, or in a file beside it, that led to an error; "" if none did.
+    """FILE:LINE of the last line in `file`, or in a file beside it, that led to an error; "" if
+    none did.
 
     A generator of such a file that waits while the package works on what it yielded counts as well.
     """
@@ -63,15 +65,18 @@ def _is_own(text: str, root: Path) -> bool:
 
 
 def describe_error(error: BaseException) -> str:
-    """The type and the message of an error in one line, with the name that Python proposes for one that does not exist."""
+    """The type and the message of an error in one line, with the name that Python proposes for one
+    that does not exist."""
     said = traceback.TracebackException.from_exception(error, lookup_lines=False)
     return " ".join(f"{type(error).__name__}: {said}".split())
 
 
 def raise_own(error: Exception, cls: type, what: str) -> None:
-    """Raise OwnCodeError for an error that the code of `cls` caused, if this class is from outside the package.
+    """Raise OwnCodeError for an error that the code of `cls` caused, if this class is from outside
+    the package.
 
-    The line is that of the error, or that of the class if the error passed no line of its file. DominoErrors stay as they are.
+    The line is that of the error, or that of the class if the error passed no line of its file.
+    DominoErrors stay as they are.
     """
     if is_outside(cls) and not isinstance(error, DominoError):
         place = line_of_error(error, file_of(cls)) or line_of_class(cls)

@@ -12,8 +12,8 @@ from pipeline.data.recipe.model import Recipe, Slot
 class Pairs:
     """Counts of the scenes that at least two paired cells share.
 
-    `scenes` are all of them; `finished` those with no open slot in any cell; `complete` those that every cell accepted with equal
-    seeds."""
+    `scenes` are all of them; `finished` those with no open slot in any cell; `complete` those that
+    every cell accepted with equal seeds."""
 
     scenes: int
     finished: int
@@ -29,15 +29,21 @@ def pairs_in(dataset: Dataset, recipe: Recipe) -> Pairs | None:
     of, tried = dataset.ask(lambda index: index.attempts(rows, "seed"))
     seeds: dict[Slot, int | None] = dict.fromkeys(rows.slots)
     for row, (seed,) in zip(of.tolist(), tried, strict=True):
-        seeds[rows.slots[row]] = seed if rows.accepted[row] else None  # the last one is the accepted one
+        # the last one is the accepted one
+        seeds[rows.slots[row]] = seed if rows.accepted[row] else None
     return pairs_of(recipe, seeds)
 
 
 def pairs_of(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> Pairs:
-    """Count the scenes of a recipe; `seeds` has the accepted seed of every finished physical slot, None for one given up."""
+    """Count the scenes of a recipe; `seeds` has the accepted seed of every finished physical slot,
+    None for one given up."""
     groups: dict[tuple[str, int], list[Slot]] = defaultdict(list)
     for slot in recipe.physical_slots():
         groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)
     shared = [slots for slots in groups.values() if len(slots) > 1]
-    finished = [{seeds[slot] for slot in slots} for slots in shared if all(slot in seeds for slot in slots)]
-    return Pairs(len(shared), len(finished), sum(len(found) == 1 and None not in found for found in finished))
+    finished = [
+        {seeds[slot] for slot in slots} for slots in shared if all(slot in seeds for slot in slots)
+    ]
+    return Pairs(
+        len(shared), len(finished), sum(len(found) == 1 and None not in found for found in finished)
+    )

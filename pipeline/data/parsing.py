@@ -1,7 +1,9 @@
-"""Reads numbers, names, JSON and YAML that people write: bounded in length, size and depth, with one line for what is wrong.
+"""Reads numbers, names, JSON and YAML that people write: bounded in length, size and depth, with
+one line for what is wrong.
 
-Every option, recipe, configuration and settings file goes through here, so that `1_0`, a line break, a list nested 20,000 times or
-a file in another encoding is refused everywhere, and in the same words.
+Every option, recipe, configuration and settings file goes through here, so that `1_0`, a line
+break, a list nested 20,000 times or a file in another encoding is refused everywhere, and in the
+same words.
 """
 
 import json
@@ -24,7 +26,8 @@ LARGEST_FILE = 1_000_000
 """Bytes of a file that a person writes."""
 
 DEEPEST, MOST_VALUES = 30, 200_000
-"""Levels of nesting and number of values in such a file; aliases of YAML count each time they are used."""
+"""Levels of nesting and number of values in such a file; aliases of YAML count each time they are
+used."""
 
 LARGEST_NUMBER = 10**15
 """Whole numbers up to here are exact as floats, which JSON has for its numbers."""
@@ -37,12 +40,15 @@ _PIXELS = re.compile(r"([0-9]{1,9})x([0-9]{1,9})")
 
 
 class ParseError(DominoError, ValueError):
-    """A text or file that cannot be used. The message says what is wrong; whoever knows the option or key puts it in front."""
+    """A text or file that cannot be used. The message says what is wrong; whoever knows the option
+    or key puts it in front."""
 
 
 def show_value(value: Any) -> str:
     """A value as a message shows it: short, on one line."""
-    text = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
+    text = reprlib.Repr(
+        maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60
+    ).repr(value)
     return " ".join(text.split())[:SHOWN]
 
 
@@ -74,13 +80,19 @@ def line(text: str, longest: int = LONGEST_LINE) -> str:
 def pixels(text: str) -> tuple[int, int]:
     """ "640x480" as (width, height), each 16 to 4096. Raises ParseError."""
     found = _PIXELS.fullmatch(text)
-    if found is None or not all(FEWEST_PIXELS <= int(side) <= MOST_PIXELS for side in found.groups()):
-        raise ParseError(f"is not WIDTHxHEIGHT in pixels, such as 640x480: each side has {FEWEST_PIXELS} to {MOST_PIXELS}")
+    if found is None or not all(
+        FEWEST_PIXELS <= int(side) <= MOST_PIXELS for side in found.groups()
+    ):
+        raise ParseError(
+            f"is not WIDTHxHEIGHT in pixels, such as 640x480: each side has {FEWEST_PIXELS} to"
+            f" {MOST_PIXELS}"
+        )
     return int(found[1]), int(found[2])
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Plain data of a JSON text. Raises ParseError for a text that is none, is nested too deeply, or has a key twice."""
+    """Plain data of a JSON text. Raises ParseError for a text that is none, is nested too deeply,
+    or has a key twice."""
     try:
         return json.loads(text, object_pairs_hook=_once)
     except RecursionError as error:
@@ -90,21 +102,28 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def parse_yaml(text: str | bytes) -> Any:
-    """Plain data of a YAML text, within the bounds of this module: no key twice, no tags, 1:30 is a text. Raises ParseError."""
+    """Plain data of a YAML text, within the bounds of this module: no key twice, no tags, 1:30 is a
+    text. Raises ParseError."""
     try:
         values = yaml.load(text.decode() if isinstance(text, bytes) else text, _Loader)
     except RecursionError as error:
         raise ParseError("is nested too deeply") from error
     except yaml.YAMLError as error:
-        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ParseError(f"is not YAML ({f'line {mark.line + 1}: ' if mark is not None else ''}{problem})") from error
+        mark, problem = (
+            getattr(error, "problem_mark", None),
+            getattr(error, "problem", None) or str(error).splitlines()[0],
+        )
+        raise ParseError(
+            f"is not YAML ({f'line {mark.line + 1}: ' if mark is not None else ''}{problem})"
+        ) from error
     except ValueError as error:
         raise ParseError(_describe_error(error)) from error
     return bounded(values)
 
 
 def read_json(path: Path) -> Any:
-    """Plain data of a JSON file that a person may have written. Raises ParseError, which names the file."""
+    """Plain data of a JSON file that a person may have written. Raises ParseError, which names the
+    file."""
     return _read(path, lambda data: bounded(parse_json(data)))
 
 
@@ -114,7 +133,8 @@ def read_yaml(path: Path) -> Any:
 
 
 def read_mapping(path: Path, example: str) -> dict[str, Any]:
-    """The keys of a YAML file that holds a mapping; `example` shows one in the message. Raises ParseError."""
+    """The keys of a YAML file that holds a mapping; `example` shows one in the message. Raises
+    ParseError."""
     values = read_yaml(path)
     if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
         raise ParseError(f"{path}: is not a mapping of keys to values, like `{example}`")
@@ -122,13 +142,20 @@ def read_mapping(path: Path, example: str) -> dict[str, Any]:
 
 
 def bounded[T](values: T) -> T:
-    """The same plain data. Raises ParseError if it is nested deeper than DEEPEST or has more than MOST_VALUES values."""
+    """The same plain data. Raises ParseError if it is nested deeper than DEEPEST or has more than
+    MOST_VALUES values."""
     level: list[Any] = [values]
     count = 0
     for _ in range(DEEPEST + 1):
         below: list[Any] = []
         for value in level:
-            parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
+            parts = (
+                list(value.values())
+                if isinstance(value, dict)
+                else value
+                if isinstance(value, list)
+                else []
+            )
             count += len(parts)
             if count > MOST_VALUES:
                 raise ParseError(f"holds more than {MOST_VALUES} values")
@@ -156,8 +183,14 @@ def _describe_error(error: ValueError) -> str:
     """What is wrong with a text, from the error of a parser."""
     if isinstance(error, UnicodeDecodeError):
         return f"is not UTF-8 text ({error.reason})"
-    kind = "is not JSON" if isinstance(error, json.JSONDecodeError) else "holds a value that cannot be read"
-    return str(error) if isinstance(error, ParseError) else f"{kind} ({show_value(str(error))[1:-1]})"
+    kind = (
+        "is not JSON"
+        if isinstance(error, json.JSONDecodeError)
+        else "holds a value that cannot be read"
+    )
+    return (
+        str(error) if isinstance(error, ParseError) else f"{kind} ({show_value(str(error))[1:-1]})"
+    )
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -167,7 +200,10 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _check_once(keys: list[str]) -> None:
     if len(set(keys)) < len(keys):
-        raise ParseError(f"{show_value(next(key for key, count in Counter(keys).items() if count > 1))} is given twice")
+        raise ParseError(
+            f"{show_value(next(key for key, count in Counter(keys).items() if count > 1))} is given"
+            " twice"
+        )
 
 
 class _Loader(yaml.SafeLoader):
@@ -178,9 +214,13 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _number(construct: Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]) -> Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]:
+def _number(
+    construct: Callable[[yaml.SafeLoader, yaml.ScalarNode], Any],
+) -> Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]:
     """A number of YAML 1.1, in which 1:30 would be 90 and 1_0 would be 10; here these are texts."""
-    return lambda loader, node: construct(loader, node) if {":", "_"}.isdisjoint(node.value) else node.value
+    return lambda loader, node: (
+        construct(loader, node) if {":", "_"}.isdisjoint(node.value) else node.value
+    )
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _number(yaml.SafeLoader.construct_yaml_int))

@@ -8,7 +8,8 @@ from pipeline.data.rows import file_name
 
 
 class Paths:
-    """The paths of one dataset directory. They are made from the recipe's slots, whose names are plain names."""
+    """The paths of one dataset directory. They are made from the recipe's slots, whose names are
+    plain names."""
 
     def __init__(self, root: Path) -> None:
         self.root = root = Path(root)
@@ -21,7 +22,8 @@ class Paths:
         self.report = root / "report" / "index.html"
         """The report's first page."""
         self.assets = root / "assets"
-        """Vendor meshes that the recipe names (robots/), and what the images were drawn from (bodies/)."""
+        """Vendor meshes that the recipe names (robots/), and what the images were drawn from
+        (bodies/)."""
         self.bodies = self.assets / "bodies"
         """Meshes and materials of every body in the images, each once, by hash."""
         self.episodes = root / "episodes"

@@ -1,4 +1,5 @@
-"""Reading what a dataset directory holds, where anything may stand in place of a file and anything may stand in it."""
+"""Reading what a dataset directory holds, where anything may stand in place of a file and anything
+may stand in it."""
 
 import errno
 import os
@@ -14,9 +15,11 @@ IRREGULAR = "is no regular file; remove it"
 
 
 def check_regular(path: Path) -> None:
-    """Raise OSError for a path that is there and is no regular file, so that nothing waits for a pipe or reads a device.
+    """Raise OSError for a path that is there and is no regular file, so that nothing waits for a
+    pipe or reads a device.
 
-    A file of an object store whose bytes are not on this machine is fetched. Raises StoreError if it cannot be.
+    A file of an object store whose bytes are not on this machine is fetched. Raises StoreError if
+    it cannot be.
     """
     try:
         mode = os.stat(path).st_mode
@@ -43,5 +46,8 @@ def read_regular(path: Path) -> bytes:
 
 
 def printable(text: str) -> str:
-    """A text with the names of files in it, in which what a terminal would obey or cannot show is escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
+    """A text with the names of files in it, in which what a terminal would obey or cannot show is
+    escaped."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )

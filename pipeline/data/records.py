@@ -1,4 +1,5 @@
-"""What is known of a finished slot: its keys, its file, every attempt. The index holds it, the files hold what rebuilds it."""
+"""What is known of a finished slot: its keys, its file, every attempt. The index holds it, the
+files hold what rebuilds it."""
 
 import json
 import os
@@ -27,7 +28,10 @@ ATTEMPTS = pa.schema(
         ("detail", pa.string()),
         ("conditions", pa.list_(pa.string())),
         ("kept", pa.string()),
-        *((name, pa.float64()) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")),
+        *(
+            (name, pa.float64())
+            for name in ("average_speed", "maximum_speed", "end_speed", "displacement")
+        ),
         ("sim_steps", pa.int64()),
         ("seconds", pa.float64()),
     ]
@@ -50,7 +54,8 @@ class FileFacts:
     """What is known of a slot's file without opening it.
 
     `size` in bytes and `changed`, the time of its last change in ns, tell whether it was written
-    since; of an episode also its recorded `frames`, its `physics_id`, and the hashes of its `assets`.
+    since; of an episode also its recorded `frames`, its `physics_id`, and the hashes of its
+    `assets`.
     """
 
     size: int = 0
@@ -60,7 +65,13 @@ class FileFacts:
     assets: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, state: os.stat_result, frames: int = 0, physics_id: str = "", assets: Sequence[str] = ()) -> "FileFacts":
+    def of(
+        cls,
+        state: os.stat_result,
+        frames: int = 0,
+        physics_id: str = "",
+        assets: Sequence[str] = (),
+    ) -> "FileFacts":
         """The facts of a file with this state."""
         return cls(state.st_size, state.st_mtime_ns, frames, physics_id, tuple(sorted(set(assets))))
 
@@ -70,7 +81,8 @@ class SlotRecord:
     """A finished slot: its keys, and whether it was accepted.
 
     `sha256` is that of its file: the episode, or the note that it was given up. Every attempt is a
-    row of ATTEMPTS; `phases` are seconds. A variant has no attempts of its own. A record from the index has the sum of its phases.
+    row of ATTEMPTS; `phases` are seconds. A variant has no attempts of its own. A record from the
+    index has the sum of its phases.
     """
 
     keys: SlotKeys
@@ -88,21 +100,29 @@ def sum_phases(phases: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether a column holds nothing; a plugin's motion may give numbers of NumPy, which are compared with care."""
+    """Whether a column holds nothing; a plugin's motion may give numbers of NumPy, which are
+    compared with care."""
     return value is None or (isinstance(value, str | list) and not value)
 
 
 def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Attempts as a slot's file holds them: without what a clock measured or the slot says."""
-    return [{name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))} for row in attempts]
+    return [
+        {name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))}
+        for row in attempts
+    ]
 
 
-def retimed(slot: Slot, attempts: Sequence[Mapping[str, Any]], seconds: Mapping[int, float]) -> tuple[dict[str, Any], ...]:
+def retimed(
+    slot: Slot, attempts: Sequence[Mapping[str, Any]], seconds: Mapping[int, float]
+) -> tuple[dict[str, Any], ...]:
     """Inverse of `untimed`; `seconds` by number of attempt, where they are known."""
     blank: dict[str, Any] = {"stage": "", "reason": "", "detail": "", "conditions": []}
     place = vars(slot.cell) | {"slot": slot.index}
     rows = (place | blank | dict(row) for row in attempts)
-    return tuple(row | {TIMED: seconds[row["attempt"]]} if row["attempt"] in seconds else row for row in rows)
+    return tuple(
+        row | {TIMED: seconds[row["attempt"]]} if row["attempt"] in seconds else row for row in rows
+    )
 
 
 def slot_part(slot: Slot) -> str:
@@ -112,7 +132,9 @@ def slot_part(slot: Slot) -> str:
 
 def pack_keys(slot: Slot, keys: SlotKeys) -> str:
     """Canonical JSON of the keys, null for the parts that follow from the slot: one text a cell."""
-    values: dict[str, dict[str, str | None]] = {kind: {**parts} for kind, parts in keys.to_json().items()}
+    values: dict[str, dict[str, str | None]] = {
+        kind: {**parts} for kind, parts in keys.to_json().items()
+    }
     for kind, name, follows in (
         ("physics", "slot", slot_part(slot)),
         ("render", "physics", keys.physics.digest),

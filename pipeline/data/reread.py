@@ -1,4 +1,5 @@
-"""The index read from the files of the slots: all of it if it is lost, and what another process has written since."""
+"""The index read from the files of the slots: all of it if it is lost, and what another process has
+written since."""
 
 import errno
 import os
@@ -24,7 +25,16 @@ from pipeline.data.paths import Paths
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import ATTEMPTS, PLACE, TIMED, FileFacts, SlotRecord, retimed, unpack_keys, untimed
+from pipeline.data.records import (
+    ATTEMPTS,
+    PLACE,
+    TIMED,
+    FileFacts,
+    SlotRecord,
+    retimed,
+    unpack_keys,
+    untimed,
+)
 from pipeline.data.rows import Listing
 from pipeline.data.store.lock import Busy, exclusive
 from pipeline.data.store.mirror import free_space
@@ -32,12 +42,13 @@ from pipeline.data.store.mirror import free_space
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
 """What reading a file raises that is no whole file of its slot."""
 
-type Attempts = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]  # rows of attempts.parquet by the columns that name their slot
+# rows of attempts.parquet by the columns that name their slot
+type Attempts = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]
 
 
 def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callable[[Index], T]) -> T:
-    """What an index answers. One that is missing, damaged or of another version is made again, in memory only if another command
-    writes the dataset or nobody may."""
+    """What an index answers. One that is missing, damaged or of another version is made again, in
+    memory only if another command writes the dataset or nobody may."""
     try:
         with Index(dataset.index) as index:
             return question(index)
@@ -47,7 +58,11 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
         with exclusive(dataset.root), rebuild_index(dataset, recipe()) as index:
             return question(index)
     except (Busy, OSError) as error:
-        if isinstance(error, OSError) and error.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
+        if isinstance(error, OSError) and error.errno not in (
+            errno.EROFS,
+            errno.EACCES,
+            errno.EPERM,
+        ):
             raise
     with Index(Path(":memory:"), new=True) as index:
         read_unknown(dataset, recipe(), index)
@@ -55,7 +70,8 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
 
 
 def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
-    """Make the index of a dataset again from its files, for the command that writes it. Raises OSError."""
+    """Make the index of a dataset again from its files, for the command that writes it. Raises
+    OSError."""
     with atomic_path(dataset.index) as temporary:
         with Index(temporary, new=True) as index:
             read_unknown(dataset, recipe, index)
@@ -67,13 +83,16 @@ def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
 
 
 IDLE = 4.0
-"""A writer waits so many times as long as its last commit took before the next one: a slow disk costs a fifth of its time."""
+"""A writer waits so many times as long as its last commit took before the next one: a slow disk
+costs a fifth of its time."""
 
 
 class IndexWriter:
-    """The index of the command that writes a dataset: one that is lost meanwhile is made again from the files.
+    """The index of the command that writes a dataset: one that is lost meanwhile is made again from
+    the files.
 
-    Slots that end faster than the disk commits share a commit. Of a writer that is killed, the next one reads their files.
+    Slots that end faster than the disk commits share a commit. Of a writer that is killed, the next
+    one reads their files.
     """
 
     def __init__(self, dataset: Paths, recipe: Recipe) -> None:
@@ -114,7 +133,8 @@ class IndexWriter:
         self._free_at = ended + IDLE * (ended - began)
 
     def catch_up(self) -> set[Slot]:
-        """Read the files that were written since they were last read: what has no row gets one, if it is whole.
+        """Read the files that were written since they were last read: what has no row gets one, if
+        it is whole.
 
         Returns the slots whose file has other bytes now. Raises OSError.
         """
@@ -125,7 +145,10 @@ class IndexWriter:
         known = np.stack([rows.more["size"], rows.more["changed"]], axis=1)
         touched = (now[:, 0] >= 0) & (now != known).any(axis=1)
         rows, now = rows.where(touched), now[touched]
-        paths = [self._dataset.file(slot, accepted) for slot, accepted in zip(rows.slots, rows.accepted.tolist(), strict=True)]
+        paths = [
+            self._dataset.file(slot, accepted)
+            for slot, accepted in zip(rows.slots, rows.accepted.tolist(), strict=True)
+        ]
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
             found = list(threads.map(_hash, paths))
         same = np.array([a == b for a, b in zip(found, rows.more["sha256"], strict=True)], bool)
@@ -144,7 +167,8 @@ def _hash(path: Path) -> bytes:
 
 
 def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> int:
-    """Add the slots to an index whose files are whole and have no row; how many. Any other file's slot is made again.
+    """Add the slots to an index whose files are whole and have no row; how many. Any other file's
+    slot is made again.
 
     Raises OSError."""
     unknown = list(Listing(dataset.episodes, recipe).unknown(index.rows(recipe)))
@@ -159,8 +183,11 @@ def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> int:
     return count
 
 
-def _read_episode(dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
-    """The record of an episode. Raises what _NOT_OURS names if it is not whole, or not that of its slot."""
+def _read_episode(
+    dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]
+) -> SlotRecord:
+    """The record of an episode. Raises what _NOT_OURS names if it is not whole, or not that of its
+    slot."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
         meta, spec = file.meta, file.spec
@@ -175,15 +202,27 @@ def _read_episode(dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[di
         if attempts is None:  # version 0.1 kept them elsewhere
             attempts = untimed(tried)
             if not attempts or attempts[-1]["seed"] != spec.seed:
-                numbers = (n for n in range(recipe.attempts) if recipe.spec(slot.physical, n).seed == spec.seed)
-                attempts = [{"attempt": next(numbers, 0), "seed": spec.seed, "outcome": "accepted", **_speeds(meta)}]
+                numbers = (
+                    n
+                    for n in range(recipe.attempts)
+                    if recipe.spec(slot.physical, n).seed == spec.seed
+                )
+                attempts = [
+                    {
+                        "attempt": next(numbers, 0),
+                        "seed": spec.seed,
+                        "outcome": "accepted",
+                        **_speeds(meta),
+                    }
+                ]
     file = FileFacts.of(path.stat(), frames, meta.physics_id, list(meta.drawing.assets.values()))
     rows = () if slot.variant else retimed(slot, attempts, _seconds(tried, attempts))
     return SlotRecord(_keys(meta), True, file_hash(path), rows, file=file)
 
 
 def _keys(meta: EpisodeMeta) -> SlotKeys:
-    """The keys that an episode names. Raises ValueError if they are not those of its other attributes."""
+    """The keys that an episode names. Raises ValueError if they are not those of its other
+    attributes."""
     if not meta.keys:
         return SlotKeys(Key({}), Key({}), Key({}))  # of another version: everything has changed
     keys = SlotKeys.from_json(meta.keys)
@@ -193,11 +232,17 @@ def _keys(meta: EpisodeMeta) -> SlotKeys:
 
 
 def _speeds(meta: EpisodeMeta) -> dict[str, float]:
-    return {name: getattr(meta, name) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")}
+    return {
+        name: getattr(meta, name)
+        for name in ("average_speed", "maximum_speed", "end_speed", "displacement")
+    }
 
 
-def _read_given_up(dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
-    """The record of a slot that was given up. Raises what _NOT_OURS names for a file that is no note of it."""
+def _read_given_up(
+    dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]
+) -> SlotRecord:
+    """The record of a slot that was given up. Raises what _NOT_OURS names for a file that is no
+    note of it."""
     path = dataset.file(slot, False)
     keys, attempts = read_given_up(path, slot.path)
     rows = retimed(slot, attempts, _seconds(tried, attempts))
@@ -217,20 +262,41 @@ def _measured(dataset: Paths) -> Attempts:
     return rows
 
 
-def _seconds(tried: Sequence[Mapping[str, Any]], attempts: Sequence[Mapping[str, Any]]) -> dict[int, float]:
-    """What the clock measured of those attempts that attempts.parquet has with the same seed, by number."""
+def _seconds(
+    tried: Sequence[Mapping[str, Any]], attempts: Sequence[Mapping[str, Any]]
+) -> dict[int, float]:
+    """What the clock measured of those attempts that attempts.parquet has with the same seed, by
+    number."""
     seeds = {row["attempt"]: row["seed"] for row in attempts}
-    return {row["attempt"]: row[TIMED] for row in tried if seeds.get(row["attempt"]) == row["seed"] and row[TIMED] is not None}
+    return {
+        row["attempt"]: row[TIMED]
+        for row in tried
+        if seeds.get(row["attempt"]) == row["seed"] and row[TIMED] is not None
+    }
 
 
-def _given_up_before(dataset: Paths, recipe: Recipe, index: Index) -> Iterable[tuple[Slot, SlotRecord]]:
-    """Slots that version 0.1 gave up, which only its table of attempts says; with the keys of another slot of their cell."""
+def _given_up_before(
+    dataset: Paths, recipe: Recipe, index: Index
+) -> Iterable[tuple[Slot, SlotRecord]]:
+    """Slots that version 0.1 gave up, which only its table of attempts says; with the keys of
+    another slot of their cell."""
     rows, tried = index.rows(recipe), _measured(dataset)
     known = set(rows.slots)
-    texts = {slot.cell: rows.texts[key] for slot, key in zip(rows.slots, rows.keys.tolist(), strict=True) if not slot.variant}
+    texts = {
+        slot.cell: rows.texts[key]
+        for slot, key in zip(rows.slots, rows.keys.tolist(), strict=True)
+        if not slot.variant
+    }
     found = list[tuple[Slot, SlotRecord]]()
     for slot in recipe.physical_slots():
         attempts = tried.get((*vars(slot.cell).values(), slot.index), ())
-        if attempts and slot.cell in texts and slot not in known and not any(row["outcome"] == "accepted" for row in attempts):
-            found.append((slot, write_given_up(dataset, slot, unpack_keys(slot, texts[slot.cell]), attempts)))
+        if (
+            attempts
+            and slot.cell in texts
+            and slot not in known
+            and not any(row["outcome"] == "accepted" for row in attempts)
+        ):
+            found.append(
+                (slot, write_given_up(dataset, slot, unpack_keys(slot, texts[slot.cell]), attempts))
+            )
     return found

@@ -20,8 +20,9 @@ from pipeline.data.recipe.model import Recipe
 class Rows:
     """Slots of a recipe that the index holds, in the recipe's order, as columns (N,).
 
-    `ids` are their numbers in the index, `ranks` those of their cells among `cells`; `keys` are numbers of `texts`, packed as
-    `pack_keys` does. `more` has the columns that were asked for besides.
+    `ids` are their numbers in the index, `ranks` those of their cells among `cells`; `keys` are
+    numbers of `texts`, packed as `pack_keys` does. `more` has the columns that were asked for
+    besides.
     """
 
     cells: Sequence[Cell]
@@ -45,8 +46,13 @@ class Rows:
 
     def where(self, chosen: NDArray[Any]) -> "Rows":
         """Some of the rows, by a mask (N,) or by their numbers."""
-        columns = {name: getattr(self, name)[chosen] for name in ("ids", "ranks", "index", "variants", "accepted", "keys")}
-        return replace(self, **columns, more={name: values[chosen] for name, values in self.more.items()})
+        columns = {
+            name: getattr(self, name)[chosen]
+            for name in ("ids", "ranks", "index", "variants", "accepted", "keys")
+        }
+        return replace(
+            self, **columns, more={name: values[chosen] for name, values in self.more.items()}
+        )
 
 
 EPISODE, GIVEN_UP = ".hdf5", ".given_up.json"
@@ -56,7 +62,8 @@ _FILE = re.compile(r"episode_(\d{7,8})(?:_v(\d+))?(\.hdf5|\.given_up\.json)")
 
 
 class Listing:
-    """Which files of slots there are below a directory, from one listing of the directory of every cell of a recipe."""
+    """Which files of slots there are below a directory, from one listing of the directory of every
+    cell of a recipe."""
 
     def __init__(self, root: Path, recipe: Recipe) -> None:
         self._recipe = recipe
@@ -64,10 +71,17 @@ class Listing:
 
     def there(self, rows: Rows) -> NDArray[np.bool_]:
         """Of which rows (N,) the file is there."""
-        return np.array([name in self._files[rank] for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True)], bool)
+        return np.array(
+            [
+                name in self._files[rank]
+                for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True)
+            ],
+            bool,
+        )
 
     def states(self, rows: Rows) -> NDArray[np.int64]:
-        """Size in bytes and time of change in ns (N,2) of the file of every row, -1 if it is missing. Raises OSError."""
+        """Size in bytes and time of change in ns (N,2) of the file of every row, -1 if it is
+        missing. Raises OSError."""
         found = np.full((len(rows), 2), -1)
         for number, (rank, name) in enumerate(zip(rows.ranks.tolist(), _names(rows), strict=True)):
             if file := self._files[rank].get(name):
@@ -76,29 +90,42 @@ class Listing:
         return found
 
     def unknown(self, rows: Rows) -> Iterator[tuple[Slot, bool]]:
-        """Slots of the recipe that have a file and no row, and whether it is an episode. A note that a slot was given
-        up is none beside an episode: that was written later."""
+        """Slots of the recipe that have a file and no row, and whether it is an episode. A note
+        that a slot was given up is none beside an episode: that was written later."""
         known = [set[str]() for _ in self._files]
         for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True):
             known[rank].add(name)
-        for (cell, count), files, mine in zip(self._recipe.counts().items(), self._files, known, strict=True):
+        for (cell, count), files, mine in zip(
+            self._recipe.counts().items(), self._files, known, strict=True
+        ):
             for name in sorted(files.keys() - mine):
                 found = _FILE.fullmatch(name)
-                if found is None or (found[3] == GIVEN_UP and name.replace(GIVEN_UP, EPISODE) in files):
+                if found is None or (
+                    found[3] == GIVEN_UP and name.replace(GIVEN_UP, EPISODE) in files
+                ):
                     continue
                 slot = Slot(cell, int(found[1]), int(found[2] or 0))
-                if slot.index < count and slot.variant < self._recipe.variants and name == file_name(slot, found[3] == EPISODE):
+                if (
+                    slot.index < count
+                    and slot.variant < self._recipe.variants
+                    and name == file_name(slot, found[3] == EPISODE)
+                ):
                     yield slot, found[3] == EPISODE
 
 
 def find_slot(recipe: Recipe, path: str) -> Slot | None:
-    """The slot of a recipe whose file is at a path below `episodes/`, without its suffix; None if there is none."""
+    """The slot of a recipe whose file is at a path below `episodes/`, without its suffix; None if
+    there is none."""
     folder, _, name = path.rpartition("/")
     found = _FILE.fullmatch(f"{name}{EPISODE}")
     for cell, count in recipe.counts().items() if found else ():
         if cell.path == folder and found:
             slot = Slot(cell, int(found[1]), int(found[2] or 0))
-            return slot if slot.index < count and slot.variant < recipe.variants and slot.path == path else None
+            return (
+                slot
+                if slot.index < count and slot.variant < recipe.variants and slot.path == path
+                else None
+            )
     return None
 
 
@@ -117,5 +144,7 @@ def _list_files(folder: Path) -> dict[str, os.DirEntry[str]]:
 
 def _names(rows: Rows) -> Iterator[str]:
     """The name of every row's file."""
-    for index, variant, accepted in zip(rows.index.tolist(), rows.variants.tolist(), rows.accepted.tolist(), strict=True):
+    for index, variant, accepted in zip(
+        rows.index.tolist(), rows.variants.tolist(), rows.accepted.tolist(), strict=True
+    ):
         yield f"{episode_name(index, variant)}{EPISODE if accepted else GIVEN_UP}"

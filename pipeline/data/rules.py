@@ -25,8 +25,8 @@ _AMOUNT = re.compile(r"(?P<number>[0-9]{1,6}(\.[0-9]{1,6})?) ?(?P<unit>ms|s|mm|m
 
 
 class Sight(BaseModel):
-    """How the reactive expert sees the target: `delay` (s) late, each coordinate with an error of standard deviation `noise`
-    (m)."""
+    """How the reactive expert sees the target: `delay` (s) late, each coordinate with an error of
+    standard deviation `noise` (m)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -40,15 +40,20 @@ class Sight(BaseModel):
         if not isinstance(value, str):
             return value
         words = [_AMOUNT.fullmatch(word.strip()) for word in value.split(",")]
-        found = {_UNITS[word["unit"]][0]: round(float(word["number"]) * _UNITS[word["unit"]][1], 9) for word in words if word}
+        found = {
+            _UNITS[word["unit"]][0]: round(float(word["number"]) * _UNITS[word["unit"]][1], 9)
+            for word in words
+            if word
+        }
         if len(found) < len(words):
             raise ValueError("is not written as a delay and an error, such as 100ms,5mm")
         return found
 
 
 class Corrections(BaseModel):
-    """Whose actions the reactive expert corrects: the `policy` as `evaluate --policy` takes it, and its `label`, which carries a
-    hash of its file. A recipe is resolved (run/names.py) to have both; a text stands for the policy."""
+    """Whose actions the reactive expert corrects: the `policy` as `evaluate --policy` takes it, and
+    its `label`, which carries a hash of its file. A recipe is resolved (run/names.py) to have both;
+    a text stands for the policy."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -63,16 +68,19 @@ class Corrections(BaseModel):
 
 @dataclass(frozen=True)
 class Rules:
-    """`name`: "strict" are ours, "domino" the sizes, tolerances and conditions of the original's dynamic tasks.
+    """`name`: "strict" are ours, "domino" the sizes, tolerances and conditions of the original's
+    dynamic tasks.
 
-    `contact` says what the first touch does to the target. "stop" ends its own motion (the paper's text). "continue" lets that of a
-    tracking task follow its motion through the contact (the original's evaluation); that of an interception task stops, since a
-    gripper holds it. "hold" makes it a dynamic body that a drive of bounded force keeps on its motion until something has hold of
-    it (world/physics/drive.py). Without it, strict rules stop the target, and domino rules let that of a tracking task continue.
+    `contact` says what the first touch does to the target. "stop" ends its own motion (the paper's
+    text). "continue" lets that of a tracking task follow its motion through the contact (the
+    original's evaluation); that of an interception task stops, since a gripper holds it. "hold"
+    makes it a dynamic body that a drive of bounded force keeps on its motion until something has
+    hold of it (world/physics/drive.py). Without it, strict rules stop the target, and domino rules
+    let that of a tracking task continue.
 
-    `layout` says where the robot's bases stand: at our places, or at those of the original system. `clutter` are the fewest and the
-    most distractors of the randomized domain. `objects` names for families the objects from files that stand for them; a key
-    `task.family` is for one task.
+    `layout` says where the robot's bases stand: at our places, or at those of the original system.
+    `clutter` are the fewest and the most distractors of the randomized domain. `objects` names for
+    families the objects from files that stand for them; a key `task.family` is for one task.
     """
 
     name: RuleSet = "strict"
@@ -82,12 +90,17 @@ class Rules:
     objects: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def standing_for(self, family: str) -> tuple[str, ...]:
-        """The objects that a layout gets where it asks for a family; the family itself where there are none."""
+        """The objects that a layout gets where it asks for a family; the family itself where there
+        are none."""
         return dict(self.objects).get(family) or (family,)
 
     def within(self, task: str) -> "Rules":
         """The same with the objects that a layout of this task gets."""
-        own = {key.removeprefix(f"{task}."): names for key, names in self.objects if key.startswith(f"{task}.")}
+        own = {
+            key.removeprefix(f"{task}."): names
+            for key, names in self.objects
+            if key.startswith(f"{task}.")
+        }
         return replace(self, objects=tuple((dict(self.objects) | own).items())) if own else self
 
     def after_touch(self, category: Category) -> Contact:
@@ -97,22 +110,29 @@ class Rules:
 
     @property
     def label(self) -> str:
-        """A word for paths and tables: "strict", "domino", "strict-continue", "strict-clutter0to10" and so on."""
+        """A word for paths and tables: "strict", "domino", "strict-continue", "strict-clutter0to10"
+        and so on."""
         layout = self.layout if self.layout != "ours" else None
         clutter = None if self.clutter == CLUTTER else "clutter{}to{}".format(*self.clutter)
         objects = f"objects{digest(self.objects)[:6]}" if self.objects else None
-        return "-".join(word for word in (self.name, self.contact, layout, clutter, objects) if word)
+        return "-".join(
+            word for word in (self.name, self.contact, layout, clutter, objects) if word
+        )
 
 
 STRICT = Rules()
 
 
 def rules_of(meta: EpisodeMeta) -> Rules:
-    """The rules by which a stored episode was made. Raises ValueError for a header that names rules which do not exist."""
+    """The rules by which a stored episode was made. Raises ValueError for a header that names rules
+    which do not exist."""
     for value, known in ((meta.rules, RuleSet), (meta.contact, Contact), (meta.layout, Layout)):
         if value not in get_args(known):
             raise ValueError(f"{value!r} is not one of {', '.join(get_args(known))}")
     return Rules(
         *(cast(RuleSet, meta.rules), cast(Contact, meta.contact), cast(Layout, meta.layout)),
-        *(meta.clutter_wanted, tuple((family, tuple(names)) for family, names in sorted(meta.objects_wanted.items()))),
+        *(
+            meta.clutter_wanted,
+            tuple((family, tuple(names)) for family, names in sorted(meta.objects_wanted.items())),
+        ),
     )

@@ -1,4 +1,5 @@
-"""Files that hold the hash of what else they say, so that a changed value is found: JSON, and the frozen recipe in YAML."""
+"""Files that hold the hash of what else they say, so that a changed value is found: JSON, and the
+frozen recipe in YAML."""
 
 import json
 from collections.abc import Mapping
@@ -24,4 +25,6 @@ def seal_yaml(text: str) -> bytes:
 
 def is_unchanged(values: Mapping[str, Any]) -> bool:
     """Whether values are those that were sealed."""
-    return values.get(SEAL) == digest({name: value for name, value in values.items() if name != SEAL})
+    return values.get(SEAL) == digest(
+        {name: value for name, value in values.items() if name != SEAL}
+    )

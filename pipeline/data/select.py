@@ -1,11 +1,13 @@
-"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over an episode's spec and a few facts of it.
+"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over an episode's spec
+and a few facts of it.
 
-Comparisons (= == != < <= > >=, in, not in) of fields of EpisodeSpec and of FACTS with values, joined by
-and, or, not and brackets, as in Python. Values need quotes only if they hold other characters than letters,
-digits and `_ . + -`, or are named like a field.
+Comparisons (= == != < <= > >=, in, not in) of fields of EpisodeSpec and of FACTS with values,
+joined by and, or, not and brackets, as in Python. Values need quotes only if they hold other
+characters than letters, digits and `_ . + -`, or are named like a field.
 
-Python's parser reads the structure, with every value replaced by a placeholder; the tree is then translated, node by node, to a
-pyarrow.compute expression. Nothing of the text is evaluated, and a kind of node that is not listed here is refused.
+Python's parser reads the structure, with every value replaced by a placeholder; the tree is then
+translated, node by node, to a pyarrow.compute expression. Nothing of the text is evaluated, and a
+kind of node that is not listed here is refused.
 """
 
 import ast
@@ -32,8 +34,14 @@ LONGEST = 4000
 
 MOST_WHOLE = 2**63 - 1
 
-FACTS: dict[str, type] = {"average_speed": float, "maximum_speed": float, "T_meet": float, "split": str}
-"""Fields beside those of the spec, named and defined as in the table of episodes of an export (export/shared/provenance.py)."""
+FACTS: dict[str, type] = {
+    "average_speed": float,
+    "maximum_speed": float,
+    "T_meet": float,
+    "split": str,
+}
+"""Fields beside those of the spec, named and defined as in the table of episodes of an export
+(export/shared/provenance.py)."""
 
 _ARROW = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 _KINDS = {
@@ -51,7 +59,9 @@ _COMPARE = {
     ast.GtE: operator.ge,
 }
 _KEYWORDS = ("and", "or", "not", "in")
-_TOKEN = re.compile(r"""\s*(?:(?P<op>==|!=|<=|>=|[=<>(),])|"(?P<dq>[^"]*)"|'(?P<sq>[^']*)'|(?P<word>[\w.+-]+))""")
+_TOKEN = re.compile(
+    r"""\s*(?:(?P<op>==|!=|<=|>=|[=<>(),])|"(?P<dq>[^"]*)"|'(?P<sq>[^']*)'|(?P<word>[\w.+-]+))"""
+)
 _PLACEHOLDER = re.compile(r"value_\d+")
 
 type Values = Mapping[str, str]
@@ -66,7 +76,9 @@ class _Unreadable(ValueError):
     """What is wrong with an expression, without its text."""
 
 
-def fields_of(spec: EpisodeSpec, meta: EpisodeMeta, validation: float = VALIDATION) -> dict[str, Any]:
+def fields_of(
+    spec: EpisodeSpec, meta: EpisodeMeta, validation: float = VALIDATION
+) -> dict[str, Any]:
     """The fields of an episode; `validation` is the share of the split of that name."""
     speeds = {"average_speed": meta.average_speed, "maximum_speed": meta.maximum_speed}
     split = split_of(meta.physics_id or spec.to_json(), validation)
@@ -75,14 +87,17 @@ def fields_of(spec: EpisodeSpec, meta: EpisodeMeta, validation: float = VALIDATI
 
 def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDArray[np.bool_]:
     """Which (N,) of the episodes, given by their fields, an expression of `parse_where` selects."""
-    table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column("row", pa.array(range(len(rows))))
+    table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column(
+        "row", pa.array(range(len(rows)))
+    )
     chosen = np.zeros(len(rows), bool)
     chosen[table.filter(where)["row"].to_numpy()] = True
     return chosen
 
 
 def parse_where(text: str) -> pc.Expression:
-    """The pyarrow expression of a `--where` text over the fields of an episode; a blank one selects all.
+    """The pyarrow expression of a `--where` text over the fields of an episode; a blank one selects
+    all.
 
     Raises WhereError, one line that names the mistake and the fields.
     """
@@ -104,7 +119,8 @@ def parse_where(text: str) -> pc.Expression:
 
 
 def _as_python(text: str) -> tuple[str, Values]:
-    """The text with `=` as `==`, the list of an `in` in square brackets, and placeholders for its values."""
+    """The text with `=` as `==`, the list of an `in` in square brackets, and placeholders for its
+    values."""
     words: list[str] = []
     values: dict[str, str] = {}
     place, in_list = 0, False
@@ -153,7 +169,8 @@ def _translate(node: ast.expr, values: Values) -> pc.Expression:
             pairs = zip([left, *rights], ops, rights, strict=False)
             return reduce(operator.and_, [_comparison(a, op, b, values) for a, op, b in pairs])
     raise _Unreadable(
-        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a field with a value, for example level=1"
+        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a field with a value,"
+        " for example level=1"
     )
 
 
@@ -162,7 +179,9 @@ def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) 
         field = _field(left, values)
         if not isinstance(right, ast.List) or not right.elts:
             raise _Unreadable(f"wants values in brackets: {field} in (one, another)")
-        found = pc.field(field).isin(pa.array([_value(v, field, values) for v in right.elts], _ARROW[_KINDS[field]]))
+        found = pc.field(field).isin(
+            pa.array([_value(v, field, values) for v in right.elts], _ARROW[_KINDS[field]])
+        )
         return ~found if isinstance(op, ast.NotIn) else found
     compare = _COMPARE[type(op)]
     if isinstance(right, ast.Name) and right.id in _KINDS and ast.unparse(left) in values:
@@ -180,9 +199,18 @@ def _field(node: ast.expr, values: Values) -> str:
 def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
     """The value of a placeholder as the type of a field."""
     if not isinstance(node, ast.Name) or node.id not in values:
-        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no value for {field}; quote it if it is meant as one")
+        raise _Unreadable(
+            f"{_restore_values(ast.unparse(node), values)!r} is no value for {field}; quote it if"
+            " it is meant as one"
+        )
     word, kind = values[node.id], _KINDS[field]
     try:
-        return word if kind is str else whole(word, -MOST_WHOLE, MOST_WHOLE) if kind is int else real(word)
+        return (
+            word
+            if kind is str
+            else whole(word, -MOST_WHOLE, MOST_WHOLE)
+            if kind is int
+            else real(word)
+        )
     except ParseError as error:
         raise _Unreadable(f"{field} {show_value(word)} {error}") from None

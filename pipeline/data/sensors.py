@@ -1,4 +1,5 @@
-"""The imperfections of a setup's cameras, as numbers: noise, motion blur, drift, errors of depth, latency."""
+"""The imperfections of a setup's cameras, as numbers: noise, motion blur, drift, errors of depth,
+latency."""
 
 from typing import Annotated, Any, Literal
 
@@ -19,7 +20,8 @@ class Sensors(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _written(cls, value: Any) -> Any:
-        """ "noise=2,latency=1" stands for {noise: 2, latency: 1}, and "none" for no imperfections."""
+        """ "noise=2,latency=1" stands for {noise: 2, latency: 1}, and "none" for no
+        imperfections."""
         if not isinstance(value, str):
             return value
         if value == "none":

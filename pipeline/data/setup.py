@@ -1,10 +1,19 @@
-"""A setup: cameras, sensors, rate and rules. What a dataset is built with, an evaluation runs with and a policy is made for."""
+"""A setup: cameras, sensors, rate and rules. What a dataset is built with, an evaluation runs with
+and a policy is made for."""
 
 import math
 from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from pipeline.data.brought import Brought, bring_light, bring_textures
 from pipeline.data.clock import DEFAULT_FPS
@@ -22,7 +31,8 @@ IMAGES = (
 """Keys of a setup that decide how images look. The others decide what happens in them."""
 
 INTERFACE = ("fps", "layout", "camera", "cameras", "size", "depth", "segmentation", "pointcloud")
-"""Keys of a setup that a policy is made for: what it sees, and what its actions mean. The others describe the tasks."""
+"""Keys of a setup that a policy is made for: what it sees, and what its actions mean. The others
+describe the tasks."""
 
 SETUP_FILE = "setup.yaml"
 """The file of a trained policy that holds the setup it was made for."""
@@ -59,48 +69,61 @@ class Setup(BaseModel):
     cameras: tuple[str | NamedCamera, ...] = MOUNTED
     """Cameras that are stored: head, left, right, observer, and cameras described in full."""
     size: tuple[_Pixels, _Pixels] | None = None
-    """Width and height of all images (pixels), if not the cameras' own; the vertical field of view stays the same."""
+    """Width and height of all images (pixels), if not the cameras' own; the vertical field of view
+    stays the same."""
     pointcloud: bool = False
     """Store a point cloud of the head camera."""
     sensors: Sensors | None = None
-    """Imperfections of the cameras, off by default: noise (gain), motion_blur (ms), drift (share), depth_noise (d435), latency
-    (frames), as in noise=2,latency=1; in a file also {noise: 2, latency: 1}."""
+    """Imperfections of the cameras, off by default: noise (gain), motion_blur (ms), drift (share),
+    depth_noise (d435), latency (frames), as in noise=2,latency=1; in a file also {noise: 2,
+    latency: 1}."""
     visuals: Literal["domain", "clean", "randomized"] = "domain"
-    """Looks of room and lights: those of the episode's domain, the clean ones, or drawn from `visual_seed`."""
+    """Looks of room and lights: those of the episode's domain, the clean ones, or drawn from
+    `visual_seed`."""
     visual_seed: Seed = 0
     """Seed of the looks, if visuals are randomized."""
     lead: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Seconds that the target moves before the robot starts."""
     start: Literal["early", "late"] | None = None
-    """When targets start: `early` as the episode starts (or `lead` s before), or `late`, when their path has room at the speed
-    drawn. The default is `late` with strict rules and an alpha above 0.1, else `early`."""
+    """When targets start: `early` as the episode starts (or `lead` s before), or `late`, when their
+    path has room at the speed drawn. The default is `late` with strict rules and an alpha above
+    0.1, else `early`."""
     jumps: Literal["drawn", "capped"] | None = None
-    """Jumps of a level-3 target's velocity at an instant: as the law draws them, or `capped` at 4 alpha. The default is `capped`
-    with strict rules and an alpha above 0.1, else `drawn`."""
+    """Jumps of a level-3 target's velocity at an instant: as the law draws them, or `capped` at 4
+    alpha. The default is `capped` with strict rules and an alpha above 0.1, else `drawn`."""
     motion: Name | None = None
     """Model of the targets' motions, if not the task's own; the paper's is `planar`."""
     speed_bound: Literal["average", "maximum"] = "average"
-    """The speed that alpha bounds at levels 2 and 3: the average (as in the paper's appendix) or the maximum."""
+    """The speed that alpha bounds at levels 2 and 3: the average (as in the paper's appendix) or
+    the maximum."""
     rules: RuleSet = "strict"
     """Sizes, tolerances and conditions: strict (ours), or domino (the original's)."""
     contact: Contact | None = None
     """What the first touch does to the motion of the target, if not what the rules define."""
     layout: Layout = "ours"
     """Places of the robots' bases: ours, or those of the original system."""
-    clutter: tuple[Annotated[int, Field(ge=0, strict=True)], Annotated[int, Field(le=MOST_CLUTTER, strict=True)]] = CLUTTER
-    """Fewest and most distractors in the randomized domain, at most 10; fewer if there is no room."""
-    objects: Mapping[Replaced, Annotated[tuple[Name, ...], Field(min_length=1)]] = Field(default_factory=dict)
-    """Objects from files in place of object families, e.g. mug=mug7,mug=mug8, or of one task's, e.g. place_empty_cup.cup=cup3."""
+    clutter: tuple[
+        Annotated[int, Field(ge=0, strict=True)],
+        Annotated[int, Field(le=MOST_CLUTTER, strict=True)],
+    ] = CLUTTER
+    """Fewest and most distractors in the randomized domain, at most 10; fewer if there is no
+    room."""
+    objects: Mapping[Replaced, Annotated[tuple[Name, ...], Field(min_length=1)]] = Field(
+        default_factory=dict
+    )
+    """Objects from files in place of object families, e.g. mug=mug7,mug=mug8, or of one task's,
+    e.g. place_empty_cup.cup=cup3."""
     textures: Literal["seen", "unseen"] | Brought = "seen"
-    """Textures of randomized looks: those of training (seen), or those kept for evaluation (unseen); or a directory of your images,
-    for every look."""
+    """Textures of randomized looks: those of training (seen), or those kept for evaluation
+    (unseen); or a directory of your images, for every look."""
     environment: Brought | None = None
     """An equirectangular image (.hdr) whose light replaces the lights of every look."""
 
     @model_validator(mode="before")
     @classmethod
     def _without_retired(cls, values: Any) -> Any:
-        """Setups stored by earlier versions have a key for vendors' meshes, empty unless a robot was drawn with them."""
+        """Setups stored by earlier versions have a key for vendors' meshes, empty unless a robot
+        was drawn with them."""
         if isinstance(values, Mapping) and values.get(RETIRED) == {}:
             return {key: value for key, value in values.items() if key != RETIRED}
         return values
@@ -109,7 +132,13 @@ class Setup(BaseModel):
     @classmethod
     def _no_switch(cls, value: Any, info: ValidationInfo) -> Any:
         """YAML true/false is not accepted where a number or a name is expected."""
-        parts = [*value.values()] if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else [value]
+        parts = (
+            [*value.values()]
+            if isinstance(value, Mapping)
+            else value
+            if isinstance(value, list | tuple)
+            else [value]
+        )
         if info.field_name not in _SWITCHES and any(isinstance(part, bool) for part in parts):
             raise ValueError("is true or false, but must be a number or a name")
         if any(isinstance(part, float) and math.isnan(part) for part in parts):
@@ -120,7 +149,11 @@ class Setup(BaseModel):
     @classmethod
     def _own_textures(cls, value: Any) -> Any:
         """A name that is no split is a directory, which is read and hashed."""
-        return bring_textures(value) if isinstance(value, str) and value not in ("seen", "unseen") else value
+        return (
+            bring_textures(value)
+            if isinstance(value, str) and value not in ("seen", "unseen")
+            else value
+        )
 
     @field_validator("environment", mode="before")
     @classmethod
@@ -145,8 +178,13 @@ class Setup(BaseModel):
             raise ValueError("is not written as family=object, such as mug=mug7,can=soda")
         found: dict[Any, list[Any]] = {}
         for family, names in pairs:
-            found.setdefault(family, []).extend(names if isinstance(names, list | tuple) else [names])
-        return {family: [str(name).removeprefix("robotwin:") for name in names] for family, names in found.items()}
+            found.setdefault(family, []).extend(
+                names if isinstance(names, list | tuple) else [names]
+            )
+        return {
+            family: [str(name).removeprefix("robotwin:") for name in names]
+            for family, names in found.items()
+        }
 
     @field_validator("clutter")
     @classmethod
@@ -158,7 +196,9 @@ class Setup(BaseModel):
     @field_validator("cameras", mode="before")
     @classmethod
     def _known_cameras(cls, value: Any) -> Any:
-        cameras = [_camera(item) for item in (value if isinstance(value, list | tuple) else [value])]
+        cameras = [
+            _camera(item) for item in (value if isinstance(value, list | tuple) else [value])
+        ]
         if len(set(map(camera_name, cameras))) < len(cameras):
             raise ValueError("names a camera twice")
         return tuple(cameras)
@@ -168,7 +208,10 @@ class Setup(BaseModel):
     def _within_a_frame(cls, value: Sensors | None, info: ValidationInfo) -> Sensors | None:
         """The shutter is open for a frame at most. Sensors without imperfections are none."""
         if value is not None and value.motion_blur * info.data.get("fps", DEFAULT_FPS) > 1000:
-            raise ValueError(f"has a motion_blur longer than a frame, {1000 / info.data.get('fps', DEFAULT_FPS):.1f} ms")
+            raise ValueError(
+                "has a motion_blur longer than a frame,"
+                f" {1000 / info.data.get('fps', DEFAULT_FPS):.1f} ms"
+            )
         return value if value != Sensors() else None
 
     @field_validator("pointcloud")
@@ -188,18 +231,23 @@ class Setup(BaseModel):
 
     @property
     def physics(self) -> "Setup":
-        """The setup with all keys of IMAGES at their defaults: setups with the same physics have the same scenes and experts."""
-        return Setup.model_construct(**{name: getattr(self, name) for name in Setup.model_fields if name not in IMAGES})
+        """The setup with all keys of IMAGES at their defaults: setups with the same physics have
+        the same scenes and experts."""
+        return Setup.model_construct(
+            **{name: getattr(self, name) for name in Setup.model_fields if name not in IMAGES}
+        )
 
     @property
     def brought(self) -> tuple[str, str]:
-        """Textures and light by what they are: a split, or the content of what is brought wherever it is; "" for no light."""
+        """Textures and light by what they are: a split, or the content of what is brought wherever
+        it is; "" for no light."""
         own = (self.textures, self.environment or "")
         return tuple(each.content if isinstance(each, Brought) else each for each in own)  # pyright: ignore[reportReturnType]
 
     @property
     def reactive(self) -> Sight | None:
-        """How the reactive expert sees, if it demonstrates; a setup alone, as an evaluation has it, means the planned expert."""
+        """How the reactive expert sees, if it demonstrates; a setup alone, as an evaluation has it,
+        means the planned expert."""
         return None
 
     @property
@@ -208,16 +256,20 @@ class Setup(BaseModel):
         return tuple(map(camera_name, self.cameras))
 
     def cameras_on(self, sides: Collection[str]) -> tuple[str | NamedCamera, ...]:
-        """The cameras that a robot with the arms of `sides` can have: without the wrist camera of an arm that is not there."""
+        """The cameras that a robot with the arms of `sides` can have: without the wrist camera of
+        an arm that is not there."""
         return tuple(camera for camera in self.cameras if camera in sides or camera not in SIDES)
 
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
-        return Rules(self.rules, self.contact, self.layout, self.clutter, tuple(sorted(self.objects.items())))
+        return Rules(
+            self.rules, self.contact, self.layout, self.clutter, tuple(sorted(self.objects.items()))
+        )
 
     @property
     def label(self) -> str:
-        """A word for paths and tables: the rules, and what else of `physics` is not the default; "strict-30hz", for example."""
+        """A word for paths and tables: the rules, and what else of `physics` is not the default;
+        "strict-30hz", for example."""
         parts = {
             "fps": f"{self.fps}hz",
             "camera": self.camera,
@@ -227,22 +279,38 @@ class Setup(BaseModel):
             "motion": self.motion,
             "speed_bound": self.speed_bound,
         }
-        differing = [word for key, word in parts.items() if getattr(self, key) != Setup.model_fields[key].default]
+        differing = [
+            word
+            for key, word in parts.items()
+            if getattr(self, key) != Setup.model_fields[key].default
+        ]
         return "-".join((self.ruling().label, *map(str, differing)))
 
     def given(self) -> dict[str, Any]:
-        """The keys that are not at their defaults, as plain data (JSON); `Setup.parse` is the inverse."""
+        """The keys that are not at their defaults, as plain data (JSON); `Setup.parse` is the
+        inverse."""
         return self.setup.model_dump(mode="json", exclude_defaults=True)
 
-    def override(self, values: Mapping[str, Any], source: str = "options", flags: Mapping[str, str] | None = None) -> Self:
+    def override(
+        self,
+        values: Mapping[str, Any],
+        source: str = "options",
+        flags: Mapping[str, str] | None = None,
+    ) -> Self:
         """The same with other values of some keys. Raises RecipeError as `parse`."""
         return self.parse(self.model_dump() | dict(values), source, flags)
 
     @classmethod
-    def parse(cls, values: Mapping[str, Any], source: str = "setup", flags: Mapping[str, str] | None = None) -> Self:
+    def parse(
+        cls,
+        values: Mapping[str, Any],
+        source: str = "setup",
+        flags: Mapping[str, str] | None = None,
+    ) -> Self:
         """A model whose keys and values have the right form.
 
-        Raises RecipeError in one line that names `source` and the key, or the option that gave it (`flags`), and what is wrong.
+        Raises RecipeError in one line that names `source` and the key, or the option that gave it
+        (`flags`), and what is wrong.
         """
         try:
             return cls.model_validate(dict(values))
@@ -258,7 +326,9 @@ class Setup(BaseModel):
             ):
                 where += f": {last[:SHOWN]}"  # the part of the value that is wrong
             plain = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-            said = f"is not a key of a {cls.__name__.lower()}; keys are {', '.join(cls.model_fields)}"
+            said = (
+                f"is not a key of a {cls.__name__.lower()}; keys are {', '.join(cls.model_fields)}"
+            )
             if len(first["loc"]) > 1 and first["type"] == "extra_forbidden":
                 said = f"has no {str(first['loc'][-1])[:SHOWN]}"
             elif first["type"] != "extra_forbidden":
@@ -282,19 +352,24 @@ def camera_name(camera: str | NamedCamera) -> str:
 
 
 def _camera(item: Any) -> str | NamedCamera:
-    """A camera of a setup: a known name (head and head_camera are the same), or a mapping that describes one."""
+    """A camera of a setup: a known name (head and head_camera are the same), or a mapping that
+    describes one."""
     if isinstance(item, NamedCamera):
         return item
     if isinstance(item, Mapping):
         try:
             return NamedCamera.model_validate(dict(item))
         except ValidationError as error:
-            wrong = {str(e["loc"][0])[:SHOWN]: e["msg"].removeprefix("Value error, ").lower() for e in error.errors()}
+            wrong = {
+                str(e["loc"][0])[:SHOWN]: e["msg"].removeprefix("Value error, ").lower()
+                for e in error.errors()
+            }
             said = ", ".join(f"{key} ({message})" for key, message in wrong.items())
             raise ValueError(f"describes a camera with wrong values: {said}") from error
     name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
     if name is None:
         raise ValueError(
-            f"holds {show_value(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
+            f"holds {show_value(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name,"
+            " link, pose, width, height, fovy"
         )
     return name

@@ -1,4 +1,5 @@
-"""What one attempt at an episode is: the few values that, with the code version, decide every byte of its physics."""
+"""What one attempt at an episode is: the few values that, with the code version, decide every byte
+of its physics."""
 
 import hashlib
 import json
@@ -18,12 +19,13 @@ DOMAINS = ("clean", "randomized")
 class EpisodeSpec:
     """One attempt at one slot.
 
-    `alpha` is the speed coefficient in m/s (DOMINO@alpha), `slot` the index of the wanted episode inside its cell, `seed` the
-    attempt's own seed. `slot_seed` is shared by attempts at a slot: what it draws is kept when the rest is drawn again; None for
-    an attempt that shares nothing.
+    `alpha` is the speed coefficient in m/s (DOMINO@alpha), `slot` the index of the wanted episode
+    inside its cell, `seed` the attempt's own seed. `slot_seed` is shared by attempts at a slot:
+    what it draws is kept when the rest is drawn again; None for an attempt that shares nothing.
 
-    Raises ValueError, naming the field, for a task or embodiment that is no plain name (paths are made from them), a level outside
-    0-9, a negative or non-finite alpha, an unknown domain, or a negative slot or seed.
+    Raises ValueError, naming the field, for a task or embodiment that is no plain name (paths are
+    made from them), a level outside 0-9, a negative or non-finite alpha, an unknown domain, or a
+    negative slot or seed.
     """
 
     task: str
@@ -37,9 +39,14 @@ class EpisodeSpec:
 
     def __post_init__(self) -> None:
         if not is_name(self.task):
-            raise ValueError(f"task {self.task!r} is not a name: use letters, digits and single underscores")
+            raise ValueError(
+                f"task {self.task!r} is not a name: use letters, digits and single underscores"
+            )
         if not is_embodiment(self.embodiment):
-            raise ValueError(f"embodiment {self.embodiment!r} is not a name, nor a pair of names written left+right")
+            raise ValueError(
+                f"embodiment {self.embodiment!r} is not a name, nor a pair of names written"
+                " left+right"
+            )
         if self.level not in range(HIGHEST_LEVEL + 1):
             raise ValueError(f"level {self.level!r} is no level: levels are 0 to {HIGHEST_LEVEL}")
         if not (np.isfinite(self.alpha) and self.alpha >= 0):
@@ -55,20 +62,26 @@ class EpisodeSpec:
         return self.level > 0 and self.alpha > 0
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """The named random stream of this attempt; streams of different purposes are independent of each other.
+        """The named random stream of this attempt; streams of different purposes are independent of
+        each other.
 
-        Level, alpha and domain do not enter the key: paired cells (level 0 against level 3, clean against randomised) see the
-        same placement and the same objects for the same seed.
+        Level, alpha and domain do not enter the key: paired cells (level 0 against level 3, clean
+        against randomised) see the same placement and the same objects for the same seed.
         """
         return self._stream(self.seed, purpose)
 
     def slot_rng(self, purpose: str) -> np.random.Generator:
-        """The named random stream that all attempts with the same `slot_seed` share; the attempt's own without one."""
-        return self._stream(self.seed if self.slot_seed is None else self.slot_seed, f"slot/{purpose}")
+        """The named random stream that all attempts with the same `slot_seed` share; the attempt's
+        own without one."""
+        return self._stream(
+            self.seed if self.slot_seed is None else self.slot_seed, f"slot/{purpose}"
+        )
 
     def _stream(self, seed: int, purpose: str) -> np.random.Generator:
         key = json.dumps([self.task, self.embodiment, self.slot, seed, purpose]).encode()
-        return np.random.Generator(np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little")))
+        return np.random.Generator(
+            np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little"))
+        )
 
     def to_json(self) -> str:
         """Canonical JSON of the spec (sorted keys, no spaces)."""
@@ -81,11 +94,14 @@ class EpisodeSpec:
         if isinstance(values, dict):
             values.setdefault("slot_seed", None)  # episodes of version 0.1 do not have it
         if not isinstance(values, dict) or set(values) != {f.name for f in fields(cls)}:
-            raise ValueError(f"is not a spec: its keys must be {', '.join(f.name for f in fields(cls))}")
+            raise ValueError(
+                f"is not a spec: its keys must be {', '.join(f.name for f in fields(cls))}"
+            )
         return cls(**values)
 
 
 def attempt_seed(recipe_seed: int, cell: str, slot: int, attempt: int) -> int:
-    """Seed (63 bits) of attempt number `attempt` of a slot; no other cell text, slot or attempt has it (up to a hash collision)."""
+    """Seed (63 bits) of attempt number `attempt` of a slot; no other cell text, slot or attempt has
+    it (up to a hash collision)."""
     key = json.dumps([recipe_seed, cell, slot, attempt]).encode()
     return int.from_bytes(hashlib.sha256(key).digest()[:8], "little") >> 1

@@ -1,4 +1,5 @@
-"""A time limit for code of a user: what it does in a loop without an end, this process cannot know."""
+"""A time limit for code of a user: what it does in a loop without an end, this process cannot
+know."""
 
 import signal
 import threading
@@ -17,8 +18,8 @@ class _Alarm(BaseException):
 def time_limit(seconds: float, late: Exception) -> Iterator[None]:
     """Raises `late` for a block that takes longer, from what the block was doing.
 
-    In the main thread the block is interrupted, where it waits or between two of its Python instructions. Elsewhere, and in native
-    code, the error is raised when the block ends.
+    In the main thread the block is interrupted, where it waits or between two of its Python
+    instructions. Elsewhere, and in native code, the error is raised when the block ends.
     """
     began, in_main = time.monotonic(), threading.current_thread() is threading.main_thread()
 

@@ -1,4 +1,5 @@
-"""What an action is: its bounds, how it becomes drive targets at the physics rate, and tool poses instead of joints."""
+"""What an action is: its bounds, how it becomes drive targets at the physics rate, and tool poses
+instead of joints."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,7 +23,8 @@ class ActionError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Bounds of a joint action (A,) in the layout of the command: positions, and the largest change in one second."""
+    """Bounds of a joint action (A,) in the layout of the command: positions, and the largest change
+    in one second."""
 
     names: tuple[str, ...]
     lower: Floats
@@ -30,14 +32,16 @@ class JointLimits:
     speed: Floats
 
     def clipped(self, action: Floats, before: Floats, seconds: float) -> Floats:
-        """The action moved into the position bounds and to what the joints can reach from the command `before` in `seconds`."""
+        """The action moved into the position bounds and to what the joints can reach from the
+        command `before` in `seconds`."""
         action = np.clip(action, self.lower, self.upper)
         return np.clip(action, before - self.speed * seconds, before + self.speed * seconds)
 
 
 @lru_cache(maxsize=8)
 def joint_limits(embodiment: Embodiment) -> JointLimits:
-    """Position limits (rad or m) and speed limits (rad/s or m/s) of the arm joints; grippers run over 0-1 at any speed."""
+    """Position limits (rad or m) and speed limits (rad/s or m/s) of the arm joints; grippers run
+    over 0-1 at any speed."""
     lower, upper, speed = list[float](), list[float](), list[float]()
     for arm in embodiment.arms.values():
         joints = {j.name: j for j in arm.joints}
@@ -60,12 +64,17 @@ def check_action(action: ArrayLike, length: int) -> Floats:
     if values.shape != (length,):
         raise ActionError(f"the action has the shape {values.shape}; this robot takes ({length},)")
     if not np.isfinite(values).all():
-        raise ActionError(f"the action is not finite at index {int(np.flatnonzero(~np.isfinite(values))[0])}")
+        raise ActionError(
+            f"the action is not finite at index {int(np.flatnonzero(~np.isfinite(values))[0])}"
+        )
     return values
 
 
-def interpolate_targets(before: Floats, action: Floats, steps: int, seconds: float) -> tuple[Floats, Floats]:
-    """Drive targets (steps,A) that go linearly from the command `before` to `action`, and their constant velocity (A,).
+def interpolate_targets(
+    before: Floats, action: Floats, steps: int, seconds: float
+) -> tuple[Floats, Floats]:
+    """Drive targets (steps,A) that go linearly from the command `before` to `action`, and their
+    constant velocity (A,).
 
     The last row is `action` itself.
     """
@@ -81,13 +90,17 @@ def pose_action_names(robot: Embodiment) -> tuple[str, ...]:
 
 
 class ToolPoses:
-    """End-effector actions (8S,): world poses of the tool frames and gripper values, turned into joint actions."""
+    """End-effector actions (8S,): world poses of the tool frames and gripper values, turned into
+    joint actions."""
 
     def __init__(self, embodiment: Embodiment) -> None:
         self._planner: Planner = planner_of(embodiment)
 
-    def joints(self, action: Floats, command: Floats, tools: Floats | None = None) -> tuple[Floats, tuple[str, ...]]:
-        """The joint action (A,) nearest to the command (A,), and the sides whose pose is out of reach: these hold still.
+    def joints(
+        self, action: Floats, command: Floats, tools: Floats | None = None
+    ) -> tuple[Floats, tuple[str, ...]]:
+        """The joint action (A,) nearest to the command (A,), and the sides whose pose is out of
+        reach: these hold still.
 
         With `tools` (S,7) the poses are relative to these. Quaternions need not be normalised.
         Raises ActionError for a quaternion of length zero.

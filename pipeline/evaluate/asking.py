@@ -1,9 +1,9 @@
 """Asks a policy: whatever it does becomes a valid answer or one of two faults that end its episode.
 
 ActionError: it answered with something that is no action. NoAnswer: it raised an error, lost its
-connection or ran out of time. What keeps a policy from being tried at all (no server, another robot)
-stays a PolicyError. A policy in another process has a time limit; one of this process, which is ours or
-runs here for a debugger, has none.
+connection or ran out of time. What keeps a policy from being tried at all (no server, another
+robot) stays a PolicyError. A policy in another process has a time limit; one of this process, which
+is ours or runs here for a debugger, has none.
 """
 
 import time
@@ -42,7 +42,8 @@ ANSWERS = 10
 
 
 def load_once(name: PolicyName) -> Policy:
-    """The policy of a name, made once in a process: loading one may take long. Raises PolicyError."""
+    """The policy of a name, made once in a process: loading one may take long. Raises
+    PolicyError."""
     return _load(name.text, name.process, name.prints)
 
 
@@ -51,10 +52,14 @@ def _load(text: str, process: str, prints: Path | None) -> Policy:
     return make_policy(PolicyName(text, text, process=process, prints=prints))
 
 
-def introduce(name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS) -> PolicyName:
-    """The name of a policy with its probe (probe.py), after its contract was compared with all `starts`.
+def introduce(
+    name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS
+) -> PolicyName:
+    """The name of a policy with its probe (probe.py), after its contract was compared with all
+    `starts`.
 
-    Raises PolicyError if it cannot be loaded, was made for other episodes, or refuses the first of them.
+    Raises PolicyError if it cannot be loaded, was made for other episodes, or refuses the first of
+    them.
     """
     policy = load_once(name)
     try:
@@ -69,8 +74,9 @@ def introduce(name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER
 
 
 class Asked:
-    """A policy in one episode. One answer may take `seconds`, all together ANSWERS times that; `count` are the answers so far,
-    `inferences` those that its network ran for: the first one, and all of them if the policy does not count.
+    """A policy in one episode. One answer may take `seconds`, all together ANSWERS times that;
+    `count` are the answers so far, `inferences` those that its network ran for: the first one, and
+    all of them if the policy does not count.
 
     Raises PolicyError if the policy cannot be made.
     """
@@ -85,7 +91,8 @@ class Asked:
         return isinstance(self.policy, SeesTruth)
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
-        """Begin the episode. Raises NoAnswer if the policy fails, PolicyError if it refuses the episode."""
+        """Begin the episode. Raises NoAnswer if the policy fails, PolicyError if it refuses the
+        episode."""
         policy = self.policy
         check_contract(policy, start)
         with self._in_time():

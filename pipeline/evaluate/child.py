@@ -1,7 +1,8 @@
 """The process of a policy: python -m pipeline.evaluate.child DESCRIPTOR TEXT [CLIENTS WAIT].
 
-It answers messages on the descriptor until its caller ends. With CLIENTS and WAIT it serves the policy,
-in batches that wait WAIT seconds, on a port of loopback that it sends instead of the metadata.
+It answers messages on the descriptor until its caller ends. With CLIENTS and WAIT it serves the
+policy, in batches that wait WAIT seconds, on a port of loopback that it sends instead of the
+metadata.
 """
 
 import os
@@ -25,7 +26,8 @@ NAME = "policy"
 
 
 def serve(connection: Connection, text: str) -> None:
-    """Make the policy of a name and answer messages. Raises EOFError or OSError when the connection ends."""
+    """Make the policy of a name and answer messages. Raises EOFError or OSError when the connection
+    ends."""
     session = guarded(lambda: Session(_make(text), ServerOptions(NAME)))
     greeting = session if isinstance(session, tuple) else guarded(lambda: pack(session.metadata()))
     _send(connection, greeting)
@@ -46,7 +48,10 @@ def host(connection: Connection, text: str, clients: int, wait: float) -> None:
 def _make(text: str) -> Policy:
     policy = make_here(PolicyName(text, text))
     if isinstance(policy, SeesTruth):
-        raise PolicyError(f"--policy {text}: is shown the simulation and cannot run in a process of its own: add --in-process")
+        raise PolicyError(
+            f"--policy {text}: is shown the simulation and cannot run in a process of its own: add"
+            " --in-process"
+        )
     return policy
 
 
@@ -55,7 +60,8 @@ def _send(connection: Connection, answer: bytes | tuple[str, int]) -> None:
 
 
 def _end_with_caller(descriptor: int) -> None:
-    """Wait until the other end of the connection is closed, then end this group of processes, whatever the policy does."""
+    """Wait until the other end of the connection is closed, then end this group of processes,
+    whatever the policy does."""
     poll = select.poll()
     poll.register(descriptor, 0)
     poll.poll()

@@ -1,8 +1,10 @@
-"""Corrections: a policy acts, the reactive expert says at every frame what it would do, takes over, and finishes the task.
+"""Corrections: a policy acts, the reactive expert says at every frame what it would do, takes over,
+and finishes the task.
 
-The expert takes over at a drawn time (`time`), or when the policy's hand is farther off the expert's path than a drawn distance
-(`error`), as an attentive person would (HG-DAgger, Kelly et al. 2019). All frames are labelled (DAgger, Ross et al. 2011). Before
-that the robot may be held still or pushed (`perturb`): the expert then shows how to recover.
+The expert takes over at a drawn time (`time`), or when the policy's hand is farther off the
+expert's path than a drawn distance (`error`), as an attentive person would (HG-DAgger, Kelly et al.
+2019). All frames are labelled (DAgger, Ross et al. 2011). Before that the robot may be held still
+or pushed (`perturb`): the expert then shows how to recover.
 """
 
 from dataclasses import dataclass, replace
@@ -36,8 +38,8 @@ from pipeline.world.robots import get_embodiment
 STAGE = "correct"
 
 ASTRAY = (0.02, 0.06)
-"""Least and greatest distance (m) of a hand from the expert's path at which an expert that waits for an error takes over; one is
-drawn for every episode."""
+"""Least and greatest distance (m) of a hand from the expert's path at which an expert that waits
+for an error takes over; one is drawn for every episode."""
 
 LATE = 2.0
 """Planned meetings after which it takes over at the latest."""
@@ -46,7 +48,8 @@ HELD = (0.3, 1.0)
 """Shortest and longest perturbation (s); one is drawn for every episode."""
 
 PUSHED = 0.08
-"""Standard deviation (rad or m) of the angle or distance by which a push moves each arm joint; a direction is drawn as well."""
+"""Standard deviation (rad or m) of the angle or distance by which a push moves each arm joint; a
+direction is drawn as well."""
 
 STIRRED = 1e-3
 """Distance (m) from its place at which a body counts as moved by the policy."""
@@ -60,7 +63,10 @@ class Correction:
 
     def describe(self) -> dict[str, Any]:
         """The expert, and the label of the policy."""
-        return {"expert": "reactive", "corrects": self.recipe.corrections.label if self.recipe.corrections else ""}
+        return {
+            "expert": "reactive",
+            "corrects": self.recipe.corrections.label if self.recipe.corrections else "",
+        }
 
     def check(self) -> None:
         """Make the policy, and compare its contract. Raises PolicyError if either fails."""
@@ -68,16 +74,19 @@ class Correction:
         try:
             asked = _ask_policy(recipe)
             for robot in recipe.embodiments:
-                check_contract(asked.policy, start_of(get_embodiment(robot), _choose_setup(asked, recipe), ""))
+                check_contract(
+                    asked.policy, start_of(get_embodiment(robot), _choose_setup(asked, recipe), "")
+                )
         except PolicyError as error:
             raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         """The rollout, whose log says who acted at each frame and what the expert would have done.
 
-        Raises Failure: takeover_late (the policy touched the target or moved a body before the expert's turn), no_error (it never
-        erred), policy_failed (it gave no valid answer), and those of stages/react.py; PolicyError if the policy cannot be
-        made or is another one than the recipe's.
+        Raises Failure: takeover_late (the policy touched the target or moved a body before the
+        expert's turn), no_error (it never erred), policy_failed (it gave no valid answer), and
+        those of stages/react.py; PolicyError if the policy cannot be made or is another one than
+        the recipe's.
         """
         recipe = self.recipe
         actor = scene.start(motion, fps, STAGE, ReactiveActor)
@@ -89,8 +98,13 @@ class Correction:
             actor.meet(scene.task.meet)
             done = finish(scene, actor, STAGE)
         log, frames = done.log, len(labels)
-        expert = np.concatenate([np.array(labels).reshape(frames, log.action.shape[1]), log.action[frames:]])
-        return Replay(replace(log, intervention=np.arange(len(log)) >= frames, expert_action=expert), done.steps)
+        expert = np.concatenate(
+            [np.array(labels).reshape(frames, log.action.shape[1]), log.action[frames:]]
+        )
+        return Replay(
+            replace(log, intervention=np.arange(len(log)) >= frames, expert_action=expert),
+            done.steps,
+        )
 
 
 def _ask_policy(recipe: Recipe) -> Asked:
@@ -100,7 +114,9 @@ def _ask_policy(recipe: Recipe) -> Asked:
         raise PolicyError("the recipe names no policy to correct")
     name = policy_name(corrections.policy)
     if name.label != corrections.label:
-        raise PolicyError(f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more")
+        raise PolicyError(
+            f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more"
+        )
     return Asked(name)
 
 
@@ -118,16 +134,21 @@ class _Turn:
         rng = trial.scene.spec.rng("takeover")
         self._last = LATE * meeting if recipe.takeover == "error" else rng.uniform(0.0, meeting)
         self._astray = rng.uniform(*ASTRAY) if recipe.takeover == "error" else np.inf
-        self._bodies = {name: actor.pose(name) for name in actor.bodies if name != trial.scene.task.target}
+        self._bodies = {
+            name: actor.pose(name) for name in actor.bodies if name != trial.scene.task.target
+        }
         self._adviser: Adviser | None = None
 
     def take(self) -> list[Floats]:
-        """Let the policy act until the expert's turn; what the expert would have commanded (A,), frame by frame."""
+        """Let the policy act until the expert's turn; what the expert would have commanded (A,),
+        frame by frame."""
         setup = _choose_setup(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()
         try:
-            self._asked.begin(start_of(self._trial.scene.embodiment, setup, words), self._trial, self._case)
+            self._asked.begin(
+                start_of(self._trial.scene.embodiment, setup, words), self._trial, self._case
+            )
             while True:
                 for action in self._answer(eyes, words):
                     labels.append(self._advice())
@@ -142,8 +163,13 @@ class _Turn:
 
     def _answer(self, eyes: Eyes | None, words: str) -> Floats:
         simulation = self._actor.simulation
-        seen, joints = eyes.look(self._actor.recorder) if eyes else Sight(), simulation.state_vector(simulation.qpos()[0])
-        return self._asked.answer(Observation(joints, words, self._trial.time, **vars(seen)), self._trial.length)
+        seen, joints = (
+            eyes.look(self._actor.recorder) if eyes else Sight(),
+            simulation.state_vector(simulation.qpos()[0]),
+        )
+        return self._asked.answer(
+            Observation(joints, words, self._trial.time, **vars(seen)), self._trial.length
+        )
 
     def _advice(self) -> Floats:
         """The expert's command (A,): to hold still until it has seen the target move."""
@@ -154,7 +180,8 @@ class _Turn:
         return self._adviser.action()
 
     def _perturb(self, first: Floats) -> list[Floats]:
-        """Hold or push the robot if the recipe asks for it; returns what the expert would have commanded (A,) each frame.
+        """Hold or push the robot if the recipe asks for it; returns what the expert would have
+        commanded (A,) each frame.
 
         `first` is its command at the first frame. Raises Failure as `_ends`."""
         if self._recipe.perturb is None:
@@ -171,24 +198,36 @@ class _Turn:
         return labels[:-1]
 
     def _ends(self, frames: int) -> bool:
-        """Whether it is the expert's turn after so many frames. Raises Failure if it comes too late."""
+        """Whether it is the expert's turn after so many frames. Raises Failure if it comes too
+        late."""
         self._refuse_contact("no_error" if self._recipe.takeover == "error" else "takeover_late")
         if self._actor.simulation.time >= self._last - 1e-9:
             return frames > 0
         return frames > 0 and self._adviser is not None and self._adviser.off > self._astray
 
     def _refuse_contact(self, reason: str) -> None:
-        """Raise Failure if the target has been touched (with this reason), or a body moved, before the expert's turn."""
+        """Raise Failure if the target has been touched (with this reason), or a body moved, before
+        the expert's turn."""
         if by := self._actor.simulation.touched_by:
-            raise Failure(STAGE, reason, f"{by} touched the {self._trial.scene.task.target} before the expert took over")
+            raise Failure(
+                STAGE,
+                reason,
+                f"{by} touched the {self._trial.scene.task.target} before the expert took over",
+            )
         for name, pose in self._bodies.items():
             if np.linalg.norm(self._actor.pose(name)[:3] - pose[:3]) > STIRRED:
-                raise Failure(STAGE, "takeover_late", f"the policy moved the {name} before the expert took over")
+                raise Failure(
+                    STAGE,
+                    "takeover_late",
+                    f"the policy moved the {name} before the expert took over",
+                )
 
     def _execute(self, action: Floats) -> None:
         """One control period, as in an evaluation."""
         trial, before = self._trial, self._actor.simulation.command
         seconds = trial.per_period / PHYSICS_HZ
-        rows, velocity = interpolate_targets(before, trial.limits.clipped(action, before, seconds), trial.per_period, seconds)
+        rows, velocity = interpolate_targets(
+            before, trial.limits.clipped(action, before, seconds), trial.per_period, seconds
+        )
         for row in rows:
             self._actor.advance(row, velocity)

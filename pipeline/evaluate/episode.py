@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.asking import Asked
-from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed
+from pipeline.evaluate.policies.policy import (
+    NoAnswer,
+    Observation,
+    PolicyError,
+    PolicyName,
+    Start,
+    attribute,
+    policy_seed,
+)
 from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
 from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
@@ -28,8 +36,9 @@ from pipeline.world.robots.contract import Embodiment
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """What one evaluated episode is made from. `setup`, whose physics is that of the case, says what the policy sees; `code` is the
-    version of this program; one answer of the policy may take `answer_seconds`."""
+    """What one evaluated episode is made from. `setup`, whose physics is that of the case, says
+    what the policy sees; `code` is the version of this program; one answer of the policy may take
+    `answer_seconds`."""
 
     case: Case
     policy: PolicyName
@@ -43,21 +52,48 @@ class EpisodeJob:
     def __str__(self) -> str:
         """The episode in a few words."""
         spec = self.case.spec
-        return f"{self.policy.label} in {spec.task} on {spec.embodiment}, level {spec.level}, seed {spec.seed}"
+        return (
+            f"{self.policy.label} in {spec.task} on {spec.embodiment}, level {spec.level}, seed"
+            f" {spec.seed}"
+        )
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes this episode another one than the others in a file of results."""
-        options: tuple[Any, ...] = (self.setup.given(), self.split, self.compounding, self.policy.process)
+        options: tuple[Any, ...] = (
+            self.setup.given(),
+            self.split,
+            self.compounding,
+            self.policy.process,
+        )
         if self.answer_seconds != ANSWER_SECONDS:
             options = (*options, f"{self.answer_seconds:g} s")
-        return (self.code, self.policy.label, self.clock.name, self.case.spec.to_json(), self.case.digest, options)
+        return (
+            self.code,
+            self.policy.label,
+            self.clock.name,
+            self.case.spec.to_json(),
+            self.case.digest,
+            options,
+        )
 
 
 def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
     """What a policy receives before an episode."""
-    sizes = {camera.name: (camera.type.height, camera.type.width) for camera in setup_cameras(robot, setup)}
-    return Start(words, robot.name, robot.vector_names, setup.fps, tuple(sizes), policy_seed(words, robot.name), sizes, setup)
+    sizes = {
+        camera.name: (camera.type.height, camera.type.width)
+        for camera in setup_cameras(robot, setup)
+    }
+    return Start(
+        words,
+        robot.name,
+        robot.vector_names,
+        setup.fps,
+        tuple(sizes),
+        policy_seed(words, robot.name),
+        sizes,
+        setup,
+    )
 
 
 def run_episode(job: EpisodeJob) -> dict[str, Any]:
@@ -66,10 +102,12 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """The trial of one episode as it ended, and its row, JSON values only. `seconds_spent` are wall times and differ between runs,
-    the rest does not. A policy that gives no valid answer ends its episode; `fault` says why in one line.
+    """The trial of one episode as it ended, and its row, JSON values only. `seconds_spent` are wall
+    times and differ between runs, the rest does not. A policy that gives no valid answer ends its
+    episode; `fault` says why in one line.
 
-    Raises PolicyError if the policy cannot be made or refuses the episode, Failure if the scene does not rest.
+    Raises PolicyError if the policy cannot be made or refuses the episode, Failure if the scene
+    does not rest.
     """
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
@@ -121,12 +159,17 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent: "_Spent") -> None:
     """Ask the policy and execute its answers until the trial ends. Raises what `Asked` raises."""
-    words, rng, simulation = instruction_of(trial.scene, job.split), job.case.spec.rng("evaluate/latency"), trial.simulation
+    words, rng, simulation = (
+        instruction_of(trial.scene, job.split),
+        job.case.spec.rng("evaluate/latency"),
+        trial.simulation,
+    )
     with spent("policy"):
         asked.begin(start_of(trial.scene.embodiment, job.setup, words), trial, job.case)
     if job.clock.join is not None and attribute(asked.policy, "scripted"):
         raise PolicyError(
-            f"its chunks do not begin at the observation, so that {job.clock.name} cannot overlap them: use latency:..."
+            f"its chunks do not begin at the observation, so that {job.clock.name} cannot overlap"
+            " them: use latency:..."
         )
 
     def ask(committed: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -138,7 +181,9 @@ def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent
         with spent("policy"):
             chunk = asked.answer(observation, trial.length)
         inferred = asked.inferences > number
-        return chunk, job.clock.delay(number, spent.seconds["policy"] - before, rng) if inferred else 0.0
+        return chunk, (
+            job.clock.delay(number, spent.seconds["policy"] - before, rng) if inferred else 0.0
+        )
 
     with spent("physics"):
         if job.clock.join is None:
@@ -148,7 +193,8 @@ def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent
 
 
 class _Spent:
-    """Wall seconds by what they were spent on; what is spent inside on something else does not count outside."""
+    """Wall seconds by what they were spent on; what is spent inside on something else does not
+    count outside."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)

@@ -1,4 +1,5 @@
-"""An evaluation, whole: admit seeds, run the episodes that are missing, film some, summarise, write the page."""
+"""An evaluation, whole: admit seeds, run the episodes that are missing, film some, summarise, write
+the page."""
 
 import json
 from collections import Counter
@@ -29,14 +30,15 @@ from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.world.robots import get_embodiment
 
 BASELINES = ("static", "still")
-"""Policies whose scores are printed beside those of others: one that solves still scenes, and one that does nothing."""
+"""Policies whose scores are printed beside those of others: one that solves still scenes, and one
+that does nothing."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is to be evaluated. `code` names the version of this program: results of another version do not count. The first `films`
-    episodes of every cell are filmed. One answer of the policy may take `answer_seconds`. With `baselines`, BASELINES try the
-    same scenes."""
+    """What is to be evaluated. `code` names the version of this program: results of another version
+    do not count. The first `films` episodes of every cell are filmed. One answer of the policy may
+    take `answer_seconds`. With `baselines`, BASELINES try the same scenes."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -54,10 +56,11 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of an evaluation: a row for every cell, means over tasks, and the number of episodes run by this call.
+    """The result of an evaluation: a row for every cell, means over tasks, and the number of
+    episodes run by this call.
 
-    `baselines` are the means of BASELINES on those of the scenes that they have tried. Also names the file of all rows, and the
-    page of those of this version of the program.
+    `baselines` are the means of BASELINES on those of the scenes that they have tried. Also names
+    the file of all rows, and the page of those of this version of the program.
     """
 
     cells: list[Row]
@@ -69,8 +72,11 @@ class Outcome:
 
     @property
     def faults(self) -> dict[str, int]:
-        """Why the policy gave no valid answer, the most frequent reason first, and in how many episodes."""
-        return dict(sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]()).most_common())
+        """Why the policy gave no valid answer, the most frequent reason first, and in how many
+        episodes."""
+        return dict(
+            sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]()).most_common()
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For a program to read."""
@@ -79,14 +85,20 @@ class Outcome:
 
 
 def evaluate(
-    wanted: Evaluation, out: Path, run: Runner, manifests: Path | None = None, tell: Callable[[str], None] = lambda text: None
+    wanted: Evaluation,
+    out: Path,
+    run: Runner,
+    manifests: Path | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
-    """Evaluate into OUT/episodes.jsonl, or resume an evaluation; films are stored in OUT/films, the page is OUT/index.html.
+    """Evaluate into OUT/episodes.jsonl, or resume an evaluation; films are stored in OUT/films, the
+    page is OUT/index.html.
 
-    Manifests of seeds are read from and stored in `manifests`, by default OUT/manifests. The policy is loaded, and its contract
-    compared, before any scene is admitted. Raises OSError for a file in place of a directory, ProtocolError, ResultsError,
-    PolicyError if the policy cannot be made, refuses or differs from the one that made rows of this label, and Busy if another
-    evaluation writes to `out`; finished rows stay.
+    Manifests of seeds are read from and stored in `manifests`, by default OUT/manifests. The policy
+    is loaded, and its contract compared, before any scene is admitted. Raises OSError for a file in
+    place of a directory, ProtocolError, ResultsError, PolicyError if the policy cannot be made,
+    refuses or differs from the one that made rows of this label, and Busy if another evaluation
+    writes to `out`; finished rows stay.
     """
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in wanted.cells}) > wanted.episodes
@@ -100,41 +112,61 @@ def evaluate(
         _check_identity(wanted, results)
         tell("admitting seeds")
         admitted = seeds.admitted(wanted.cells, wanted.episodes, run)
-        jobs = {text_key(job.key): job for cases in admitted.values() for job in (_job(wanted, case) for case in cases)}
+        jobs = {
+            text_key(job.key): job
+            for cases in admitted.values()
+            for job in (_job(wanted, case) for case in cases)
+        }
         beside = [_baseline(wanted, name) for name in BASELINES]
         tried = [wanted, *(beside if wanted.baselines else ())]
-        missing = _unforeseen([_job(each, case) for case in cases] for each in tried for cases in admitted.values())
+        missing = _unforeseen(
+            [_job(each, case) for case in cases] for each in tried for cases in admitted.values()
+        )
         missing = [job for job in missing if text_key(job.key) not in results]
         if missing:
             for done, (job, row) in enumerate(run(run_episode, missing), 1):
                 results.append(text_key(job.key), row)
                 tell(f"{done} of {len(missing)} episodes")
         rows = results.of(jobs)
-        others = results.of(text_key(_job(each, case).key) for each in beside for cases in admitted.values() for case in cases)
+        others = results.of(
+            text_key(_job(each, case).key)
+            for each in beside
+            for cases in admitted.values()
+            for case in cases
+        )
         _film(wanted, admitted, out, run, tell)
         page = _write_page(wanted.code, results, out)
-        return Outcome(summarise(rows), over_tasks(rows), over_tasks(others), len(missing), results.path, page)
+        return Outcome(
+            summarise(rows), over_tasks(rows), over_tasks(others), len(missing), results.path, page
+        )
 
 
 def _baseline(wanted: Evaluation, name: str) -> Evaluation:
-    """The same evaluation of a policy that shows what scenes and scores are worth to one that has learned nothing."""
-    return replace(wanted, policy=PolicyName(name, name, process="evaluator"), setup=blind(wanted.setup), films=0)
+    """The same evaluation of a policy that shows what scenes and scores are worth to one that has
+    learned nothing."""
+    return replace(
+        wanted,
+        policy=PolicyName(name, name, process="evaluator"),
+        setup=blind(wanted.setup),
+        films=0,
+    )
 
 
 def _check_identity(wanted: Evaluation, results: Results) -> None:
-    """Raise PolicyError where rows of this version and label are those of a policy that answered otherwise."""
+    """Raise PolicyError where rows of this version and label are those of a policy that answered
+    otherwise."""
     for row in results.rows():
         same = json.loads(row["key"])[0] == wanted.code and row["policy"] == wanted.policy.label
         if same and row["probe"] != wanted.policy.probe:
             raise PolicyError(
-                f"{results.path} holds episodes of another policy with the label {wanted.policy.label}: give this one another "
-                f"?label= or --out"
+                f"{results.path} holds episodes of another policy with the label"
+                f" {wanted.policy.label}: give this one another ?label= or --out"
             )
 
 
 def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
-    """The episodes of one cell after another, those of a cell in an order that nobody can know: a policy that counts its episodes
-    learns nothing of their scenes. The order decides no number."""
+    """The episodes of one cell after another, those of a cell in an order that nobody can know: a
+    policy that counts its episodes learns nothing of their scenes. The order decides no number."""
     chance, out = SystemRandom(), list[EpisodeJob]()
     for jobs in cells:
         chance.shuffle(jobs)
@@ -142,7 +174,13 @@ def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
     return out
 
 
-def _film(wanted: Evaluation, admitted: Mapping[Cell, Sequence[Case]], out: Path, run: Runner, tell: Callable[[str], None]) -> None:
+def _film(
+    wanted: Evaluation,
+    admitted: Mapping[Cell, Sequence[Case]],
+    out: Path,
+    run: Runner,
+    tell: Callable[[str], None],
+) -> None:
     """Film the first episodes of every cell that have no film yet."""
     chosen = [_job(wanted, case) for cases in admitted.values() for case in cases[: wanted.films]]
     jobs = [FilmJob(job, str(out / "films")) for job in chosen]
@@ -152,23 +190,40 @@ def _film(wanted: Evaluation, admitted: Mapping[Cell, Sequence[Case]], out: Path
 
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
-    """The page of all rows of a version of the program, with the films there are, and their contact sheet."""
+    """The page of all rows of a version of the program, with the films there are, and their contact
+    sheet."""
     rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
     rows.sort(key=lambda row: row["key"])
-    filmed = [(row, path) for row in rows if (path := out / "films" / f"{film_id(row['key'])}.jpg").exists()]
+    filmed = [
+        (row, path)
+        for row in rows
+        if (path := out / "films" / f"{film_id(row['key'])}.jpg").exists()
+    ]
     films = list[Film]()
     for row, path in filmed:
         moving = path.with_suffix(".mp4")
-        films.append((caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
+        films.append(
+            (caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b"")
+        )
     if filmed:
-        write_atomic(out / "contact_sheet.jpg", jpeg(sheet([(caption(row), read_strip(path)) for row, path in filmed])))
+        write_atomic(
+            out / "contact_sheet.jpg",
+            jpeg(sheet([(caption(row), read_strip(path)) for row, path in filmed])),
+        )
     path = out / "index.html"
     write_atomic(path, page(summarise(rows), over_tasks(rows), films, code).encode())
     return path
 
 
 def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
-    common = (wanted.policy, wanted.clock, wanted.code, wanted.setup, wanted.split, wanted.compounding)
+    common = (
+        wanted.policy,
+        wanted.clock,
+        wanted.code,
+        wanted.setup,
+        wanted.split,
+        wanted.compounding,
+    )
     return EpisodeJob(case, *common, wanted.answer_seconds)
 
 

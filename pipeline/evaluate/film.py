@@ -1,4 +1,5 @@
-"""Films of evaluated episodes: the episode is run once more and its state log drawn from the head camera."""
+"""Films of evaluated episodes: the episode is run once more and its state log drawn from the head
+camera."""
 
 import hashlib
 from collections.abc import Sequence
@@ -22,7 +23,8 @@ COLUMNS, WIDTH = 6, 200
 
 @dataclass(frozen=True)
 class FilmJob:
-    """An episode to be filmed into ROOT/<id>.mp4 and, as a strip of frames, ROOT/<id>.jpg. Workers must share the file system."""
+    """An episode to be filmed into ROOT/<id>.mp4 and, as a strip of frames, ROOT/<id>.jpg. Workers
+    must share the file system."""
 
     episode: EpisodeJob
     root: str
@@ -41,17 +43,29 @@ def film_id(key: str) -> str:
 def film(job: FilmJob) -> None:
     """Run the episode and draw it. Raises what `play` raises, and NoRenderer."""
     trial, _ = play(job.episode)
-    appearance = appearance_of(trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",)))
+    appearance = appearance_of(
+        trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",))
+    )
     frames = render(appearance, trial.log())[0].rgb
     write_atomic(job.strip.with_suffix(".mp4"), encode_mp4(frames, trial.fps))
     write_atomic(job.strip, jpeg(strip(frames)))
 
 
-def strip(frames: NDArray[np.uint8], columns: int = COLUMNS, width: int = WIDTH) -> NDArray[np.uint8]:
-    """`columns` frames of (T,H,W,3), the first and the last among them, beside each other at this width."""
+def strip(
+    frames: NDArray[np.uint8], columns: int = COLUMNS, width: int = WIDTH
+) -> NDArray[np.uint8]:
+    """`columns` frames of (T,H,W,3), the first and the last among them, beside each other at this
+    width."""
     index = np.linspace(0, len(frames) - 1, columns).round().astype(int)
     height = round(frames.shape[1] * width / frames.shape[2])
-    return np.hstack([np.asarray(cv2.resize(frames[i], (width, height), interpolation=cv2.INTER_AREA), np.uint8) for i in index])
+    return np.hstack(
+        [
+            np.asarray(
+                cv2.resize(frames[i], (width, height), interpolation=cv2.INTER_AREA), np.uint8
+            )
+            for i in index
+        ]
+    )
 
 
 def sheet(strips: Sequence[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
@@ -59,16 +73,22 @@ def sheet(strips: Sequence[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
     rows = list[NDArray[np.uint8]]()
     for caption, image in strips:
         bar = np.full((24, image.shape[1], 3), 250, np.uint8)
-        cv2.putText(bar, caption, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
+        cv2.putText(
+            bar, caption, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA
+        )
         rows += [bar, image]
     return np.vstack(rows)
 
 
 def jpeg(rgb: NDArray[np.uint8]) -> bytes:
     """An image (H,W,3) uint8 RGB as JPEG."""
-    return cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+    return cv2.imencode(
+        ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88]
+    )[1].tobytes()
 
 
 def read_strip(path: Path) -> NDArray[np.uint8]:
     """The strip (H,W,3) uint8 RGB in a file."""
-    return np.asarray(cv2.cvtColor(np.asarray(cv2.imread(str(path)), np.uint8), cv2.COLOR_BGR2RGB), np.uint8)
+    return np.asarray(
+        cv2.cvtColor(np.asarray(cv2.imread(str(path)), np.uint8), cv2.COLOR_BGR2RGB), np.uint8
+    )

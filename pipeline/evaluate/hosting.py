@@ -10,10 +10,11 @@ from pipeline.evaluate.serving.process import Process
 
 @contextmanager
 def host_policy(name: PolicyName, clients: int, wait: float) -> Iterator[PolicyName]:
-    """The name under which so many clients at once reach the policy `name`, which answers in batches.
+    """The name under which so many clients at once reach the policy `name`, which answers in
+    batches.
 
-    It listens on loopback, at a free port. Its label in results is that of `name`. Raises PolicyError
-    for a policy that cannot be made, is no BatchPolicy, or is shown the simulation.
+    It listens on loopback, at a free port. Its label in results is that of `name`. Raises
+    PolicyError for a policy that cannot be made, is no BatchPolicy, or is shown the simulation.
     """
     process = Process(name, str(clients), str(wait))
     try:

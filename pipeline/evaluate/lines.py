@@ -4,7 +4,8 @@ from pipeline.data.reading import printable
 
 
 def line_of(error: BaseException) -> str:
-    """The type and the message of an error that foreign code raised, in one printable line of bounded length."""
+    """The type and the message of an error that foreign code raised, in one printable line of
+    bounded length."""
     if isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, str) else f"exit code {error.code or 0}"
         return line_of_text(f"the process ended by itself: {code}")

@@ -1,7 +1,8 @@
 """Policies by name: built-in ones, and files with a function `make_policy()`.
 
-The first part of a name, up to a colon, may be a kind of policy: FORMS has one entry for each, given the whole name. Modules that
-distributions announce in the entry points GROUP add to both registries; they are imported when a policy is asked for by name.
+The first part of a name, up to a colon, may be a kind of policy: FORMS has one entry for each,
+given the whole name. Modules that distributions announce in the entry points GROUP add to both
+registries; they are imported when a policy is asked for by name.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,15 @@ from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.policies.files import digest_of, module_of
 from pipeline.evaluate.policies.lerobot import LerobotForm
 from pipeline.evaluate.policies.policy import NoAnswer, Policy, PolicyError, PolicyName
-from pipeline.evaluate.policies.reference import Chaser, Interceptor, Random, Replay, Static, Still, Tapper
+from pipeline.evaluate.policies.reference import (
+    Chaser,
+    Interceptor,
+    Random,
+    Replay,
+    Static,
+    Still,
+    Tapper,
+)
 from pipeline.evaluate.policies.robotwin import RobotwinForm
 from pipeline.evaluate.policies.xpolicylab import XPolicyLabForm
 from pipeline.evaluate.serving.bridges import groot, starvla
@@ -43,7 +52,8 @@ class Form(Protocol):
     """A kind of policy that is named KIND:..."""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the policy exists, without making it, and name the process to make it in. Raises PolicyError."""
+        """Check that the policy exists, without making it, and name the process to make it in.
+        Raises PolicyError."""
         ...
 
     def make(self, text: str) -> Policy:
@@ -78,12 +88,15 @@ for _name, _form in (
 
 @cache
 def load_entry_points() -> None:
-    """Import the modules of the entry points GROUP. Raises PolicyError for one that cannot be imported."""
+    """Import the modules of the entry points GROUP. Raises PolicyError for one that cannot be
+    imported."""
     for point in entry_points(group=GROUP):
         try:
             import_module(point.module)
         except Exception as error:
-            raise PolicyError(f"entry point {point.name}: {point.module} cannot be imported: {line_of(error)}") from error
+            raise PolicyError(
+                f"entry point {point.name}: {point.module} cannot be imported: {line_of(error)}"
+            ) from error
 
 
 def policy_name(text: str, prints: Path | None = None) -> PolicyName:
@@ -101,16 +114,22 @@ def policy_name(text: str, prints: Path | None = None) -> PolicyName:
         return PolicyName(str(path), f"{path.name}@{digest_of([path])}", prints=prints)
     if kind not in POLICIES:
         forms = "".join(f", {form}:..." for form in FORMS)
-        raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
+        raise PolicyError(
+            f"--policy {text!r} is unknown: give a file FILE.py or one of"
+            f" {', '.join(POLICIES)}{forms}"
+        )
     _, arguments = _arguments(text)
     known = list(signature(POLICIES[kind]).parameters)
     if unknown := [key for key in arguments if key not in known]:
-        raise PolicyError(f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}")
+        raise PolicyError(
+            f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}"
+        )
     return PolicyName(text, text, process="evaluator")
 
 
 def in_process(make: Callable[[], Policy]) -> PolicyName:
-    """The name of a policy that a class or function of this process makes, labelled with a hash of its source text.
+    """The name of a policy that a class or function of this process makes, labelled with a hash of
+    its source text.
 
     No other process can make it. Raises PolicyError if the source text is not known.
     """
@@ -119,7 +138,8 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
         label = f"{name}@{sha256(getsource(make).encode()).hexdigest()[:8]}"
     except (OSError, TypeError) as error:
         raise PolicyError(
-            f"policy {name}: has no source text ({error}): save it as FILE.py with make_policy() and name that"
+            f"policy {name}: has no source text ({error}): save it as FILE.py with make_policy()"
+            " and name that"
         ) from error
     text = f"{label}-{id(make)}"  # one of the same text may hold other weights
     if text not in IN_PROCESS:
@@ -133,7 +153,8 @@ def is_built_in(name: PolicyName) -> bool:
 
 
 def make_policy(name: PolicyName) -> Policy:
-    """The policy of a name, in its process. Raises PolicyError if it cannot be made, whatever its own code raises."""
+    """The policy of a name, in its process. Raises PolicyError if it cannot be made, whatever its
+    own code raises."""
     if name.process != "own":
         return make_here(name)
     try:
@@ -168,7 +189,10 @@ def _make(name: PolicyName) -> Policy:
     policy: Any = maker()
     for method in ("reset", "act"):
         if not callable(getattr(policy, method, None)):
-            raise PolicyError(f"{name.text}: make_policy() returned a {type(policy).__name__} without a method {method}")
+            raise PolicyError(
+                f"{name.text}: make_policy() returned a {type(policy).__name__} without a method"
+                f" {method}"
+            )
     return policy
 
 
@@ -179,4 +203,7 @@ def _arguments(text: str) -> tuple[str, dict[str, float]]:
         pairs = [part.split("=") for part in rest.split(",") if part]
         return name, {key: real(value, 0, MOST) for key, value in pairs}
     except ValueError as error:
-        raise PolicyError(f"--policy {text!r}: write arguments as name:key=number,key=number, each from 0 to {MOST}") from error
+        raise PolicyError(
+            f"--policy {text!r}: write arguments as name:key=number,key=number, each from 0 to"
+            f" {MOST}"
+        ) from error

@@ -1,4 +1,5 @@
-"""The page of an evaluation: one HTML file with its tables, its films, and what others report beside them."""
+"""The page of an evaluation: one HTML file with its tables, its films, and what others report
+beside them."""
 
 from collections.abc import Sequence
 
@@ -11,17 +12,31 @@ type Film = tuple[str, bytes, bytes]
 """The caption of an episode, a strip (JPEG bytes) and a film (mp4 bytes, b"" without)."""
 
 
-def page(cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (), code: str = "") -> str:
-    """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the program."""
+def page(
+    cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (), code: str = ""
+) -> str:
+    """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the
+    program."""
     said = f"Code {code[:12]}." if code else ""
-    tables = {"cells": cells, "means": means, "panels": panels(means), "films": films, "published": PUBLISHED}
+    tables = {
+        "cells": cells,
+        "means": means,
+        "panels": panels(means),
+        "films": films,
+        "published": PUBLISHED,
+    }
     episodes = sum(cell["episodes"] for cell in cells)
-    return render_page("pipeline.evaluate", "evaluation.html", episodes=episodes, code=said, **tables)
+    return render_page(
+        "pipeline.evaluate", "evaluation.html", episodes=episodes, code=said, **tables
+    )
 
 
 def caption(row: Row) -> str:
     """The caption of a film."""
     outcome = "success" if row["success"] else f"{row['failure']} ({', '.join(row['failed'])})"
-    where = f"{row['task']}, level {row['level']}, alpha {row['alpha']:g}, {row['domain']}, seed {row['seed']}"
+    where = (
+        f"{row['task']}, level {row['level']}, alpha {row['alpha']:g}, {row['domain']}, seed"
+        f" {row['seed']}"
+    )
     truth = " (sees the truth)" if row["sees_truth"] else ""
     return f"{row['policy']}{truth}: {where}: {outcome}, MS {row['manipulation_score']:.0f}"

@@ -1,4 +1,5 @@
-"""The expert in one running simulation: what it measures, what it holds, and how planned motion steps become physics."""
+"""The expert in one running simulation: what it measures, what it holds, and how planned motion
+steps become physics."""
 
 import inspect
 from collections.abc import Callable, Iterator, Sequence
@@ -28,15 +29,18 @@ MotionStep = dict[str, ArmTrajectory]
 """Trajectories by side, of one or both arms, that start together; the shorter one holds its end."""
 
 Skill = Callable[["Actor"], Iterator[MotionStep]]
-"""Plans one motion step after another; what follows a yield is planned from the state the step led to. Raises PlanFailure."""
+"""Plans one motion step after another; what follows a yield is planned from the state the step led
+to. Raises PlanFailure."""
 
 
 def skill[**P](
     *, arms: Sequence[str] = ("side",), body: str = "", part: str = ""
 ) -> Callable[[Callable[P, Skill]], Callable[P, Skill]]:
-    """Decorator of a function that makes skills: the actor notes each run of them as a SkillRun under the function's name.
+    """Decorator of a function that makes skills: the actor notes each run of them as a SkillRun
+    under the function's name.
 
-    `arms`, `body` and `part` are the names of the function's parameters that say these. A part of several words is joined by "/".
+    `arms`, `body` and `part` are the names of the function's parameters that say these. A part of
+    several words is joined by "/".
     """
 
     def decorate(make: Callable[P, Skill]) -> Callable[P, Skill]:
@@ -71,18 +75,21 @@ SWEEP_HZ = PHYSICS_HZ / SWEEP_EVERY
 
 @dataclass(eq=False)
 class Stream:
-    """Commands as they were executed: rows (A,) of drive targets and velocities per physics step."""
+    """Commands as they were executed: rows (A,) of drive targets and velocities per physics
+    step."""
 
     commands: list[NDArray[np.float64]]
     velocities: list[NDArray[np.float64]]
 
 
 class Actor:
-    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps side -> what it carries.
+    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps
+    side -> what it carries.
 
-    `expected` maps a side to the joints its arm is about to have, while the other arm is planned to move at the same time.
-    `approaches` maps a body to the direction (3,), in the world, from which a hand last went in to grasp it; a grasp of body `name`
-    from a direction near one of `avoid[name]` is taken only where there is no other. `half` is the half of the script that runs.
+    `expected` maps a side to the joints its arm is about to have, while the other arm is planned to
+    move at the same time. `approaches` maps a body to the direction (3,), in the world, from which
+    a hand last went in to grasp it; a grasp of body `name` from a direction near one of
+    `avoid[name]` is taken only where there is no other. `half` is the half of the script that runs.
     """
 
     def __init__(
@@ -112,7 +119,8 @@ class Actor:
         """Physics steps taken, settling included."""
         return self.simulation.steps + self.simulation.settle_steps
 
-    # --- measuring ---------------------------------------------------------------------------------------------------------
+    # --- measuring
+    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str) -> Pose:
         """Measured world pose (7,) of a body."""
@@ -141,7 +149,8 @@ class Actor:
         return self.planner.split(self.simulation.command)[side][1]
 
     def in_hand(self, side: str) -> Pose:
-        """Measured pose (7,) of the held body in the tcp frame of the arm. Raises PlanFailure("empty_hand")."""
+        """Measured pose (7,) of the held body in the tcp frame of the arm. Raises
+        PlanFailure("empty_hand")."""
         if side not in self.held:
             raise PlanFailure("empty_hand", f"the {side} arm holds nothing")
         return compose(inverse(self.simulation.tcp(side)), self.pose(self.held[side]))
@@ -152,9 +161,17 @@ class Actor:
         Left out are bodies that lie loose in another one.
         """
         now = self.planner.split(self.simulation.command)
-        arms = {s: ArmState(q.copy(), value, np.array(self.expected.get(s, q))) for s, (q, value) in now.items()}
-        carried = {name: Carried(side, self.collision(name), self.in_hand(side)) for side, name in self.held.items()}
-        still = (name for name, body in self.bodies.items() if not body.rides and name not in carried)
+        arms = {
+            s: ArmState(q.copy(), value, np.array(self.expected.get(s, q)))
+            for s, (q, value) in now.items()
+        }
+        carried = {
+            name: Carried(side, self.collision(name), self.in_hand(side))
+            for side, name in self.held.items()
+        }
+        still = (
+            name for name, body in self.bodies.items() if not body.rides and name not in carried
+        )
         obstacles = {name: Obstacle(self.collision(name), self.pose(name)) for name in still}
         return PlanningScene(arms, obstacles, carried, self._sees)
 
@@ -171,7 +188,8 @@ class Actor:
         """Collision pieces of a body in its own frame."""
         return self.bodies[name].instance.shape().collision
 
-    # --- noting -----------------------------------------------------------------------------------------------------------
+    # --- noting
+    # ------------------------------------------------------------------------------------------
 
     @contextmanager
     def noting(self, skill: str, arms: tuple[str, ...], body: str, part: str) -> Iterator[None]:
@@ -183,28 +201,41 @@ class Actor:
         try:
             yield
         except PlanFailure as failure:
-            failure.skill = failure.skill or f"{self.half}: {skill} ({', '.join(filter(None, (*arms, body, part)))})"
+            failure.skill = (
+                failure.skill
+                or f"{self.half}: {skill} ({', '.join(filter(None, (*arms, body, part)))})"
+            )
             raise
         finally:
             self._runs[place] = replace(run, end=self.simulation.steps)
 
     @property
     def skills(self) -> list[SkillRun]:
-        """The runs of skills so far in the order in which they began; those that executed no step are left out."""
-        ended = [replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs]
+        """The runs of skills so far in the order in which they began; those that executed no step
+        are left out."""
+        ended = [
+            replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs
+        ]
         return [run for run in ended if run.start < run.end]
 
     def log(self) -> StateLog:
         """The state log so far, with the runs of skills."""
         return replace(self.recorder.log(), skills=self.skills)
 
-    def play(self, commands: NDArray[np.float64], velocities: NDArray[np.float64], skills: Sequence[SkillRun]) -> None:
-        """Execute recorded rows (N,A) from the start of the episode; `skills` are the runs that they were recorded from."""
+    def play(
+        self,
+        commands: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        skills: Sequence[SkillRun],
+    ) -> None:
+        """Execute recorded rows (N,A) from the start of the episode; `skills` are the runs that
+        they were recorded from."""
         for command, velocity in zip(commands, velocities, strict=True):
             self.advance(command, velocity)
         self._runs += skills
 
-    # --- acting ---------------------------------------------------------------------------------------------------------
+    # --- acting
+    # ------------------------------------------------------------------------------------------
 
     def perform(self, skill: Skill) -> None:
         """Plan and execute a skill to its end. Raises PlanFailure."""
@@ -212,14 +243,17 @@ class Actor:
             self.execute(step)
 
     def execute(self, step: MotionStep) -> None:
-        """Run the trajectories of a motion step together; an arm without one holds still. Raises PlanFailure("step_limit")."""
+        """Run the trajectories of a motion step together; an arm without one holds still. Raises
+        PlanFailure("step_limit")."""
         for command, velocity in zip(*self.commands(step), strict=True):
             self.advance(command, velocity)
 
     def commands(self, step: MotionStep) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Drive targets and velocities (N,A) each, one row a physics step, that run a motion step from the command as it is.
+        """Drive targets and velocities (N,A) each, one row a physics step, that run a motion step
+        from the command as it is.
 
-        The jerk of all joints is limited here, for whatever a skill planned within the limits of velocity and acceleration.
+        The jerk of all joints is limited here, for whatever a skill planned within the limits of
+        velocity and acceleration.
         """
         length = max(len(trajectory.q) for trajectory in step.values())
         now = self.planner.split(self.simulation.command)
@@ -228,17 +262,23 @@ class Actor:
         for side, (q, value) in now.items():
             own = step.get(side) or ArmTrajectory(q[None], np.zeros((1, len(q))), np.array([value]))
             pad = length - len(own.q)
-            columns += [np.pad(own.q, ((0, pad), (0, 0)), mode="edge"), np.pad(own.gripper, (0, pad), mode="edge")[:, None]]
+            columns += [
+                np.pad(own.q, ((0, pad), (0, 0)), mode="edge"),
+                np.pad(own.gripper, (0, pad), mode="edge")[:, None],
+            ]
             jaw = np.diff(own.gripper, prepend=value) * PHYSICS_HZ
             speeds += [np.pad(own.qd, ((0, pad), (0, 0))), np.pad(jaw, (0, pad))[:, None]]
         still = np.zeros(len(self.simulation.command))
-        rows = smoothed(np.hstack([*columns, *speeds]), np.concatenate([self.simulation.command, still]))
+        rows = smoothed(
+            np.hstack([*columns, *speeds]), np.concatenate([self.simulation.command, still])
+        )
         return rows[:, : len(still)], rows[:, len(still) :]
 
     def advance(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """One physics step, recorded.
 
-        Raises PlanFailure: step_limit beyond the task's limit, excess_force if the robot presses on something harder than allowed.
+        Raises PlanFailure: step_limit beyond the task's limit, excess_force if the robot presses on
+        something harder than allowed.
         """
         if self.simulation.steps >= self.max_steps:
             raise PlanFailure("step_limit", f"{self.max_steps} physics steps were not enough")
@@ -247,7 +287,9 @@ class Actor:
         self.stream.commands.append(command)
         self.stream.velocities.append(velocity)
         for one, other, force in self.simulation.overloads():
-            raise PlanFailure("excess_force", f"{one} and {other} press on each other with {force:.0f} N")
+            raise PlanFailure(
+                "excess_force", f"{one} and {other} press on each other with {force:.0f} N"
+            )
         if self.sweeping and self.simulation.steps % SWEEP_EVERY == 0:
             self.sweep.append(self.simulation.poses())
 

@@ -1,7 +1,8 @@
 """Search budgets, cost weights, margins and speeds of the expert, each in one place.
 
-Costs are joint distances: Euclidean norms in rad (m for a prismatic joint) between the arm's command and where a motion begins.
-A weight says how many of these units one unit of the other quantity is worth.
+Costs are joint distances: Euclidean norms in rad (m for a prismatic joint) between the arm's
+command and where a motion begins. A weight says how many of these units one unit of the other
+quantity is worth.
 """
 
 from dataclasses import dataclass
@@ -19,11 +20,13 @@ class Speeds:
     place: float = 0.20
     press: float = 0.10
     creep: float = 0.003
-    """Of fingertips on the last stretch before they touch what they press: at 5 mm/s a single step pushed a stapler with 38 N."""
+    """Of fingertips on the last stretch before they touch what they press: at 5 mm/s a single step
+    pushed a stapler with 38 N."""
     swing: float = 10.0
     """So high that only the joints limit the motion."""
     swing_scale: float = 2.0
-    """Multiple of the planned joint speeds for shaking, rocking and turning, as far as the robot can."""
+    """Multiple of the planned joint speeds for shaking, rocking and turning, as far as the robot
+    can."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,8 @@ class HandTiming:
     squeeze: float = 0.15
     """Wait after the jaws have closed or opened."""
     press: float = 0.40
-    """Time for which fingertips stay on what they press: 6 images. Who imitates a press of 0.1 s turns back about 1 cm above it."""
+    """Time for which fingertips stay on what they press: 6 images. Who imitates a press of 0.1 s
+    turns back about 1 cm above it."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,8 @@ class GraspSearch:
     standoff: float = 0.08
     """Length (m) of the straight line on which the open hand comes in."""
     short: float = 0.004
-    """Length (m) by which that line may end earlier, where fingers would come nearer to the table than MARGINS.obstacles."""
+    """Length (m) by which that line may end earlier, where fingers would come nearer to the table
+    than MARGINS.obstacles."""
     short_share: float = 0.5
     """Share of it that is enough where the arm does not reach the whole."""
     lift: float = 0.08
@@ -57,8 +62,8 @@ class GraspSearch:
     open: float = 0.99
     """Gripper value from which on the jaws count as open."""
     openings: tuple[float, ...] = (1.0, 0.65, 0.4)
-    """Gripper values with which the hand comes in, in this order: jaws opened all the way do not fit into a small bowl, nor between
-    close neighbours."""
+    """Gripper values with which the hand comes in, in this order: jaws opened all the way do not
+    fit into a small bowl, nor between close neighbours."""
     spare_opening: float = 0.008
     """Length (m) by which the jaws must open wider than the object."""
     pitch: float = 0.9
@@ -66,7 +71,8 @@ class GraspSearch:
     pitch_weight: float = 1.0
     """Cost of each rad by which an approach differs from the preferred pitch."""
     lever_weight: float = 15.0
-    """Cost of each m between the tcp and the body's origin, seen from above: a body held off its middle droops in the jaws."""
+    """Cost of each m between the tcp and the body's origin, seen from above: a body held off its
+    middle droops in the jaws."""
     limit_weight: float = 1.5
     """Gain for each unit of `kinematics.limit_margin`."""
     limit_margin: float = 0.3
@@ -74,14 +80,16 @@ class GraspSearch:
     goal_batch: int = 12
     """Goal poses solved at a time."""
     avoided: float = 0.7
-    """Angle (rad) between approach directions within which a grasp counts as the one that is to be avoided."""
+    """Angle (rad) between approach directions within which a grasp counts as the one that is to be
+    avoided."""
     avoided_cost: float = 100.0
     """Cost of such a grasp: more than all other costs together."""
 
 
 @dataclass(frozen=True)
 class SeatSearch:
-    """Where a body is set down between two grasps when no one grasp leads from where it stands to where it is to go."""
+    """Where a body is set down between two grasps when no one grasp leads from where it stands to
+    where it is to go."""
 
     xs: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24, 0.30)
     """Distances (m) from the middle of the table, on the side of the arm."""
@@ -116,9 +124,11 @@ class MoveSearch:
     shift_shares: tuple[float, ...] = (1.0, 0.9, 0.8)
     retreat_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
     rise_shares: tuple[float, ...] = (1.0, 0.6)
-    """Shares of a retreat's distance that are tried straight up, where the hand cannot draw back."""
+    """Shares of a retreat's distance that are tried straight up, where the hand cannot draw
+    back."""
     steps_off: tuple[float, ...] = (0.01, 0.02, 0.04)
-    """Distances (m) by which an arm that stands too near to something moves off before it goes home."""
+    """Distances (m) by which an arm that stands too near to something moves off before it goes
+    home."""
     rises: tuple[float, ...] = (0.08, 0.16)
     """Heights (m) by which it rises instead."""
 
@@ -132,7 +142,8 @@ class PlaceSearch:
     press: float = 0.003
     """Distance (m) by which it is pressed beyond the goal."""
     drop: float = 0.002
-    """Height (m) over the goal at which it may end, if fingers would come to the table further down."""
+    """Height (m) over the goal at which it may end, if fingers would come to the table further
+    down."""
     height_shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     """Shares of `above` that are tried."""
     height_weight: float = 6.0
@@ -142,14 +153,16 @@ class PlaceSearch:
     judged: int = 36
     """Approaches whose contacts are looked at together, the cheapest ones first."""
     tries: int = 12
-    """Approaches, of each group those with the least contact first, to which a free motion is searched at most."""
+    """Approaches, of each group those with the least contact first, to which a free motion is
+    searched at most."""
     settling: float = 0.01
     """Height (m) over the goal down to which the body should touch nothing."""
     touch_penalty: int = 8
     """Penalty of an approach on which the arm touches something."""
     near_penalty: int = 3
-    """Penalty of one on which it comes nearer than MARGINS.obstacles, and of one on which the body touches something on its way;
-    where open jaws would touch something, or there is no way back, it is 1."""
+    """Penalty of one on which it comes nearer than MARGINS.obstacles, and of one on which the body
+    touches something on its way; where open jaws would touch something, or there is no way back, it
+    is 1."""
 
 
 @dataclass(frozen=True)
@@ -179,14 +192,15 @@ class PressSearch:
     squeeze: float = 0.0003
     """Distance (m) by which they go on after the touch: the drives turn it into some 10 N."""
     bisections: int = 14
-    """Halvings of the way down by which the touch is found: of 10 cm, to a hundredth of a millimetre."""
+    """Halvings of the way down by which the touch is found: of 10 cm, to a hundredth of a
+    millimetre."""
     pitches: tuple[float, ...] = (1.55, 1.25, 1.4, 1.0, 0.8)
     """Approaches tried, rad below the horizontal."""
     azimuths: int = 16
     """Directions tried for each pitch."""
     steep: float = 1.55
-    """Preferred approach, rad below the horizontal: a steep finger pushes down, a slanting one pushes the body away and is in
-    the way of one that comes in under it."""
+    """Preferred approach, rad below the horizontal: a steep finger pushes down, a slanting one
+    pushes the body away and is in the way of one that comes in under it."""
     steep_weight: float = 2.0
     """Cost of each rad by which an approach differs from it."""
     tries: int = 24
@@ -208,7 +222,8 @@ class PourSearch:
     rows: int = 16
     """Joint rows checked along the motion."""
     stream: tuple[float, float] = (-0.02, 0.08)
-    """Ends (m) of the part of the stream that is looked at: its distance from the rim along the axis of the body, outwards."""
+    """Ends (m) of the part of the stream that is looked at: its distance from the rim along the
+    axis of the body, outwards."""
     stream_points: int = 6
     """Points of the stream that are looked at."""
     rim: float = 0.012
@@ -220,7 +235,8 @@ class PourSearch:
     room_weight: float = 200.0
     """Cost of each m that is missing of it."""
     lever_weight: float = 100.0
-    """Cost of each m by which the weight pulls off the axis of the jaws, where the body turns in the grip."""
+    """Cost of each m by which the weight pulls off the axis of the jaws, where the body turns in
+    the grip."""
     level_weight: float = 10.0
     """Cost of 1 - cos of the angle by which the opening does not point straight down."""
 
@@ -240,7 +256,8 @@ class SwingSearch:
     quarter_turns: tuple[int, ...] = (0, 1, -1, 2)
     """Headings of the axis tried, in steps of 45 degrees from the approach axis of the hand."""
     near_heights: tuple[float, ...] = (0.0, 0.06)
-    """Offsets (m) upwards of the places nearby to which a hand goes that has no room where it is."""
+    """Offsets (m) upwards of the places nearby to which a hand goes that has no room where it
+    is."""
     near_offsets: tuple[float, ...] = (0.0, 0.09, -0.09)
     """Offsets (m) of these places along x and along y."""
     near_turns: tuple[float, ...] = (0.0, 0.6, -0.6)

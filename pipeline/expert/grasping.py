@@ -1,4 +1,5 @@
-"""Choice of a grasp: all annotated candidates are solved at once, then the cheapest one that can be reached is taken."""
+"""Choice of a grasp: all annotated candidates are solved at once, then the cheapest one that can be
+reached is taken."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,11 +29,12 @@ _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with t
 class GraspOptions:
     """What a grasp is for.
 
-    `kinds` restricts the candidates. Every entry of `goals` lists poses (7,) of the body of which the same grasp must be able to
-    reach at least one later; one that gets there straight from above, touching nothing, is preferred. `standoff` (m) is the length
-    of the straight line in. `pitch` (rad below the horizontal) is the approach preferred among equals. With `leading` > 0 as many
-    of the cheapest grasps are looked at, only one that leads to the goals is taken, and the hand needs no room to a body that the
-    other hand holds.
+    `kinds` restricts the candidates. Every entry of `goals` lists poses (7,) of the body of which
+    the same grasp must be able to reach at least one later; one that gets there straight from
+    above, touching nothing, is preferred. `standoff` (m) is the length of the straight line in.
+    `pitch` (rad below the horizontal) is the approach preferred among equals. With `leading` > 0 as
+    many of the cheapest grasps are looked at, only one that leads to the goals is taken, and the
+    hand needs no room to a body that the other hand holds.
     """
 
     kinds: Sequence[str] | None = None
@@ -44,7 +46,8 @@ class GraspOptions:
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """The motion to a grasp with the gripper at `jaws`: a free trajectory to the standoff, then a straight line (K,n)."""
+    """The motion to a grasp with the gripper at `jaws`: a free trajectory to the standoff, then a
+    straight line (K,n)."""
 
     grasp: Grasp
     jaws: float
@@ -62,8 +65,9 @@ class GraspPlan:
 class _Candidates:
     """Grasps of a body, each counted twice: as annotated, and with the jaws exchanged (N in all).
 
-    tcp poses (N,7) in the body frame (`local`) and in the world (`tcp`), joints q (N,n) at the standoffs, indices of the grasps in
-    reach, cheapest first (`order`), and the largest width (m) that fits between the jaws.
+    tcp poses (N,7) in the body frame (`local`) and in the world (`tcp`), joints q (N,n) at the
+    standoffs, indices of the grasps in reach, cheapest first (`order`), and the largest width (m)
+    that fits between the jaws.
     """
 
     grasps: list[Grasp]
@@ -76,7 +80,8 @@ class _Candidates:
 
 @dataclass(frozen=True, eq=False)
 class _Checks:
-    """Checkers with the jaws at one value: on the line in, which ends in contact; at the standoff; on the line with room."""
+    """Checkers with the jaws at one value: on the line in, which ends in contact; at the standoff;
+    on the line with room."""
 
     closing: IsFree
     standing: IsFree
@@ -102,8 +107,9 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 class GraspChoice:
     """The candidates of one body in one scene, cheapest first, and what is known of each.
 
-    `pieces` are the collision pieces of the body `name` in its own frame, `checks` hold for each gripper value of GRASP.openings.
-    `parts` tells whether a hand that holds the body now can open and draw back from joints (n,) of this arm, its jaws at a value.
+    `pieces` are the collision pieces of the body `name` in its own frame, `checks` hold for each
+    gripper value of GRASP.openings. `parts` tells whether a hand that holds the body now can open
+    and draw back from joints (n,) of this arm, its jaws at a value.
     """
 
     arm: ArmPlanner
@@ -115,9 +121,14 @@ class GraspChoice:
     parts: Callable[[Floats, float], bool]
 
     def lines(self) -> dict[int, Floats]:
-        """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand can rise from the grasp then."""
+        """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand
+        can rise from the grasp then."""
         found = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
-        return {i: line for i, line in found.items() if line is not None and self.risen(i, line) is not None}
+        return {
+            i: line
+            for i, line in found.items()
+            if line is not None and self.risen(i, line) is not None
+        }
 
     def risen(self, i: int, line: Floats) -> Floats | None:
         """Joints (n,) when the hand has risen straight up from the grasp, or None if it cannot."""
@@ -125,10 +136,15 @@ class GraspChoice:
         return None if path is None else path[-1]
 
     def free(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether the jaws, at `jaws`, are wide enough for candidate i and the hand touches nothing from its standoff on."""
+        """Whether the jaws, at `jaws`, are wide enough for candidate i and the hand touches nothing
+        from its standoff on."""
         room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
         checks = self.checks[jaws]
-        free = self.found.grasps[i // 2].width <= room and checks.closing(line) and checks.standing(self.found.q[i])
+        free = (
+            self.found.grasps[i // 2].width <= room
+            and checks.closing(line)
+            and checks.standing(self.found.q[i])
+        )
         return free and self.parts(line[-1], self._closed(i))
 
     def _closed(self, i: int) -> float:
@@ -136,13 +152,17 @@ class GraspChoice:
         return min(1.0, self.found.grasps[i // 2].width / self.found.opening)
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether candidate i leaves room to other bodies on its line in and above, and leads to a pose of every goal."""
+        """Whether candidate i leaves room to other bodies on its line in and above, and leads to a
+        pose of every goal."""
         passing, risen = self.checks[jaws].passing, self.risen(i, line)
         if risen is None or not passing(line) or not passing(risen):
             return False
         held = Carried(self.arm.side, self.pieces, inverse(self.found.local[i]))
         closed = self._closed(i)
-        return all(_leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal)) for goal in self.goals)
+        return all(
+            _leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal))
+            for goal in self.goals
+        )
 
     def promising(self, tries: int = GRASP.tries) -> bool:
         """Whether one of the `tries` cheapest candidates that can be taken leads to the goals."""
@@ -159,17 +179,23 @@ class GraspChoice:
         return False
 
 
-def search_of(actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: GraspOptions) -> GraspChoice:
+def search_of(
+    actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: GraspOptions
+) -> GraspChoice:
     """The grasps of body `name` where it stands at the world pose `at`, in the scene of `arm`.
 
     Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable").
     """
-    found = _candidates(arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, []))
+    found = _candidates(
+        arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, [])
+    )
     touched = [name] if options.leading or name in arm.scene.obstacles else []
     near = [(arm.side, other) for other in ("table", *touched)]
     hands = MARGINS.hands if name in arm.scene.carried else MARGINS.arms
     checks = {jaws: _checks(arm, near, jaws, hands) for jaws in GRASP.openings}
-    return GraspChoice(arm, name, actor.collision(name), found, checks, options.goals, _parting(arm, name))
+    return GraspChoice(
+        arm, name, actor.collision(name), found, checks, options.goals, _parting(arm, name)
+    )
 
 
 def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
@@ -180,14 +206,18 @@ def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
     giver = arm.planner.arm(held.side, arm.scene, arm.rng)
     there = arm.scene.arms[held.side].expected
     back = giver.line(there, backed_off(giver.fk(there), HAND_OVER.draw_back))
-    rows, hands = there[None] if back is None else back, arm.planner.world.between_arms({}, MARGINS.hands)
+    rows, hands = (
+        there[None] if back is None else back,
+        arm.planner.world.between_arms({}, MARGINS.hands),
+    )
     if arm.side == "left":
         return lambda q, jaws: hands.first_blocked(q, rows, (jaws, 1.0)) is None
     return lambda q, jaws: hands.first_blocked(rows, q, (1.0, jaws)) is None
 
 
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
-    """Choose and plan a grasp of body `name` where it stands, with jaws opened less wide only where they must be.
+    """Choose and plan a grasp of body `name` where it stands, with jaws opened less wide only where
+    they must be.
 
     Raises PlanFailure with reason no_grasp, grasp_unreachable or grasp_blocked.
     """
@@ -195,7 +225,8 @@ def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> Gra
 
 
 def can_take_over(actor: Actor, side: str, giver: str, q: Floats, options: GraspOptions) -> bool:
-    """Whether arm `side` finds a grasp of what arm `giver` holds once that one has joints q (n,)."""
+    """Whether arm `side` finds a grasp of what arm `giver` holds once that one has joints q
+    (n,)."""
     arm, name = actor.arm_planner(side), actor.held[giver]
     body = compose(actor.planner.fk(giver, q), actor.in_hand(giver))
     try:
@@ -213,8 +244,9 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     spare = list[tuple[int, Floats, float]]()
 
     def preferred() -> Iterator[tuple[int, Floats, float]]:
-        """Candidates that can be taken, cheapest first, with the line in and the gripper value. `spare` keeps those that pass too
-        near to other bodies or from which no goal is sure to be reached."""
+        """Candidates that can be taken, cheapest first, with the line in and the gripper value.
+        `spare` keeps those that pass too near to other bodies or from which no goal is sure to be
+        reached."""
         for jaws in GRASP.openings:
             for i, line in lines.items():
                 if not search.free(i, line, jaws):
@@ -234,30 +266,54 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
         else:
             table = arm.bare().checker(jaws=jaws, hands=MARGINS.hands)
             ending = ending_clear(line, table, 1 - GRASP.short / options.standoff)
-            return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, line if ending is None else ending)
+            return GraspPlan(
+                found.grasps[i // 2],
+                jaws,
+                found.tcp[i],
+                to_standoff,
+                line if ending is None else ending,
+            )
     blocked = "grasp_blocked" if lines else "grasp_unreachable"
     tcp = found.tcp[found.order]
-    raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {arm.side} arm without touching something", arm, tcp)
+    raise PlanFailure(
+        blocked,
+        f"no grasp of {name} can be reached by the {arm.side} arm without touching something",
+        arm,
+        tcp,
+    )
 
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
-    """Which directions (N,3) lie within GRASP.avoided of one of the unit vectors (3,) to be avoided."""
-    return np.any([directions @ other > np.cos(GRASP.avoided) for other in avoid], axis=0) & np.ones(len(directions), bool)
+    """Which directions (N,3) lie within GRASP.avoided of one of the unit vectors (3,) to be
+    avoided."""
+    return np.any(
+        [directions @ other > np.cos(GRASP.avoided) for other in avoid], axis=0
+    ) & np.ones(len(directions), bool)
 
 
 def _candidates(
-    arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Grasp], options: GraspOptions, avoid: Sequence[Floats]
+    arm: ArmPlanner,
+    name: str,
+    body: Pose,
+    annotated: Sequence[Grasp],
+    options: GraspOptions,
+    avoid: Sequence[Floats],
 ) -> _Candidates:
-    """All grasps of a body that fit between the jaws. Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable")."""
+    """All grasps of a body that fit between the jaws. Raises PlanFailure("no_grasp") and
+    PlanFailure("grasp_unreachable")."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
     q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))
     if short := np.flatnonzero(~ok).tolist():
-        q[short], ok[short] = arm.solve(np.stack([backed_off(tcp[i], GRASP.short_share * options.standoff) for i in short]))
+        q[short], ok[short] = arm.solve(
+            np.stack([backed_off(tcp[i], GRASP.short_share * options.standoff) for i in short])
+        )
     for goal in options.goals:
         ok &= _reaches_one(arm, local, np.asarray(goal), ok)
     if not ok.any():
-        raise PlanFailure("grasp_unreachable", f"no grasp of {name} is in reach of the {arm.side} arm", arm, tcp)
+        raise PlanFailure(
+            "grasp_unreachable", f"no grasp of {name} is in reach of the {arm.side} arm", arm, tcp
+        )
     x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
     pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
     room = np.minimum(limit_margin(arm.chain, q), GRASP.limit_margin)
@@ -269,8 +325,11 @@ def _candidates(
     return _Candidates(grasps, local, tcp, q, order.tolist(), opening)
 
 
-def leading_grasps(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]) -> Floats:
-    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of every entry of `goals`."""
+def leading_grasps(
+    arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]
+) -> Floats:
+    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of every entry
+    of `goals`."""
     local = _fitting(arm, name, annotated, GraspOptions())[1]
     ok = np.ones(len(local), bool)
     for goal in goals:
@@ -278,15 +337,28 @@ def leading_grasps(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals
     return local[ok]
 
 
-def _fitting(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: GraspOptions) -> tuple[list[Grasp], Floats, float]:
-    """Grasps (N/2) of a body that fit between the jaws, their tcp poses (N,7), and the largest width (m) that fits.
+def _fitting(
+    arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: GraspOptions
+) -> tuple[list[Grasp], Floats, float]:
+    """Grasps (N/2) of a body that fit between the jaws, their tcp poses (N,7), and the largest
+    width (m) that fits.
 
     Each grasp has two poses, one for each sense of the jaws. Raises PlanFailure("no_grasp")."""
     opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
-    grasps = [g for g in annotated if g.width <= opening and (options.kinds is None or g.kind in options.kinds)]
+    grasps = [
+        g
+        for g in annotated
+        if g.width <= opening and (options.kinds is None or g.kind in options.kinds)
+    ]
     if not grasps:
-        raise PlanFailure("no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m")
-    return grasps, np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))]), opening
+        raise PlanFailure(
+            "no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m"
+        )
+    return (
+        grasps,
+        np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))]),
+        opening,
+    )
 
 
 def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands: float) -> _Checks:
@@ -300,8 +372,11 @@ def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands
     )
 
 
-def _reaches_one(arm: ArmPlanner, local: Floats, bodies: Floats, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which grasps (N,) reach at least one of the body poses (G,7); only those still alive are solved."""
+def _reaches_one(
+    arm: ArmPlanner, local: Floats, bodies: Floats, alive: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which grasps (N,) reach at least one of the body poses (G,7); only those still alive are
+    solved."""
     out = np.zeros(len(local), bool)
     for body in bodies:
         todo = np.flatnonzero(alive & ~out)
@@ -311,8 +386,11 @@ def _reaches_one(arm: ArmPlanner, local: Floats, bodies: Floats, alive: NDArray[
     return out
 
 
-def _leads_to(arm: ArmPlanner, name: str, carried: Carried, q: Floats, jaws: float, bodies: Floats) -> bool:
-    """Whether body `name`, carried like this from joints q (n,) on, gets to one of its poses (G,7) straight from above.
+def _leads_to(
+    arm: ArmPlanner, name: str, carried: Carried, q: Floats, jaws: float, bodies: Floats
+) -> bool:
+    """Whether body `name`, carried like this from joints q (n,) on, gets to one of its poses (G,7)
+    straight from above.
 
     No part of the arm may touch anything there; `jaws` is the gripper value.
     """

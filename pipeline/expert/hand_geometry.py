@@ -19,13 +19,24 @@ def fingertip_reach(arm: Arm) -> float:
 
 @lru_cache(maxsize=16)
 def hand_boxes(arm: Arm) -> NDArray[np.float64]:
-    """Bounds (N,2,3) of the collision pieces of the closed hand, fingers included, in the tcp frame (m)."""
-    return np.array([(points.min(0), points.max(0)) for points in _pieces(arm, (arm.hand, *arm.gripper.fingers))])
+    """Bounds (N,2,3) of the collision pieces of the closed hand, fingers included, in the tcp frame
+    (m)."""
+    return np.array(
+        [
+            (points.min(0), points.max(0))
+            for points in _pieces(arm, (arm.hand, *arm.gripper.fingers))
+        ]
+    )
 
 
 def _pieces(arm: Arm, names: Iterable[str]) -> list[NDArray[np.float64]]:
-    """Points (K,3) in the tcp frame around each collision piece of the named links, the jaws closed."""
+    """Points (K,3) in the tcp frame around each collision piece of the named links, the jaws
+    closed."""
     links = {link.name: link for link in arm.links}
     at = arm_poses(arm, arm.home, 0.0)
     tcp = inverse(compose(at[arm.hand], arm.tcp))
-    return [transform(compose(tcp, at[name]), c.support_points()) for name in names for c in links[name].collision]
+    return [
+        transform(compose(tcp, at[name]), c.support_points())
+        for name in names
+        for c in links[name].collision
+    ]

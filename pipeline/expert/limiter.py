@@ -7,7 +7,8 @@ from pipeline.planning.budgets import LIMITS
 from pipeline.poses import Floats
 
 WINDOW = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
-"""Rows that are averaged, as in planning/trajectory.smoothed: this turns the limit of acceleration into one of jerk."""
+"""Rows that are averaged, as in planning/trajectory.smoothed: this turns the limit of acceleration
+into one of jerk."""
 
 LAG = (WINDOW - 1) / 2 / PHYSICS_HZ
 """Seconds by which the commands follow later than what is averaged."""
@@ -20,10 +21,11 @@ BRAKING = 0.35
 
 
 class Limiter:
-    """Commands of some columns at the physics rate, LAG later than their goal. It begins at rest at `start` (A,).
+    """Commands of some columns at the physics rate, LAG later than their goal. It begins at rest at
+    `start` (A,).
 
-    `speed` and `acceleration` (A,) limit the differences of the commands, in units per s and s2; LIMITS.jerk those of the
-    accelerations.
+    `speed` and `acceleration` (A,) limit the differences of the commands, in units per s and s2;
+    LIMITS.jerk those of the accelerations.
     """
 
     def __init__(self, start: Floats, speed: Floats, acceleration: Floats) -> None:
@@ -37,10 +39,13 @@ class Limiter:
         return self.at + self.velocity * np.abs(self.velocity) / (2 * BRAKING * self._acceleration)
 
     def follow(self, goal: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """The next command (A,) and its velocity, for a goal that is at `goal` (A,) after this step and moves with `velocity`."""
+        """The next command (A,) and its velocity, for a goal that is at `goal` (A,) after this step
+        and moves with `velocity`."""
         dt = 1.0 / PHYSICS_HZ
         gap = goal - self.at - velocity * dt
-        closing = np.minimum(STIFFNESS * np.abs(gap), np.sqrt(2 * BRAKING * self._acceleration * np.abs(gap)))
+        closing = np.minimum(
+            STIFFNESS * np.abs(gap), np.sqrt(2 * BRAKING * self._acceleration * np.abs(gap))
+        )
         wanted = np.clip(velocity + np.sign(gap) * closing, -self.speed, self.speed)
         step = self._acceleration * dt
         self.velocity = self.velocity + np.clip(wanted - self.velocity, -step, step)

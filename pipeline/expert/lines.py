@@ -8,7 +8,8 @@ from pipeline.poses import Floats
 
 
 def first_touch(apart: IsFree, line: Floats) -> float:
-    """Share of joint rows (K,n), evenly spread over a way into contact, at which `apart` ceases to hold; 1 where it never does."""
+    """Share of joint rows (K,n), evenly spread over a way into contact, at which `apart` ceases to
+    hold; 1 where it never does."""
     if apart(line[-1]):
         return 1.0
     before, behind = 0.0, 1.0
@@ -25,7 +26,8 @@ def between(line: Floats, first: float, last: float) -> Floats:
 
 
 def ending_clear(line: Floats, clear: IsFree, least: float) -> Floats | None:
-    """The line (K,n) up to where `clear` ceases to hold; None if that is before the share `least` of it."""
+    """The line (K,n) up to where `clear` ceases to hold; None if that is before the share `least`
+    of it."""
     if clear(line):
         return line
     end = first_touch(clear, line)

@@ -1,4 +1,5 @@
-"""Set a body down in between and grasp it again, if no single grasp leads from its place to its goal."""
+"""Set a body down in between and grasp it again, if no single grasp leads from its place to its
+goal."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -24,7 +25,8 @@ Goals = Sequence[Sequence[Pose]]
 def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Iterator[Skill]:
     """Skills that set body `name` down where a grasp leads to the goals, and let go of it.
 
-    None if it is held already, where a grasp of the body as it stands leads there, nor where no such place is found.
+    None if it is held already, where a grasp of the body as it stands leads there, nor where no
+    such place is found.
     """
     if a.held.get(side) == name or promising(a, a.arm_planner(side), name, a.pose(name), goals):
         return
@@ -36,9 +38,16 @@ def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Iterator[Skill]:
 
 
 def place_or_regrasp(
-    side: str, point: str, onto: Pose, *, yaws: Sequence[float] = (0.0,), above: float = PLACE.above, opening: float | None = None
+    side: str,
+    point: str,
+    onto: Pose,
+    *,
+    yaws: Sequence[float] = (0.0,),
+    above: float = PLACE.above,
+    opening: float | None = None,
 ) -> Skill:
-    """Like `place`; if the actual grasp does not allow that, the body is first set down and grasped again, once."""
+    """Like `place`; if the actual grasp does not allow that, the body is first set down and grasped
+    again, once."""
     placing = place(side, point, onto, yaws=yaws, above=above, opening=opening)
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -64,7 +73,8 @@ def _seat(a: Actor, side: str, name: str, seats: Floats) -> Iterator[Skill]:
 
 
 def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> bool:
-    """Whether a grasp of body `name` at the world pose `at` leads to the goals, touching nothing."""
+    """Whether a grasp of body `name` at the world pose `at` leads to the goals, touching
+    nothing."""
     try:
         return search_of(a, arm, name, at, GraspOptions(goals=goals)).promising()
     except PlanFailure:
@@ -72,7 +82,8 @@ def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> b
 
 
 def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
-    """Poses (N,7) at which body `name` can be set down as it is held, or after one grasp, and grasped again to reach a goal."""
+    """Poses (N,7) at which body `name` can be set down as it is held, or after one grasp, and
+    grasped again to reach a goal."""
     arm, start = a.arm_planner(side), a.pose(name)
     held = side in a.held
     try:
@@ -81,7 +92,9 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
     except PlanFailure:
         return np.zeros((0, 7))
     seats = _free_places(a, side, name)
-    counts = np.minimum(_reached(arm, seats, into) * (len(out) if held else 1), _reached(arm, seats, out))
+    counts = np.minimum(
+        _reached(arm, seats, into) * (len(out) if held else 1), _reached(arm, seats, out)
+    )
     chosen = list[Pose]()
     for k in np.argsort(-counts, kind="stable")[: SEAT.tries]:
         if counts[k] == 0 or len(chosen) == SEAT.wanted:
@@ -89,7 +102,9 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
         obstacles = {**arm.scene.obstacles, name: Obstacle(a.collision(name), seats[k])}
         carried = {n: c for n, c in arm.scene.carried.items() if n != name}
         seated = arm.within(replace(arm.scene, obstacles=obstacles, carried=carried))
-        if promising(a, seated, name, seats[k], goals) and (held or promising(a, arm, name, start, [[seats[k]]])):
+        if promising(a, seated, name, seats[k], goals) and (
+            held or promising(a, arm, name, start, [[seats[k]]])
+        ):
             chosen.append(seats[k])
     return np.array(chosen).reshape(-1, 7)
 
@@ -105,15 +120,26 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
     sign = 1 if side == "right" else -1
     turns = 2 * np.pi / SEAT.turns * np.arange(SEAT.turns)
     box = a.bodies[name].instance.shape().aabb()
-    others = [(a.pose(n), b.instance.shape().aabb()) for n, b in a.bodies.items() if n != name and not b.rides]
-    places = [yawed((sign * x, y, TABLE_TOP), turn) for x in SEAT.xs for y in SEAT.ys for turn in turns]
-    return np.array([p for p in places if all(apart((p, box), other, SEAT.gap) for other in others)]).reshape(-1, 7)
+    others = [
+        (a.pose(n), b.instance.shape().aabb())
+        for n, b in a.bodies.items()
+        if n != name and not b.rides
+    ]
+    places = [
+        yawed((sign * x, y, TABLE_TOP), turn) for x in SEAT.xs for y in SEAT.ys for turn in turns
+    ]
+    return np.array(
+        [p for p in places if all(apart((p, box), other, SEAT.gap) for other in others)]
+    ).reshape(-1, 7)
 
 
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
-    """How many of the tcp poses `local` (N,7) in the frame of a body are in reach, for each of its poses `bodies` (B,7).
+    """How many of the tcp poses `local` (N,7) in the frame of a body are in reach, for each of its
+    poses `bodies` (B,7).
 
     At most SEAT.grasps of them are tried, evenly chosen.
     """
     some = local[:: max(1, len(local) // SEAT.grasps)]
-    return np.array([int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies], dtype=np.int64)
+    return np.array(
+        [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies], dtype=np.int64
+    )

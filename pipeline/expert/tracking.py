@@ -1,4 +1,5 @@
-"""Let a planned hand move with a target whose motion is known: the last approach of a plan, carried along at matched velocity."""
+"""Let a planned hand move with a target whose motion is known: the last approach of a plan, carried
+along at matched velocity."""
 
 from collections.abc import Callable
 
@@ -18,7 +19,8 @@ TRACK = "track"
 """Name of the runs of skills that are carried along."""
 
 KNOTS = 16
-"""Physics steps between two poses that are solved; the joints between them follow a cubic spline."""
+"""Physics steps between two poses that are solved; the joints between them follow a cubic
+spline."""
 
 AT_REST = 1e-3
 """rad/s or m/s; an arm whose joints are all slower rests between two motions."""
@@ -30,20 +32,27 @@ STOPPED = 1e-6
 """rad/s or m/s; commands that are slower may end: a stop from there is a jerk of 0.06 rad/s3."""
 
 AHEAD = WINDOW // 2
-"""Physics steps by which the limiter is told earlier where to go, because its commands follow as much later."""
+"""Physics steps by which the limiter is told earlier where to go, because its commands follow as
+much later."""
 
 
 def carried_along(
-    planner: Planner, plan: tuple[Floats, Floats], run: SkillRun, target: Callable[[Floats], Pose], met: int
+    planner: Planner,
+    plan: tuple[Floats, Floats],
+    run: SkillRun,
+    target: Callable[[Floats], Pose],
+    met: int,
 ) -> tuple[Floats, Floats]:
-    """Commands (M,A) and velocities of a plan (N,A) of both, whose arms of `run` move as the target does; M >= N.
+    """Commands (M,A) and velocities of a plan (N,A) of both, whose arms of `run` move as the target
+    does; M >= N.
 
-    The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last approach begins
-    the hand is displaced as `target(t)` (7,) is from there, before that by a growing part of it, from the start
-    of the run on. After the meeting it comes to rest, in rows after the plan's if need be. The commands keep the
-    limits of velocity, acceleration and jerk: where the target's motion asks for more, the hand is late. Raises
-    PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at the meeting by
-    more than CLOSE.
+    The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last
+    approach begins the hand is displaced as `target(t)` (7,) is from there, before that by a
+    growing part of it, from the start of the run on. After the meeting it comes to rest, in rows
+    after the plan's if need be. The commands keep the limits of velocity, acceleration and jerk:
+    where the target's motion asks for more, the hand is late. Raises
+    PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at
+    the meeting by more than CLOSE.
     """
     commands, velocities = plan
     goals, column, hands = commands.copy(), 0, list[tuple[str, slice]]()
@@ -51,7 +60,9 @@ def carried_along(
         joints = slice(column, column + len(planner.home(side)))
         if side in run.arms:
             near = _approach_begins(velocities[:, joints], run.start, met)
-            goals[run.start :, joints] += _shifts(planner, side, commands[:, joints], (run.start, near, met), target)
+            goals[run.start :, joints] += _shifts(
+                planner, side, commands[:, joints], (run.start, near, met), target
+            )
             hands.append((side, joints))
         column = joints.stop + 1
     moved, speeds = _limited(planner, goals, run.start)
@@ -60,16 +71,28 @@ def carried_along(
     for side, joints in hands:
         off = planner.fk(side, moved[met, joints])[:3] - planner.fk(side, goals[met, joints])[:3]
         if np.linalg.norm(off) > CLOSE:
-            late = f"the {side} hand is {1e3 * float(np.linalg.norm(off)):.0f} mm late at the meeting"
-            raise PlanFailure("track_unreachable", f"{late}: the target turns too sharply before it")
+            late = (
+                f"the {side} hand is {1e3 * float(np.linalg.norm(off)):.0f} mm late at the meeting"
+            )
+            raise PlanFailure(
+                "track_unreachable", f"{late}: the target turns too sharply before it"
+            )
         found[:, joints], found_speeds[:, joints] = moved[:, joints], speeds[:, joints]
     return found, found_speeds
 
 
-def _shifts(planner: Planner, side: str, q: Floats, rows: tuple[int, int, int], target: Callable[[Floats], Pose]) -> Floats:
-    """Offsets (M,n) of the joints `q` (N,n) of an arm, from row `start` to the end, that carry its hand along with the target.
+def _shifts(
+    planner: Planner,
+    side: str,
+    q: Floats,
+    rows: tuple[int, int, int],
+    target: Callable[[Floats], Pose],
+) -> Floats:
+    """Offsets (M,n) of the joints `q` (N,n) of an arm, from row `start` to the end, that carry its
+    hand along with the target.
 
-    `rows` are (start, near, met): the share of the target's displacement grows from `start` to `near`.
+    `rows` are (start, near, met): the share of the target's displacement grows from `start` to
+    `near`.
     """
     start, near, met = rows
     knots = np.unique([*range(start, len(q), KNOTS), met, len(q) - 1])
@@ -84,14 +107,17 @@ def _shifts(planner: Planner, side: str, q: Floats, rows: tuple[int, int, int], 
         goal = compose(part_of(end, pose, part), planner.fk(side, q[row]))
         solved, ok = ik_many(planner.chains[side], goal[None], (q[row] + shift)[None], SAME_BRANCH)
         if not ok[0]:
-            raise PlanFailure("track_unreachable", f"the {side} arm cannot move along with the target")
+            raise PlanFailure(
+                "track_unreachable", f"the {side} arm cannot move along with the target"
+            )
         shift = solved[0] - q[row]
         shifts.append(shift)
     return CubicSpline(knots, np.array(shifts), bc_type="clamped")(np.arange(start, len(q)))
 
 
 def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Floats]:
-    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, and their velocities.
+    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, and their
+    velocities.
 
     They are at rest at both ends."""
     ahead = np.concatenate([goals, np.repeat(goals[-1:], AHEAD, axis=0)])[AHEAD:]
@@ -101,7 +127,9 @@ def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Float
     while np.abs(followed[-1][1]).max() > STOPPED:
         followed.append(limiter.follow(ahead[-1], np.zeros_like(ahead[-1])))
     rows, rates = (np.array(column) for column in zip(*followed, strict=True))
-    return np.concatenate([goals[:start], rows]), np.concatenate([np.zeros((start, goals.shape[1])), rates])
+    return np.concatenate([goals[:start], rows]), np.concatenate(
+        [np.zeros((start, goals.shape[1])), rates]
+    )
 
 
 def _approach_begins(velocities: Floats, start: int, met: int) -> int:

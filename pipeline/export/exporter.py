@@ -1,4 +1,5 @@
-"""The contract of an export format: one class, its options, and the registry that `export` looks formats up in."""
+"""The contract of an export format: one class, its options, and the registry that `export` looks
+formats up in."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -22,10 +23,12 @@ LEFT_OUT = "sensors_left_out"
 class Job[O]:
     """One export: the dataset's root, where to write, the episode files, the options of the format.
 
-    `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
-    `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
-    only what the summary does. `split` says whether these are the episodes or the failed attempts that are kept, `where` which
-    of them were selected (export/shared/episodes.py), empty for all, and `validation` the share of that split (data/splits.py).
+    `progress(1)` is called after each episode. `workers` is how many processes may work; what is
+    written never depends on it. `describe(folder, summary)` gives the text of the card, Markdown,
+    and may write images into the folder; without it the card says only what the summary does.
+    `split` says whether these are the episodes or the failed attempts that are kept, `where` which
+    of them were selected (export/shared/episodes.py), empty for all, and `validation` the share of
+    that split (data/splits.py).
     """
 
     dataset: Path
@@ -56,25 +59,33 @@ class Exporter[O](ABC):
 
     @abstractmethod
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """Write the episodes, in the order of their paths, to `draft.folder`; returns their part of the summary, "episodes"
-        and "frames" for example. Raises ExportError, in one line, for episodes that the format cannot hold."""
+        """Write the episodes, in the order of their paths, to `draft.folder`; returns their part of
+        the summary, "episodes" and "frames" for example. Raises ExportError, in one line, for
+        episodes that the format cannot hold."""
 
     def sensors(self, options: O) -> Collection[str]:
-        """Which sensors (`sensors.SENSORS`) the format writes with these options; the summary names those that it leaves out."""
+        """Which sensors (`sensors.SENSORS`) the format writes with these options; the summary names
+        those that it leaves out."""
         return ()
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """What the front matter of the card says about data files, so that `datasets.load_dataset` finds them; [] for a format that
-        it cannot read. `folder` holds all but the card."""
+        """What the front matter of the card says about data files, so that `datasets.load_dataset`
+        finds them; [] for a format that it cannot read. `folder` holds all but the card."""
         return []
 
     def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out` and return its summary. It appears by rename when everything is written, and an older export is
-        replaced only then. Raises ExportError as `write` and `stage_directory`, and for an export of another format there."""
+        """Write `job.out` and return its summary. It appears by rename when everything is written,
+        and an older export is replaced only then. Raises ExportError as `write` and
+        `stage_directory`, and for an export of another format there."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
         with stage_directory(job.out, job.dataset) as folder:
             draft = ExportDraft(folder, job.out, job.dataset, self.name, options, job.validation)
-            summary = {"format": self.name, "options": options, "split": job.split, **self.write(job, draft)}
+            summary = {
+                "format": self.name,
+                "options": options,
+                "split": job.split,
+                **self.write(job, draft),
+            }
             for path in job.episodes:
                 draft.hash_of(path)
             if job.where:
@@ -83,13 +94,22 @@ class Exporter[O](ABC):
                 summary["validation"] = job.validation
             if left := self._left_out(job):
                 summary[LEFT_OUT] = left
-            write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
+            write_card(
+                folder,
+                summary,
+                self.configs(folder),
+                job.describe(folder, summary) if job.describe else "",
+            )
             return draft.finish(summary)
 
     def _left_out(self, job: Job[O]) -> list[str]:
         """Sensors that the first episode stores and the format does not write."""
         with reading(sort_episodes(job.episodes)[0]) as file:
-            return [name for name in sensors_of(file, file.cameras) if name not in self.sensors(job.options)]
+            return [
+                name
+                for name in sensors_of(file, file.cameras)
+                if name not in self.sensors(job.options)
+            ]
 
 
 _HERE = "pipeline.export"
@@ -109,11 +129,13 @@ EXPORTERS = Registry[Exporter[Any]](
         "puma-gt": f"{_HERE}.bridges.puma_gt",
     },
 )
-"""Formats by name. A module of ours is imported, and registers its class, when its format is asked for."""
+"""Formats by name. A module of ours is imported, and registers its class, when its format is asked
+for."""
 
 
 def register[E: Exporter[Any]](kind: type[E]) -> type[E]:
-    """Class decorator: make a format known under its `name`. Raises ValueError for a name that is taken."""
+    """Class decorator: make a format known under its `name`. Raises ValueError for a name that is
+    taken."""
     EXPORTERS.add(kind.name, kind())
     return kind
 

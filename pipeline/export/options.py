@@ -1,4 +1,5 @@
-"""Options of an export format: the fields of one frozen dataclass, each made by `option`, written on a command line as `--name`."""
+"""Options of an export format: the fields of one frozen dataclass, each made by `option`, written
+on a command line as `--name`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -16,8 +17,11 @@ class NoOptions:
     """Options of a format that has none."""
 
 
-def option(help: str, parse: Callable[[str], Any] = str, default: Any = MISSING, factory: Any = MISSING) -> Any:
-    """A field of an options dataclass. `parse` makes the value of its text and raises ValueError for one that is wrong.
+def option(
+    help: str, parse: Callable[[str], Any] = str, default: Any = MISSING, factory: Any = MISSING
+) -> Any:
+    """A field of an options dataclass. `parse` makes the value of its text and raises ValueError
+    for one that is wrong.
 
     A field whose default is a bool is a flag; one without a default must be given.
     """
@@ -40,13 +44,17 @@ def is_flag(f: Field[Any]) -> bool:
 def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]) -> O:
     """The options of a format from the texts given, by field name.
 
-    Raises ExportError, in one line, for an option that the format does not have, one that is missing and one that is wrong.
+    Raises ExportError, in one line, for an option that the format does not have, one that is
+    missing and one that is wrong.
     """
     known: dict[str, Field[Any]] = {f.name: f for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     for name in given:
         if name not in known:
             has = ", ".join(flag_name(f) for f in known.values()) or "none"
-            raise ExportError(f"--{name.replace('_', '-')} is not an option of --format {format}; its options are: {has}")
+            raise ExportError(
+                f"--{name.replace('_', '-')} is not an option of --format {format}; its options"
+                f" are: {has}"
+            )
     values: dict[str, Any] = {}
     for name, f in known.items():
         if name not in given:
@@ -55,7 +63,9 @@ def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]
             continue
         text = given[name]
         try:
-            values[name] = text if isinstance(text, bool) else f.metadata["parse"](parsing.line(text))
+            values[name] = (
+                text if isinstance(text, bool) else f.metadata["parse"](parsing.line(text))
+            )
         except ParseError as error:
             raise ExportError(f"{flag_name(f)} {show_value(text)} {error}") from error
         except ValueError as error:
@@ -86,16 +96,21 @@ def image_size(text: str) -> tuple[int, int]:
 
 
 def camera_names(text: str) -> dict[str, str]:
-    """ "head=top,left=wrist" -> {"head_camera": "top", "left_camera": "wrist"}; the dataset's own names may be written out."""
+    """ "head=top,left=wrist" -> {"head_camera": "top", "left_camera": "wrist"}; the dataset's own
+    names may be written out."""
     pairs = [part.split("=") for part in text.split(",")]
     if any(len(pair) != 2 or not pair[0] or not pair[1] for pair in pairs):
         raise ValueError("write camera=name, separated by commas, like head=top,left=wrist_1")
     return {CAMERAS.get(camera, camera): name for camera, name in pairs}
 
 
-CAMERA_NAMES_HELP = "exported names of cameras, like head=top,left=wrist_1; default cam_high, cam_left_wrist, cam_right_wrist"
+CAMERA_NAMES_HELP = (
+    "exported names of cameras, like head=top,left=wrist_1; default cam_high, cam_left_wrist,"
+    " cam_right_wrist"
+)
 
 
 def camera_names_option() -> Any:
-    """The option `camera_names` of every format that lets one choose: mapping from the dataset's names to the exported ones."""
+    """The option `camera_names` of every format that lets one choose: mapping from the dataset's
+    names to the exported ones."""
     return option(CAMERA_NAMES_HELP, camera_names, factory=dict)

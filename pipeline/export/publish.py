@@ -1,7 +1,9 @@
-"""Publishes an export on the Hugging Face hub: what would be sent and whether the hub takes it, then the upload itself.
+"""Publishes an export on the Hugging Face hub: what would be sent and whether the hub takes it,
+then the upload itself.
 
-Limits are those that the hub states for repositories and for its viewer. The upload is huggingface_hub's own; given again, it sends
-only what is not there yet. Tokens are those of `hf auth login`; none is ever printed.
+Limits are those that the hub states for repositories and for its viewer. The upload is
+huggingface_hub's own; given again, it sends only what is not there yet. Tokens are those of `hf
+auth login`; none is ever printed.
 """
 
 import re
@@ -23,7 +25,9 @@ FILE_BYTES = 20 * 1000**3
 GROUP_BYTES = 300 * 1000**2
 TAGS = {"lerobot": "v3.0", "lerobot-v2.1": "v2.1"}
 VISUALIZER = "https://huggingface.co/spaces/lerobot/visualize_dataset?path="
-BADGE = "https://huggingface.co/datasets/huggingface/badges/resolve/main/visualize-this-dataset-xl.svg"
+BADGE = (
+    "https://huggingface.co/datasets/huggingface/badges/resolve/main/visualize-this-dataset-xl.svg"
+)
 UPLOAD_CACHE = ".cache"
 LARGEST = 5
 MESSAGE = "Publish with domino-data"
@@ -31,10 +35,12 @@ MESSAGE = "Publish with domino-data"
 
 @dataclass(frozen=True)
 class Shipment:
-    """What an upload would send: files relative to `folder` with their bytes, and what the hub would not take.
+    """What an upload would send: files relative to `folder` with their bytes, and what the hub
+    would not take.
 
-    `tag` is what readers of the format look for, None if the root of the repository is not a dataset of that format. `unlisted` are
-    files in the folder that are no part of the export and stay here.
+    `tag` is what readers of the format look for, None if the root of the repository is not a
+    dataset of that format. `unlisted` are files in the folder that are no part of the export and
+    stay here.
     """
 
     folder: Path
@@ -53,8 +59,17 @@ class Shipment:
 
     def as_dict(self) -> dict[str, Any]:
         """For printing."""
-        values = {"repo_id": self.repo_id, "private": self.private, "format": self.format, "tag": self.tag}
-        return values | {"files": len(self.files), "bytes": self.bytes, "problems": list(self.problems)}
+        values = {
+            "repo_id": self.repo_id,
+            "private": self.private,
+            "format": self.format,
+            "tag": self.tag,
+        }
+        return values | {
+            "files": len(self.files),
+            "bytes": self.bytes,
+            "problems": list(self.problems),
+        }
 
     def describe(self) -> str:
         """What will be sent, in lines."""
@@ -62,7 +77,10 @@ class Shipment:
         for name, size in self.files.items():
             kinds[Path(name).suffix.partition("-")[0] or Path(name).name] += size
         who = "a private" if self.private else "a PUBLIC"
-        lines = [f"{self.folder} -> {who} dataset repository {self.repo_id}" + (f", tag {self.tag}" if self.tag else "")]
+        lines = [
+            f"{self.folder} -> {who} dataset repository {self.repo_id}"
+            + (f", tag {self.tag}" if self.tag else "")
+        ]
         parts = ", ".join(f"{kind} {size / 1e6:.1f} MB" for kind, size in kinds.most_common())
         lines.append(f"{len(self.files)} files, {self.bytes / 1e6:.1f} MB: {parts}")
         largest = sorted(self.files, key=lambda name: -self.files[name])[:LARGEST]
@@ -70,13 +88,17 @@ class Shipment:
         rest = len(self.files) - len(largest)
         lines += [f"  and {rest} more"] if rest else []
         lines += [f"stays here, it is no part of the export: {name}" for name in self.unlisted]
-        return "\n".join([*lines, *(f"not taken by the hub: {problem}" for problem in self.problems)])
+        return "\n".join(
+            [*lines, *(f"not taken by the hub: {problem}" for problem in self.problems)]
+        )
 
 
 def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
-    """What publishing an export would send: the files that it wrote, each as it was written (but the card, which may be edited).
+    """What publishing an export would send: the files that it wrote, each as it was written (but
+    the card, which may be edited).
 
-    Raises ExportError if there is no export, one of its files is not what was written, or the name is none."""
+    Raises ExportError if there is no export, one of its files is not what was written, or the name
+    is none."""
     from huggingface_hub.errors import HFValidationError
     from huggingface_hub.utils import validate_repo_id
 
@@ -91,18 +113,32 @@ def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
     files = {name: (folder / name).stat().st_size for name in sorted({*record.contents, SUMMARY})}
     stays = tuple(name for name in record.unlisted() if not name.startswith(f"{UPLOAD_CACHE}/"))
     kind = str(record.summary["format"])
-    # several robots or --per-task: LeRobot datasets in directories, which no revision of the repository names
+    # several robots or --per-task: LeRobot datasets in directories, which no revision of the
+    # repository names
     tag = TAGS.get(kind) if "meta/info.json" in files else None
-    return Shipment(folder, repo_id, private, kind, tag, files, tuple(_problems(folder, files)), stays)
+    return Shipment(
+        folder, repo_id, private, kind, tag, files, tuple(_problems(folder, files)), stays
+    )
 
 
 def _problems(folder: Path, files: dict[str, int]) -> list[str]:
     problems = []
     if len(files) > FILES:
-        problems.append(f"{len(files)} files, {FILES} are allowed: export with --per-task and publish the parts one by one")
+        problems.append(
+            f"{len(files)} files, {FILES} are allowed: export with --per-task and publish the parts"
+            " one by one"
+        )
     folders = Counter(Path(name).parent.as_posix() for name in files)
-    problems += [f"{name}/ has {n} files, {FILES_OF_A_FOLDER} are allowed" for name, n in folders.items() if n > FILES_OF_A_FOLDER]
-    problems += [f"{name} has {size} bytes, {FILE_BYTES} are allowed" for name, size in files.items() if size > FILE_BYTES]
+    problems += [
+        f"{name}/ has {n} files, {FILES_OF_A_FOLDER} are allowed"
+        for name, n in folders.items()
+        if n > FILES_OF_A_FOLDER
+    ]
+    problems += [
+        f"{name} has {size} bytes, {FILE_BYTES} are allowed"
+        for name, size in files.items()
+        if size > FILE_BYTES
+    ]
     try:
         read_card(folder / CARD)
     except (OSError, ValueError) as error:
@@ -118,12 +154,19 @@ def _large_groups(path: Path, name: str) -> list[str]:
         metadata = pq.read_metadata(path)
     except (OSError, pa.ArrowException) as error:
         return [f"{name} cannot be read: {error}"]
-    largest = max((metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups)), default=0)
-    return [f"{name} has a row group of {largest} bytes, the viewer reads {GROUP_BYTES}"] if largest > GROUP_BYTES else []
+    largest = max(
+        (metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups)), default=0
+    )
+    return (
+        [f"{name} has a row group of {largest} bytes, the viewer reads {GROUP_BYTES}"]
+        if largest > GROUP_BYTES
+        else []
+    )
 
 
 def with_badge(text: str, repo_id: str) -> str:
-    """The text of a card with the badge that opens LeRobot's visualizer, after its first title; one that is there gets the name."""
+    """The text of a card with the badge that opens LeRobot's visualizer, after its first title; one
+    that is there gets the name."""
     if VISUALIZER in text:
         return re.sub(re.escape(VISUALIZER) + r"[^\s\")]*", VISUALIZER + repo_id, text)
     badge = f"[![Visualize this dataset]({BADGE})]({VISUALIZER}{repo_id})"
@@ -132,10 +175,11 @@ def with_badge(text: str, repo_id: str) -> str:
 
 
 def publish(shipment: Shipment, api: Any) -> str:
-    """Create the repository, send the files, set the tag; returns the address. `api` is a huggingface_hub.HfApi with a token.
+    """Create the repository, send the files, set the tag; returns the address. `api` is a
+    huggingface_hub.HfApi with a token.
 
-    The card of a tagged dataset gets the badge of the visualizer on its way. Raises ExportError if the hub would not take them,
-    refuses, or cannot be reached.
+    The card of a tagged dataset gets the badge of the visualizer on its way. Raises ExportError if
+    the hub would not take them, refuses, or cannot be reached.
     """
     from huggingface_hub import CommitOperationAdd
     from huggingface_hub.errors import HfHubHTTPError
@@ -147,7 +191,9 @@ def publish(shipment: Shipment, api: Any) -> str:
         begin, end, text = (shipment.folder / CARD).read_text().partition("\n---\n")
         contents[CARD] = f"{begin}{end}\n{with_badge(text.lstrip(), shipment.repo_id)}".encode()
     try:
-        url = api.create_repo(shipment.repo_id, repo_type="dataset", private=shipment.private, exist_ok=True)
+        url = api.create_repo(
+            shipment.repo_id, repo_type="dataset", private=shipment.private, exist_ok=True
+        )
         files = [CommitOperationAdd(name, content) for name, content in contents.items()]
         api.create_commit(shipment.repo_id, files, commit_message=MESSAGE, repo_type="dataset")
         if shipment.tag is not None:

@@ -1,4 +1,5 @@
-"""Whether a task from outside the package declares what a build needs, found before anything is written."""
+"""Whether a task from outside the package declares what a build needs, found before anything is
+written."""
 
 from collections.abc import Callable
 from typing import Any, get_args
@@ -33,7 +34,9 @@ def check_task(task: Task) -> None:
     if not is_outside(cls):
         return
     if fault := _fault(task):
-        raise RecipeError(f"{line_of_class(cls, fault.partition(' ')[0])}: task {task.name}: {fault}")
+        raise RecipeError(
+            f"{line_of_class(cls, fault.partition(' ')[0])}: task {task.name}: {fault}"
+        )
     late = TimeoutError()
     try:
         with time_limit(LAYOUT_SECONDS, late):
@@ -48,19 +51,26 @@ def check_task(task: Task) -> None:
     for name in ("target", "manipulated"):
         if (body := getattr(task, name)) not in bodies:
             raise RecipeError(
-                f"{line_of_class(cls, name)}: task {task.name}: {name} is {body!r}, which its layout does not place: "
-                f"there are {', '.join(sorted(bodies))}"
+                f"{line_of_class(cls, name)}: task {task.name}: {name} is {body!r}, which its"
+                f" layout does not place: there are {', '.join(sorted(bodies))}"
             )
 
 
 def _fault(task: Task) -> str | None:
-    """What is wrong with the attributes of a task's class; the first word is the attribute's name."""
+    """What is wrong with the attributes of a task's class; the first word is the attribute's
+    name."""
     taken = {ALL, *TASKS, *(each.suite for each in TASKS.values() if not is_outside(type(each)))}
     rules: dict[str, tuple[Callable[[Any], bool], str]] = {
         "category": (CATEGORIES.__contains__, f"one of {', '.join(CATEGORIES)}"),
         "target": (lambda value: isinstance(value, str) and value != "", "the name of a body"),
-        "step_limit": (lambda value: type(value) is int and 1 <= value <= MOST_STEPS, f"a whole number from 1 to {MOST_STEPS}"),
-        "motion": (lambda value: isinstance(value, str) and value in MODELS, f"one of {', '.join(MODELS)}"),
+        "step_limit": (
+            lambda value: type(value) is int and 1 <= value <= MOST_STEPS,
+            f"a whole number from 1 to {MOST_STEPS}",
+        ),
+        "motion": (
+            lambda value: isinstance(value, str) and value in MODELS,
+            f"one of {', '.join(MODELS)}",
+        ),
         "suite": (lambda value: isinstance(value, str) and value not in taken, "a name of its own"),
         "workspace": (lambda value: isinstance(value, Workspace), "a Workspace"),
         "seen": (lambda value: not isinstance(value, str), "a tuple of sentences"),

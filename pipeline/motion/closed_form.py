@@ -1,4 +1,5 @@
-"""What the models in closed form share: a motion is a frozen dataclass of numbers, a model takes the first one that fits."""
+"""What the models in closed form share: a motion is a frozen dataclass of numbers, a model takes
+the first one that fits."""
 
 import json
 from abc import ABC, abstractmethod
@@ -35,7 +36,8 @@ class MotionError(DominoError):
 
 
 SAMPLES = 60
-"""Poses of a path, from its start to the end of its tail, that must lie in the workspace and be seen."""
+"""Poses of a path, from its start to the end of its tail, that must lie in the workspace and be
+seen."""
 
 INTEGRATED = 2000
 """Intervals over which the mean speed is integrated by the midpoint rule."""
@@ -43,8 +45,8 @@ INTEGRATED = 2000
 
 @dataclass(frozen=True)
 class ClosedForm(ABC):
-    """A motion whose pose and twist are formulas: `place` and `rates` at times from -lead on. `end` is its pose at `duration`,
-    `kind` the name of its model."""
+    """A motion whose pose and twist are formulas: `place` and `rates` at times from -lead on. `end`
+    is its pose at `duration`, `kind` the name of its model."""
 
     kind: ClassVar[str]
     level: int
@@ -97,7 +99,8 @@ class ClosedForm(ABC):
 
 @dataclass(frozen=True)
 class Along(ClosedForm):
-    """A motion along a path: `at` and `slope` by the advance (m), which is 0 at the end, at a `pace`."""
+    """A motion along a path: `at` and `slope` by the advance (m), which is 0 at the end, at a
+    `pace`."""
 
     pace: Pace
 
@@ -130,7 +133,10 @@ class ClosedFormModel[M: ClosedForm](ABC):
 
     def __init__(self, motion: type[M]) -> None:
         if missing := sorted(getattr(motion, "__abstractmethods__", ())):
-            raise MotionError(f"motion {motion.kind!r}: has no {', '.join(missing)}: write it in {motion.__name__}")
+            raise MotionError(
+                f"motion {motion.kind!r}: has no {', '.join(missing)}: write it in"
+                f" {motion.__name__}"
+            )
         self._motion = motion
 
     @property
@@ -152,14 +158,20 @@ class ClosedFormModel[M: ClosedForm](ABC):
         yield derived(motion)
 
     def describe(self, motion: TargetMotion) -> str:
-        return f"{self.name}: {self.levels[motion.level].text}, {motion.features().average_speed:.3f} m/s"
+        return (
+            f"{self.name}: {self.levels[motion.level].text},"
+            f" {motion.features().average_speed:.3f} m/s"
+        )
 
     def read(self, values: Mapping[str, Any]) -> M:
-        return TypeAdapter(self._motion).validate_python({key: value for key, value in values.items() if key != "model"})
+        return TypeAdapter(self._motion).validate_python(
+            {key: value for key, value in values.items() if key != "model"}
+        )
 
 
 def first_that_fits[M: TargetMotion](asked: Request, candidates: Iterable[M]) -> M:
-    """The first motion that keeps speed, workspace, view and clearance of a request. Raises NoMotion if there is none."""
+    """The first motion that keeps speed, workspace, view and clearance of a request. Raises
+    NoMotion if there is none."""
     times = np.linspace(-asked.lead, asked.duration + asked.tail, SAMPLES)
     refused, last = Counter[str](), None
     for motion in candidates:
@@ -167,7 +179,9 @@ def first_that_fits[M: TargetMotion](asked: Request, candidates: Iterable[M]) ->
         reason = _refusal(asked, motion, poses)
         if not reason:
             if not (verdict := derived(motion)).holds:
-                raise MotionError(f"motion {motion.model!r}: {verdict.problem}; correct its slope or rates")
+                raise MotionError(
+                    f"motion {motion.model!r}: {verdict.problem}; correct its slope or rates"
+                )
             return motion
         refused[reason] += 1
     raise NoMotion(asked, refused, last.features() if last else None)
@@ -190,17 +204,26 @@ def _refusal(asked: Request, motion: TargetMotion, poses: Array) -> str:
 def common(asked: Request) -> dict[str, Any]:
     """The fields of every motion that keeps a request."""
     end = tuple(np.asarray(asked.end_pose, float).tolist())
-    return {"level": asked.level, "alpha": asked.alpha, "duration": asked.duration, "lead": asked.lead, "end": end}
+    return {
+        "level": asked.level,
+        "alpha": asked.alpha,
+        "duration": asked.duration,
+        "lead": asked.lead,
+        "end": end,
+    }
 
 
 def headings(streams: Streams, count: int = 64) -> list[float]:
     """Directions (rad) spread evenly over the circle, in an order of the attempt's own."""
     rng = streams.direction
-    return (rng.permutation((np.arange(count) + rng.random()) * (2 * np.pi / count)) - np.pi).tolist()
+    return (
+        rng.permutation((np.arange(count) + rng.random()) * (2 * np.pi / count)) - np.pi
+    ).tolist()
 
 
 def turned_about(end: ArrayLike, pivot: ArrayLike, turn: Array) -> Array:
-    """Poses (..., 7) of a body at `end` (7,) after turns (..., 4) about the world point `pivot` (3,)."""
+    """Poses (..., 7) of a body at `end` (7,) after turns (..., 4) about the world point `pivot`
+    (3,)."""
     end, pivot = np.asarray(end, float), np.asarray(pivot, float)
     at = pivot + quat_rotate(turn, end[:3] - pivot)
     return np.concatenate([at, quat_multiply(turn, end[3:])], -1)

@@ -21,7 +21,8 @@ class Accompanied(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Company:
-    """What moves in an episode: the target, and `others` by name. As a motion it is the target's; its scenery is that of all."""
+    """What moves in an episode: the target, and `others` by name. As a motion it is the target's;
+    its scenery is that of all."""
 
     target: TargetMotion
     others: Mapping[str, TargetMotion]
@@ -65,7 +66,11 @@ class Company:
 
     def scenery(self) -> tuple[Prop, ...]:
         """The target's, and that of the others under names that begin with theirs."""
-        more = [replace(p, name=f"{name}_{p.name}") for name, motion in self.others.items() for p in motion.scenery()]
+        more = [
+            replace(p, name=f"{name}_{p.name}")
+            for name, motion in self.others.items()
+            for p in motion.scenery()
+        ]
         return (*self.target.scenery(), *more)
 
     def to_json(self) -> str:

@@ -20,7 +20,8 @@ UNSURE = 1e-6
 
 @dataclass(frozen=True)
 class Features:
-    """What a motion is like: average, greatest and last speed (m/s), and the distance (m) of its start from its end."""
+    """What a motion is like: average, greatest and last speed (m/s), and the distance (m) of its
+    start from its end."""
 
     average_speed: float
     maximum_speed: float
@@ -31,9 +32,10 @@ class Features:
 class TargetMotion(Protocol):
     """Where a target is at any time t (s) of the episode's clock, on which the robot starts at 0.
 
-    The target stands until -`lead` (a negative lead: it starts after the robot), moves so that it is at its manipulation pose at
-    `duration` (the meeting, T_meet), and continues until something releases it. `level` and `alpha` (m/s) are what it was drawn
-    for, `model` is the name of its model in `MODELS`. Positions are those of the body's origin in the world frame, in m.
+    The target stands until -`lead` (a negative lead: it starts after the robot), moves so that it
+    is at its manipulation pose at `duration` (the meeting, T_meet), and continues until something
+    releases it. `level` and `alpha` (m/s) are what it was drawn for, `model` is the name of its
+    model in `MODELS`. Positions are those of the body's origin in the world frame, in m.
     """
 
     @property
@@ -52,8 +54,8 @@ class TargetMotion(Protocol):
         ...
 
     def twist(self, t: ArrayLike) -> Array:
-        """Linear velocity (m/s), then angular velocity (rad/s), (..., 6) in the world frame, at times t (...,): after a breakpoint
-        where t is one, zero before -lead."""
+        """Linear velocity (m/s), then angular velocity (rad/s), (..., 6) in the world frame, at
+        times t (...,): after a breakpoint where t is one, zero before -lead."""
         ...
 
     def breakpoints(self) -> Array:
@@ -81,13 +83,15 @@ Free = Callable[[TargetMotion], bool]
 class Request:
     """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
 
-    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration for which it moves: the first share is taken
-    for which there is a motion. It keeps its average speed, or with `speed_bound` "maximum" its greatest, at or below `alpha`, its
-    speed at the meeting at or below `end_speed_limit`, and jumps of its velocity at or below `jump_limit` (m/s all). Until the
-    meeting it stays in `workspace`, and with its velocity kept for `tail` s after it. `visible(path (N,K,3 or 7)) -> (N,)` accepts
-    paths by samples of them, positions or whole poses, and `free(motion)` by what it might touch. At most `candidates` shapes are
-    drawn (1000 in the paper). `radius` and `height` (m) are those of the target as it stands at `end_pose`, `floor` (m) is
-    the height at which it would stand on the table.
+    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration for which it
+    moves: the first share is taken for which there is a motion. It keeps its average speed, or with
+    `speed_bound` "maximum" its greatest, at or below `alpha`, its speed at the meeting at or below
+    `end_speed_limit`, and jumps of its velocity at or below `jump_limit` (m/s all). Until the
+    meeting it stays in `workspace`, and with its velocity kept for `tail` s after it. `visible(path
+    (N,K,3 or 7)) -> (N,)` accepts paths by samples of them, positions or whole poses, and
+    `free(motion)` by what it might touch. At most `candidates` shapes are drawn (1000 in the
+    paper). `radius` and `height` (m) are those of the target as it stands at `end_pose`, `floor`
+    (m) is the height at which it would stand on the table.
 
     Raises ValueError for numbers that make no sense.
     """
@@ -112,27 +116,42 @@ class Request:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.alpha, self.duration, self.lead]).all() and self.duration > 0):
-            raise ValueError(f"alpha, lead and duration (> 0) must be finite: {self.alpha}, {self.lead}, {self.duration}")
+            raise ValueError(
+                f"alpha, lead and duration (> 0) must be finite: {self.alpha}, {self.lead},"
+                f" {self.duration}"
+            )
         if self.alpha < 0 or self.duration + self.lead <= 0:
-            raise ValueError(f"alpha must be >= 0 and -lead before duration: {self.alpha}, {self.lead}, {self.duration}")
+            raise ValueError(
+                f"alpha must be >= 0 and -lead before duration: {self.alpha}, {self.lead},"
+                f" {self.duration}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """Random streams of a motion: its `shape`, shared by all attempts of a slot, and its `direction`, the attempt's own."""
+    """Random streams of a motion: its `shape`, shared by all attempts of a slot, and its
+    `direction`, the attempt's own."""
 
     shape: np.random.Generator
     direction: np.random.Generator
 
 
 class NoMotion(Exception):
-    """No candidate was acceptable. `counts` maps each reason to the number of candidates it rejected; `features` are those of the
-    shape that fits in no direction, None if no shape was found."""
+    """No candidate was acceptable. `counts` maps each reason to the number of candidates it
+    rejected; `features` are those of the shape that fits in no direction, None if no shape was
+    found."""
 
-    def __init__(self, asked: Request, counts: Mapping[str, int], features: Features | None = None) -> None:
+    def __init__(
+        self, asked: Request, counts: Mapping[str, int], features: Features | None = None
+    ) -> None:
         self.counts, self.features = dict(counts), features
-        reasons = ", ".join(f"{reason} {n}" for reason, n in counts.items()) or "no candidate was allowed"
-        super().__init__(f"no motion of level {asked.level} at alpha {asked.alpha:g} m/s over {asked.duration:.3g} s: {reasons}")
+        reasons = (
+            ", ".join(f"{reason} {n}" for reason, n in counts.items()) or "no candidate was allowed"
+        )
+        super().__init__(
+            f"no motion of level {asked.level} at alpha {asked.alpha:g} m/s over"
+            f" {asked.duration:.3g} s: {reasons}"
+        )
 
 
 @dataclass(frozen=True)
@@ -146,12 +165,15 @@ class Level:
 def described(*texts: str) -> Mapping[int, Level]:
     """Levels 1 to 3 by their texts, in the colours of all models."""
     colours = ("#2563eb", "#059669", "#d97706")
-    return MappingProxyType({n: Level(*of) for n, of in enumerate(zip(texts, colours, strict=True), 1)})
+    return MappingProxyType(
+        {n: Level(*of) for n, of in enumerate(zip(texts, colours, strict=True), 1)}
+    )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One property of a stored motion: its short name, whether it holds, and what is wrong otherwise."""
+    """One property of a stored motion: its short name, whether it holds, and what is wrong
+    otherwise."""
 
     name: str
     holds: bool
@@ -159,7 +181,8 @@ class Verdict:
 
 
 class MotionModel(Protocol):
-    """A family of motions, by level. In level 0 of every model the target stands still: `stand` makes it, `levels` leaves it out.
+    """A family of motions, by level. In level 0 of every model the target stands still: `stand`
+    makes it, `levels` leaves it out.
 
     `version` is raised with every change of what `draw` returns for the same request and streams.
     """
@@ -176,7 +199,8 @@ class MotionModel(Protocol):
         ...
 
     def stand(self, asked: Request, streams: Streams) -> TargetMotion:
-        """Level 0: the target stands at the end pose all the time, among the scenery of the model."""
+        """Level 0: the target stands at the end pose all the time, among the scenery of the
+        model."""
         ...
 
     def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
@@ -188,15 +212,19 @@ class MotionModel(Protocol):
         ...
 
     def read(self, values: Mapping[str, Any]) -> TargetMotion:
-        """The motion of the JSON values that `TargetMotion.to_json` wrote. Raises ValueError for values that are none."""
+        """The motion of the JSON values that `TargetMotion.to_json` wrote. Raises ValueError for
+        values that are none."""
         ...
 
 
 def derived(motion: TargetMotion) -> Verdict:
-    """Whether the velocity of a motion is the derivative of its position: the median error at 41 times, by central differences."""
+    """Whether the velocity of a motion is the derivative of its position: the median error at 41
+    times, by central differences."""
     start, h = float(-motion.lead), 1e-4
     times = np.linspace(start + 2 * h, float(motion.duration) - 2 * h, 41)
-    moved = (np.asarray(motion.pose(times + h)) - np.asarray(motion.pose(times - h)))[:, :3] / (2 * h)
+    moved = (np.asarray(motion.pose(times + h)) - np.asarray(motion.pose(times - h)))[:, :3] / (
+        2 * h
+    )
     stated = np.asarray(motion.twist(times))[:, :3]
     off = float(np.median(np.linalg.norm(moved - stated, axis=1)))
     fast = float(np.median(np.linalg.norm(moved, axis=1)))
@@ -208,4 +236,8 @@ def bounded(motion: TargetMotion, speed_bound: SpeedBound) -> Verdict:
     """Whether a motion moves, and keeps alpha as the bound of its average or its greatest speed."""
     found = motion.features()
     speed = found.average_speed if speed_bound == "average" else found.maximum_speed
-    return Verdict("speed", 0 < speed <= motion.alpha * (1 + UNSURE), f"{speed:.4f} m/s is over alpha {motion.alpha:g}")
+    return Verdict(
+        "speed",
+        0 < speed <= motion.alpha * (1 + UNSURE),
+        f"{speed:.4f} m/s is over alpha {motion.alpha:g}",
+    )

@@ -22,10 +22,12 @@ LEAST_SHARE = 0.15
 
 @dataclass(frozen=True)
 class Pace:
-    """The advance (m) along a path, 0 at the last of `edges`, in pieces from `start` (s) to each of `edges` (s).
+    """The advance (m) along a path, 0 at the last of `edges`, in pieces from `start` (s) to each of
+    `edges` (s).
 
-    Piece k of duration d has the mean speed v = speeds[k] (m/s, negative for backwards). At the share u of its time it has advanced
-    v d (u + swell sin(pi u) / pi), at the speed v (1 + swell cos(pi u)). After the last edge the last speed is kept.
+    Piece k of duration d has the mean speed v = speeds[k] (m/s, negative for backwards). At the
+    share u of its time it has advanced v d (u + swell sin(pi u) / pi), at the speed v (1 + swell
+    cos(pi u)). After the last edge the last speed is kept.
     """
 
     start: float
@@ -34,7 +36,8 @@ class Pace:
     swell: float = 0.0
 
     def _pieces(self, t: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
-        """Share of the piece, its duration, its speed, the advance at its start, and the time after the last edge, at times t."""
+        """Share of the piece, its duration, its speed, the advance at its start, and the time after
+        the last edge, at times t."""
         t = np.asarray(t, float)
         starts, edges = np.array([self.start, *self.edges[:-1]]), np.array(self.edges)
         spans, speeds = edges - starts, np.array(self.speeds)
@@ -56,7 +59,8 @@ class Pace:
 
 
 def draw_pace(asked: Request, rng: np.random.Generator, steepest: float = 1.0) -> Pace:
-    """The pace of a level within the request's bound, on a path whose speed is at most `steepest` times that of the advance.
+    """The pace of a level within the request's bound, on a path whose speed is at most `steepest`
+    times that of the advance.
 
     At level 0 it is zero.
     """
@@ -77,4 +81,6 @@ def draw_pace(asked: Request, rng: np.random.Generator, steepest: float = 1.0) -
     while factors[-1] < LEAST_END or np.abs(np.diff(factors)).min() < LEAST_JUMP:
         factors = rng.uniform(-1.0, 1.0, pieces)
     scale = asked.alpha * rng.uniform(SLOWEST, 1.0) / steepest / np.abs(factors).max()
-    return Pace(-asked.lead, (*edges[:-1].tolist(), asked.duration), tuple((factors * scale).tolist()))
+    return Pace(
+        -asked.lead, (*edges[:-1].tolist(), asked.duration), tuple((factors * scale).tolist())
+    )

@@ -1,4 +1,5 @@
-"""Where the target goes next: its path in the world and its trace in an image, for a horizon ahead of every frame."""
+"""Where the target goes next: its path in the world and its trace in an image, for a horizon ahead
+of every frame."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,22 @@ def ahead(frames: int, horizon: int) -> NDArray[np.int64]:
 
 
 def path_ahead(positions: NDArray[np.float64], horizon: int) -> NDArray[np.float64]:
-    """(T,H,3) positions (m, world) of the next `horizon` frames, from those of every frame (T,3)."""
+    """(T,H,3) positions (m, world) of the next `horizon` frames, from those of every frame
+    (T,3)."""
     return positions[ahead(len(positions), horizon)]
 
 
 def trace_ahead(
-    camera: CameraType, camera_poses: NDArray[np.float64], positions: NDArray[np.float64], horizon: int
+    camera: CameraType,
+    camera_poses: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    horizon: int,
 ) -> NDArray[np.float64]:
-    """(T,H,3) columns and rows (pixels) and depths (m) of the next positions as the camera sees them from where it is now.
+    """(T,H,3) columns and rows (pixels) and depths (m) of the next positions as the camera sees
+    them from where it is now.
 
-    Points outside of the image keep their coordinates; those that are not at least 1 cm before the camera are zeros.
+    Points outside of the image keep their coordinates; those that are not at least 1 cm before the
+    camera are zeros.
     """
     e = extrinsics_cv(camera_poses)
     seen = np.einsum("tij,thj->thi", e[..., :3], path_ahead(positions, horizon)) + e[:, None, :, 3]

@@ -1,4 +1,5 @@
-"""What a motion brings with it: a belt, a disc, a hook on a string. Plain data, which the world draws and no physics touches."""
+"""What a motion brings with it: a belt, a disc, a hook on a string. Plain data, which the world
+draws and no physics touches."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,14 +13,16 @@ from pipeline.poses import Pose, pose
 Array = NDArray[np.float64]
 
 SHEET = 0.0015
-"""Thickness (m) of belts and discs: they lie on the table and what rides on them keeps its height."""
+"""Thickness (m) of belts and discs: they lie on the table and what rides on them keeps its
+height."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A box or cylinder at a pose (7,) in its prop, with an sRGB colour 0-1.
 
-    Its size (m) is the half extents of a box, or the radius and half length along z of a cylinder."""
+    Its size (m) is the half extents of a box, or the radius and half length along z of a
+    cylinder."""
 
     kind: Literal["box", "cylinder"]
     size: tuple[float, ...]
@@ -29,8 +32,9 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Prop:
-    """A rigid thing that belongs to a motion: its pieces, and its world pose (..., 7) at times t (...,) until the target is
-    released, from when on it stands. A `solid` one must not be touched by the robot before the meeting."""
+    """A rigid thing that belongs to a motion: its pieces, and its world pose (..., 7) at times t
+    (...,) until the target is released, from when on it stands. A `solid` one must not be touched
+    by the robot before the meeting."""
 
     name: str
     pieces: tuple[Piece, ...]
@@ -43,15 +47,27 @@ def standing(at: Pose) -> Callable[[ArrayLike], Array]:
     return lambda t: np.broadcast_to(at, (*np.shape(t), 7))
 
 
-def flat(kind: Literal["box", "cylinder"], size: tuple[float, ...], height: float, colour: tuple[float, float, float]) -> Piece:
-    """A piece whose top is `height` m above its prop's origin, on which it stands; `size` without its half height."""
+def flat(
+    kind: Literal["box", "cylinder"],
+    size: tuple[float, ...],
+    height: float,
+    colour: tuple[float, float, float],
+) -> Piece:
+    """A piece whose top is `height` m above its prop's origin, on which it stands; `size` without
+    its half height."""
     return Piece(kind, (*size, height / 2), pose((0, 0, height / 2)), colour)
 
 
-def rod(start: ArrayLike, end: ArrayLike, radius: float, colour: tuple[float, float, float]) -> Piece:
+def rod(
+    start: ArrayLike, end: ArrayLike, radius: float, colour: tuple[float, float, float]
+) -> Piece:
     """A cylinder between two points (3,)."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length
-    half = np.array([1 + z[2], -z[1], z[0], 0.0]) if z[2] > -1 + 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
+    half = (
+        np.array([1 + z[2], -z[1], z[0], 0.0])
+        if z[2] > -1 + 1e-9
+        else np.array([0.0, 1.0, 0.0, 0.0])
+    )
     return Piece("cylinder", (radius, length / 2), pose((a + b) / 2, half), colour)

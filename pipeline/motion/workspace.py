@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Control points are clipped onto the edges; their curve comes back from arithmetic some 1e-16 m beside them.
+# Control points are clipped onto the edges; their curve comes back from arithmetic some 1e-16 m
+# beside them.
 ROUNDING = 1e-9
 QUADRANT_MARGIN = 0.02
 
@@ -23,7 +24,9 @@ class Workspace:
         if not (np.isfinite([self.x_min, self.x_max, self.y_min, self.y_max]).all()):
             raise ValueError(f"workspace {self} is not finite")
         if self.x_min >= self.x_max or self.y_min >= self.y_max:
-            raise ValueError(f"workspace {self} is empty: x_min < x_max and y_min < y_max are needed")
+            raise ValueError(
+                f"workspace {self} is empty: x_min < x_max and y_min < y_max are needed"
+            )
 
     @property
     def lower(self) -> NDArray[np.float64]:
@@ -36,7 +39,8 @@ class Workspace:
         return np.array([self.x_max, self.y_max])
 
     def contains(self, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Which points (..., 2 or 3) lie inside, at least `margin` m from every edge; edges count as inside (to 1 nm)."""
+        """Which points (..., 2 or 3) lie inside, at least `margin` m from every edge; edges count
+        as inside (to 1 nm)."""
         xy = np.asarray(points, float)[..., :2]
         inset = margin - ROUNDING
         return np.asarray(((xy >= self.lower + inset) & (xy <= self.upper - inset)).all(-1))
@@ -46,12 +50,15 @@ class Workspace:
         return np.clip(np.asarray(points, float), self.lower, self.upper)
 
     def guarded(self, end: ArrayLike, margin: float = QUADRANT_MARGIN) -> "Workspace":
-        """The part of the rectangle in which a path that ends at `end` (2,) must stay: the paper's quadrant rule (appendix D.3).
+        """The part of the rectangle in which a path that ends at `end` (2,) must stay: the paper's
+        quadrant rule (appendix D.3).
 
-        The quadrant of the end position, seen from the centre, names two edges, the ones it is closest to. Every path must stay
-        inside the rectangle, which alone makes the paper's rule empty, so the two named edges are kept at `margin` m distance as
-        well: a target that leaves the meeting place must not do so over the border next to it. An end position that already
-        stands closer than `margin` to a named edge keeps its own distance instead, so that every end has a feasible path.
+        The quadrant of the end position, seen from the centre, names two edges, the ones it is
+        closest to. Every path must stay inside the rectangle, which alone makes the paper's rule
+        empty, so the two named edges are kept at `margin` m distance as
+        well: a target that leaves the meeting place must not do so over the border next to it. An
+        end position that already stands closer than `margin` to a named edge keeps its own distance
+        instead, so that every end has a feasible path.
         """
         end = np.asarray(end, float)
         high = end >= (self.lower + self.upper) / 2
@@ -64,9 +71,13 @@ class Workspace:
 def draw_within_reach(
     rng: np.random.Generator, n: int, workspace: Workspace, centre: ArrayLike, radius: float
 ) -> NDArray[np.float64]:
-    """`n` points (n, 2) uniform in the intersection of the workspace with the disc around `centre` (2,), which lies inside it."""
+    """`n` points (n, 2) uniform in the intersection of the workspace with the disc around `centre`
+    (2,), which lies inside it."""
     centre = np.asarray(centre, float)
-    low, up = np.maximum(workspace.lower, centre - radius), np.minimum(workspace.upper, centre + radius)
+    low, up = (
+        np.maximum(workspace.lower, centre - radius),
+        np.minimum(workspace.upper, centre + radius),
+    )
     points = rng.uniform(low, up, (n, 2))
     while (outside := np.linalg.norm(points - centre, axis=-1) > radius).any():
         points[outside] = rng.uniform(low, up, (int(outside.sum()), 2))

@@ -1,11 +1,13 @@
-"""Collision checking of the arms, the table, furniture and objects: a `CollisionWorld` per embodiment, a `CollisionScene` per plan.
+"""Collision checking of the arms, the table, furniture and objects: a `CollisionWorld` per
+embodiment, a `CollisionScene` per plan.
 
-Everything that collides has a name: arm links carry their side (`left_link3`), then `table`, `furniture` and the objects'
-names. Groups of links can be named too: `left_fingers`, `left_hand` (hand and fingers), `left` (the whole arm). A name that
-a link and a group share means the group, which holds that link: vendors call links `hand`.
+Everything that collides has a name: arm links carry their side (`left_link3`), then `table`,
+`furniture` and the objects' names. Groups of links can be named too: `left_fingers`, `left_hand`
+(hand and fingers), `left` (the whole arm). A name that a link and a group share means the group,
+which holds that link: vendors call links `hand`.
 
-Pairs that are never checked: pieces that do not move against each other, a link and the next one of its arm, the fingers of
-one hand, and the embodiment's reviewed `allowed_overlap`.
+Pairs that are never checked: pieces that do not move against each other, a link and the next one of
+its arm, the fingers of one hand, and the embodiment's reviewed `allowed_overlap`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,42 +32,75 @@ OPEN: Jaws = (1.0, 1.0)
 
 
 class CollisionWorld:
-    """Robot, table and furniture, ready to be joined with objects. Immutable: build it once per embodiment.
+    """Robot, table and furniture, ready to be joined with objects. Immutable: build it once per
+    embodiment.
 
-    `names` are the owners of pieces, first `links` arm links; `groups` maps group names to link names; `hands` maps a side to
-    (frame index, tcp pose in that frame); `pairs` (M,2) are the piece pairs to check. `sides` (links,) numbers the arm of each
-    link, `handlike` (links,) says which ones belong to a hand.
+    `names` are the owners of pieces, first `links` arm links; `groups` maps group names to link
+    names; `hands` maps a side to (frame index, tcp pose in that frame); `pairs` (M,2) are the piece
+    pairs to check. `sides` (links,) numbers the arm of each link, `handlike` (links,) says which
+    ones belong to a hand.
     """
 
-    def __init__(self, embodiment: Embodiment, table: Sequence[Collider] = (TABLE_COLLISION,)) -> None:
+    def __init__(
+        self, embodiment: Embodiment, table: Sequence[Collider] = (TABLE_COLLISION,)
+    ) -> None:
         """`table` are pieces in the world frame, () for none."""
         self.arms: dict[str, Arm] = embodiment.arms
         self.frames, placed = frames_of([(f"{side}_", arm) for side, arm in self.arms.items()])
         still = {"table": table, "furniture": embodiment.furniture_collision}
         self.names: tuple[str, ...] = (*placed, *still)
         self.links = len(placed)
-        colliders = {f"{side}_{link.name}": link.collision for side, arm in self.arms.items() for link in arm.links}
-        entries = [(self.names.index(n), frame, c, at) for n, (frame, at) in placed.items() for c in colliders.get(n, ())]
-        entries += [(self.names.index(n), 0, c, IDENTITY) for n, pieces in still.items() for c in pieces]
+        colliders = {
+            f"{side}_{link.name}": link.collision
+            for side, arm in self.arms.items()
+            for link in arm.links
+        }
+        entries = [
+            (self.names.index(n), frame, c, at)
+            for n, (frame, at) in placed.items()
+            for c in colliders.get(n, ())
+        ]
+        entries += [
+            (self.names.index(n), 0, c, IDENTITY) for n, pieces in still.items() for c in pieces
+        ]
         self.pieces: Pieces = pieces_of(entries)
         self.groups, self.hands = _groups(self.arms, self.frames, placed)
-        self.sides = np.array([k for k, side in enumerate(self.arms) for name in placed if name in self.groups[side]])
-        self.handlike = np.array([any(name in self.groups[f"{side}_hand"] for side in self.arms) for name in placed])
+        self.sides = np.array(
+            [k for k, side in enumerate(self.arms) for name in placed if name in self.groups[side]]
+        )
+        self.handlike = np.array(
+            [any(name in self.groups[f"{side}_hand"] for side in self.arms) for name in placed]
+        )
         self.pairs: Ints = self._fixed_pairs()
 
     def _fixed_pairs(self) -> Ints:
-        overlap = {frozenset((f"{s}_{a}", f"{s}_{b}")) for s, arm in self.arms.items() for a, b in arm.allowed_overlap}
-        overlap |= {frozenset((a, b)) for s in self.arms for a in self.groups[f"{s}_fingers"] for b in self.groups[f"{s}_fingers"]}
+        overlap = {
+            frozenset((f"{s}_{a}", f"{s}_{b}"))
+            for s, arm in self.arms.items()
+            for a, b in arm.allowed_overlap
+        }
+        overlap |= {
+            frozenset((a, b))
+            for s in self.arms
+            for a in self.groups[f"{s}_fingers"]
+            for b in self.groups[f"{s}_fingers"]
+        }
         parent = {f + 1: int(p) for f, p in enumerate(self.frames.parent)}
         frame, owner = self.pieces.frame.tolist(), [self.names[i] for i in self.pieces.owner]
 
         def checked(a: int, b: int) -> bool:
             if frame[a] == frame[b] or frozenset((owner[a], owner[b])) in overlap:
                 return False
-            one_arm = any(owner[a] in self.groups[s] and owner[b] in self.groups[s] for s in self.arms)
-            return not (one_arm and (parent.get(frame[a]) == frame[b] or parent.get(frame[b]) == frame[a]))
+            one_arm = any(
+                owner[a] in self.groups[s] and owner[b] in self.groups[s] for s in self.arms
+            )
+            return not (
+                one_arm and (parent.get(frame[a]) == frame[b] or parent.get(frame[b]) == frame[a])
+            )
 
-        pairs = [(a, b) for a in range(len(frame)) for b in range(a + 1, len(frame)) if checked(a, b)]
+        pairs = [
+            (a, b) for a in range(len(frame)) for b in range(a + 1, len(frame)) if checked(a, b)
+        ]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def with_objects(
@@ -77,50 +112,74 @@ class CollisionWorld:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """Scene with still `objects` name -> (pieces, world pose) and `carried` ones name -> (side, pieces, pose in the tcp frame).
+        """Scene with still `objects` name -> (pieces, world pose) and `carried` ones name -> (side,
+        pieces, pose in the tcp frame).
 
-        A carried object never collides with the hand and fingers that carry it. `ignore` holds pairs of names or group names
-        that may touch, for example ("left_fingers", "can") while grasping or ("can", "table") while lifting. `margin` (m) is the
-        gap kept between the robot with what it carries and everything else, also between a carried object and the other arm. Links
-        of different arms keep MARGINS.arms, those of two hands `hands` (m); links of one arm may come as close as they like.
-        Raises ValueError for a name that is not there, or an object name that is taken.
+        A carried object never collides with the hand and fingers that carry it. `ignore` holds
+        pairs of names or group names that may touch, for example ("left_fingers", "can") while
+        grasping or ("can", "table") while lifting. `margin` (m) is the gap kept between the robot
+        with what it carries and everything else, also between a carried object and the other arm.
+        Links of different arms keep MARGINS.arms, those of two hands `hands` (m); links of one arm
+        may come as close as they like. Raises ValueError for a name that is not there, or an object
+        name that is taken.
         """
         objects, carried = objects or {}, carried or {}
         names = (*self.names, *objects, *carried)
         if len({*names}) != len(names) or self.groups.keys() & {*objects, *carried}:
-            raise ValueError(f"object names must be new and differ from each other: {[*objects, *carried]}")
+            raise ValueError(
+                f"object names must be new and differ from each other: {[*objects, *carried]}"
+            )
         entries: list[tuple[int, int, Collider, Pose]] = []
         for owner, (colliders, at) in enumerate(objects.values(), len(self.names)):
             entries += [(owner, 0, c, np.asarray(at, float)) for c in colliders]
-        for owner, (side, colliders, at) in enumerate(carried.values(), len(self.names) + len(objects)):
+        for owner, (side, colliders, at) in enumerate(
+            carried.values(), len(self.names) + len(objects)
+        ):
             frame, tcp = self.hands[side]
             entries += [(owner, frame, c, compose(tcp, at)) for c in colliders]
         pieces = self.pieces.joined(pieces_of(entries))
-        pairs = np.concatenate([self.pairs, self._object_pairs(pieces, len(self.names) + len(objects))])
+        pairs = np.concatenate(
+            [self.pairs, self._object_pairs(pieces, len(self.names) + len(objects))]
+        )
         allowed = np.ones((len(names), len(names)), bool)
         for a, b in (*ignore, *((name, f"{side}_hand") for name, (side, _, _) in carried.items())):
             i, j = self._indices(names, a), self._indices(names, b)
             allowed[np.ix_(i, j)] = allowed[np.ix_(j, i)] = False
         owners = pieces.owner[pairs]
         wanted = allowed[owners[:, 0], owners[:, 1]]
-        return CollisionScene(self, pieces, self._grouped(pieces, pairs[wanted], len(names), (margin, hands)))
+        return CollisionScene(
+            self, pieces, self._grouped(pieces, pairs[wanted], len(names), (margin, hands))
+        )
 
     def between_arms(
-        self, carried: Mapping[str, tuple[str, Sequence[Collider], Pose]], hands: float = MARGINS.arms
+        self,
+        carried: Mapping[str, tuple[str, Sequence[Collider], Pose]],
+        hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """Scene in which nothing counts but the arms, with what they carry, against each other; see `with_objects`.
+        """Scene in which nothing counts but the arms, with what they carry, against each other; see
+        `with_objects`.
 
-        What is carried may touch the other hand and what that one carries, but not the rest of the other arm.
+        What is carried may touch the other hand and what that one carries, but not the rest of the
+        other arm.
         """
         sides = {name: side for name, (side, _, _) in carried.items()}
-        ignore = [(name, still) for name in (*self.arms, *sides) for still in ("table", "furniture")]
+        ignore = [
+            (name, still) for name in (*self.arms, *sides) for still in ("table", "furniture")
+        ]
         ignore += [(side, side) for side in self.arms]
         for name, own in sides.items():
-            ignore += [(name, own), *((name, f"{side}_hand") for side in self.arms), *((name, other) for other in sides)]
+            ignore += [
+                (name, own),
+                *((name, f"{side}_hand") for side in self.arms),
+                *((name, other) for other in sides),
+            ]
         return self.with_objects({}, carried, ignore=ignore, margin=MARGINS.contact, hands=hands)
 
-    def _grouped(self, pieces: Pieces, pairs: Ints, owners: int, margins: tuple[float, float]) -> "Pairs":
-        """Sort piece pairs by the pairs of owners they belong to. `margins` are those of objects and of two hands."""
+    def _grouped(
+        self, pieces: Pieces, pairs: Ints, owners: int, margins: tuple[float, float]
+    ) -> "Pairs":
+        """Sort piece pairs by the pairs of owners they belong to. `margins` are those of objects
+        and of two hands."""
         frame, balls = np.zeros(owners, np.int64), np.zeros((owners, 4))
         frame[pieces.owner] = pieces.frame
         lower, upper = np.full((owners, 3), np.inf), np.full((owners, 3), -np.inf)
@@ -128,14 +187,25 @@ class CollisionWorld:
         np.minimum.at(lower, pieces.owner, centre - extent)
         np.maximum.at(upper, pieces.owner, centre + extent)
         balls[pieces.owner, :3] = 0.5 * (lower[pieces.owner] + upper[pieces.owner])
-        np.maximum.at(balls[:, 3], pieces.owner, np.linalg.norm(centre - balls[pieces.owner, :3], axis=1) + extent[:, 0])
+        np.maximum.at(
+            balls[:, 3],
+            pieces.owner,
+            np.linalg.norm(centre - balls[pieces.owner, :3], axis=1) + extent[:, 0],
+        )
         key = pieces.owner[pairs] @ [owners, 1]
         order = np.argsort(key, kind="stable")
         _, starts = np.unique(key[order], return_index=True)
         pairs = pairs[order]
         bodies = pieces.owner[pairs[starts]]
         columns = (np.ascontiguousarray(c) for c in pairs.T)
-        return Pairs(frame, balls, bodies, np.append(starts, len(pairs)), self._margins(bodies, *margins), *columns)
+        return Pairs(
+            frame,
+            balls,
+            bodies,
+            np.append(starts, len(pairs)),
+            self._margins(bodies, *margins),
+            *columns,
+        )
 
     def _margins(self, bodies: Ints, objects: float, hands: float) -> Floats:
         """The gap (G,) m that each pair of owners (G,2) keeps."""
@@ -147,9 +217,15 @@ class CollisionWorld:
         return found
 
     def _object_pairs(self, pieces: Pieces, first_carried: int) -> Ints:
-        """Still objects against moving links, carried objects against everything that came before them."""
+        """Still objects against moving links, carried objects against everything that came before
+        them."""
         old = len(self.pieces.owner)
-        b, a = (m.ravel() for m in np.meshgrid(np.arange(old, len(pieces.owner)), np.arange(len(pieces.owner)), indexing="ij"))
+        b, a = (
+            m.ravel()
+            for m in np.meshgrid(
+                np.arange(old, len(pieces.owner)), np.arange(len(pieces.owner)), indexing="ij"
+            )
+        )
         owner_a, owner_b = pieces.owner[a], pieces.owner[b]
         moving_link = (owner_a < self.links) & (pieces.frame[a] > 0)
         wanted = (owner_a < owner_b) & np.where(owner_b < first_carried, moving_link, True)
@@ -165,8 +241,8 @@ class CollisionWorld:
 class Pairs(NamedTuple):
     """Piece pairs a, b (M,) sorted by the owners they belong to.
 
-    Owners (O): frame and bounding ball (O,4) in it. Owner pairs (G): `bodies` (G,2), `margins` (G,) m, their piece pairs are
-    starts[g]:starts[g+1].
+    Owners (O): frame and bounding ball (O,4) in it. Owner pairs (G): `bodies` (G,2), `margins` (G,)
+    m, their piece pairs are starts[g]:starts[g+1].
     """
 
     frame: Ints
@@ -180,14 +256,16 @@ class Pairs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CollisionScene:
-    """A collision world with its objects; immutable and cheap to make. Jaws are normalised gripper values, 0 closed, 1 open."""
+    """A collision world with its objects; immutable and cheap to make. Jaws are normalised gripper
+    values, 0 closed, 1 open."""
 
     world: CollisionWorld
     pieces: Pieces
     pairs: Pairs
 
     def first_blocked(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws = OPEN) -> int | None:
-        """Index of the first colliding row of joint rows (K,n), None when all are free. A single (n,) stands still.
+        """Index of the first colliding row of joint rows (K,n), None when all are free. A single
+        (n,) stands still.
 
         What is given for an arm that the robot does not have is not looked at.
         """
@@ -195,7 +273,8 @@ class CollisionScene:
         return None if row < 0 else row
 
     def free(self, side: str, other: ArrayLike, jaws: Jaws = OPEN) -> IsFree:
-        """Checker of one arm while the other stands at `other` (n,): joints (n,) or rows (K,n) -> True when all are free."""
+        """Checker of one arm while the other stands at `other` (n,): joints (n,) or rows (K,n) ->
+        True when all are free."""
         if side == "left":
             return lambda q: self._contact(self._rows(q, other, jaws))[0] < 0
         return lambda q: self._contact(self._rows(other, q, jaws))[0] < 0
@@ -204,8 +283,13 @@ class CollisionScene:
         columns: list[Floats] = []
         for side, q, value in zip(SIDES, (q_left, q_right), jaws, strict=True):
             if side in self.world.arms:
-                columns += [np.asarray(q, float), jaw_positions(self.world.arms[side].gripper, value)]
-        rows = np.empty((max(c.size // c.shape[-1] for c in columns), sum(c.shape[-1] for c in columns)))
+                columns += [
+                    np.asarray(q, float),
+                    jaw_positions(self.world.arms[side].gripper, value),
+                ]
+        rows = np.empty(
+            (max(c.size // c.shape[-1] for c in columns), sum(c.shape[-1] for c in columns))
+        )
         at = 0
         for column in columns:
             rows[:, at : at + column.shape[-1]] = column
@@ -214,7 +298,14 @@ class CollisionScene:
 
     def _contact(self, rows: Floats) -> tuple[int, int]:
         frames = self.world.frames
-        return first_contact(frames.parent, frames.origin, frames.prismatic, tuple(self.pieces), tuple(self.pairs), rows)
+        return first_contact(
+            frames.parent,
+            frames.origin,
+            frames.prismatic,
+            tuple(self.pieces),
+            tuple(self.pairs),
+            rows,
+        )
 
 
 def _groups(
@@ -227,8 +318,13 @@ def _groups(
         frame, at = placed[f"{side}_{arm.hand}"]
         hands[side] = frame, compose(at, arm.tcp)
         jaws = {frames.names.index(f"{side}_{name}") + 1 for name in arm.gripper.joints}
-        named = {f"{side}_{name}" for name in arm.gripper.fingers}  # a jaw that is part of the hand does not move
-        groups[f"{side}_fingers"] = frozenset(n for n, (f, _) in placed.items() if f in jaws or n in named)
-        groups[f"{side}_hand"] = groups[f"{side}_fingers"] | {n for n, (f, _) in placed.items() if f == frame}
+        # a jaw that is part of the hand does not move
+        named = {f"{side}_{name}" for name in arm.gripper.fingers}
+        groups[f"{side}_fingers"] = frozenset(
+            n for n, (f, _) in placed.items() if f in jaws or n in named
+        )
+        groups[f"{side}_hand"] = groups[f"{side}_fingers"] | {
+            n for n, (f, _) in placed.items() if f == frame
+        }
         groups[side] = frozenset(n for n in placed if n.startswith(f"{side}_"))
     return groups, hands

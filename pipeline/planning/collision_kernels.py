@@ -1,13 +1,15 @@
 """Numba kernels of collision checking between convex pieces; `collision.py` is the public face.
 
-A piece is a convex core swept by a ball: box, cylinder, segment (capsule, sphere) or points, with a radius. Two pieces are in
-contact when the distance of their cores is at most the sum of the radii and the pair's margin. That question is answered by
-the Gilbert-Johnson-Keerthi distance algorithm (van den Bergen, "Collision Detection in Interactive 3D Environments", 2003) with
-two early exits: a separating direction proves "apart", a close point of the Minkowski difference proves "in contact". The
-closest point of a simplex follows Ericson, "Real-Time Collision Detection", 2005, section 5.1.
+A piece is a convex core swept by a ball: box, cylinder, segment (capsule, sphere) or points, with a
+radius. Two pieces are in contact when the distance of their cores is at most the sum of the radii
+and the pair's margin. That question is answered by the Gilbert-Johnson-Keerthi distance algorithm
+(van den Bergen, "Collision Detection in Interactive 3D Environments", 2003) with two early exits: a
+separating direction proves "apart", a close point of the Minkowski difference proves "in contact".
+The closest point of a simplex follows Ericson, "Real-Time Collision Detection", 2005, section 5.1.
 
-Transforms are rows of 12: the rotation matrix row by row, then the translation. All kernels live in this one file because
-numba's disk cache notices changes of the file a function is in, not of the files it calls.
+Transforms are rows of 12: the rotation matrix row by row, then the translation. All kernels live in
+this one file because numba's disk cache notices changes of the file a function is in, not of the
+files it calls.
 """
 
 import numpy as np
@@ -19,7 +21,8 @@ MAX_ITERATIONS = 40
 
 @njit(cache=True, error_model="numpy")
 def chain_transforms(a, i, b, j, out, k):
-    """Write the product of the transforms a[i] and b[j] into out[k]. Rows are named by index: slices cost more than the work."""
+    """Write the product of the transforms a[i] and b[j] into out[k]. Rows are named by index:
+    slices cost more than the work."""
     for r in range(3):
         x, y, z = a[i, 3 * r], a[i, 3 * r + 1], a[i, 3 * r + 2]
         out[k, 3 * r] = x * b[j, 0] + y * b[j, 3] + z * b[j, 6]
@@ -30,7 +33,8 @@ def chain_transforms(a, i, b, j, out, k):
 
 @njit(cache=True, error_model="numpy")
 def place_frames(parent, origin, prismatic, q, row, out):
-    """Write the world transforms (F+1,12) of frame 0, the world, and of F joint frames, which move along or about their own z."""
+    """Write the world transforms (F+1,12) of frame 0, the world, and of F joint frames, which move
+    along or about their own z."""
     out[0] = 0.0
     out[0, 0] = out[0, 4] = out[0, 8] = 1.0
     for f in range(parent.shape[0]):
@@ -48,7 +52,8 @@ def place_frames(parent, origin, prismatic, q, row, out):
 
 @njit(cache=True, error_model="numpy")
 def support(kind, size, first, last, points, t, p, dx, dy, dz):
-    """Farthest point of the core of piece p, placed by t[p], in the world direction (dx, dy, dz)."""
+    """Farthest point of the core of piece p, placed by t[p], in the world direction (dx, dy,
+    dz)."""
     lx = t[p, 0] * dx + t[p, 3] * dy + t[p, 6] * dz
     ly = t[p, 1] * dx + t[p, 4] * dy + t[p, 7] * dz
     lz = t[p, 2] * dx + t[p, 5] * dy + t[p, 8] * dz
@@ -83,7 +88,8 @@ def dot(a, b):
 
 @njit(cache=True, error_model="numpy")
 def closest_on_triangle(s, i, j, k, weights):
-    """Write the barycentric weights (3,) of the point of triangle s[i], s[j], s[k] closest to the origin (Ericson 5.1.5)."""
+    """Write the barycentric weights (3,) of the point of triangle s[i], s[j], s[k] closest to the
+    origin (Ericson 5.1.5)."""
     abx, aby, abz = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
     acx, acy, acz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
     d1 = -(abx * s[i, 0] + aby * s[i, 1] + abz * s[i, 2])
@@ -115,18 +121,24 @@ def closest_on_triangle(s, i, j, k, weights):
 
 @njit(cache=True, error_model="numpy")
 def origin_outside(s, i, j, k, opposite):
-    """True when the plane of s[i], s[j], s[k] separates the origin from s[opposite], or the tetrahedron is flat."""
+    """True when the plane of s[i], s[j], s[k] separates the origin from s[opposite], or the
+    tetrahedron is flat."""
     ax, ay, az = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
     bx, by, bz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     towards_origin = -(nx * s[i, 0] + ny * s[i, 1] + nz * s[i, 2])
-    towards_other = nx * (s[opposite, 0] - s[i, 0]) + ny * (s[opposite, 1] - s[i, 1]) + nz * (s[opposite, 2] - s[i, 2])
+    towards_other = (
+        nx * (s[opposite, 0] - s[i, 0])
+        + ny * (s[opposite, 1] - s[i, 1])
+        + nz * (s[opposite, 2] - s[i, 2])
+    )
     return towards_origin * towards_other <= 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def keep(s, count, weights, v):
-    """Drop the points of weight zero, write the weighted point into v (3,), return the new count."""
+    """Drop the points of weight zero, write the weighted point into v (3,), return the new
+    count."""
     v[0] = v[1] = v[2] = 0.0
     kept = 0
     for i in range(count):
@@ -140,7 +152,8 @@ def keep(s, count, weights, v):
 
 @njit(cache=True, error_model="numpy")
 def reduce_simplex(s, count, weights, trial, v):
-    """Write the point of the simplex s[:count] closest to the origin into v (3,); return how many points span it, 4 if inside."""
+    """Write the point of the simplex s[:count] closest to the origin into v (3,); return how many
+    points span it, 4 if inside."""
     weights[:] = 0.0
     if count == 1:
         weights[0] = 1.0
@@ -175,7 +188,8 @@ def reduce_simplex(s, count, weights, trial, v):
 
 @njit(cache=True, error_model="numpy")
 def within(kind, size, first, last, points, t, a, b, reach, s, weights, trial, v):
-    """True when the cores of pieces a and b are at most `reach` m apart; s (4,3), weights (4,), trial (4,), v (3,) are scratch."""
+    """True when the cores of pieces a and b are at most `reach` m apart; s (4,3), weights (4,),
+    trial (4,), v (3,) are scratch."""
     for c in range(3):
         v[c] = t[a, 9 + c] - t[b, 9 + c]
     if dot(v, v) < 1e-20:
@@ -200,7 +214,8 @@ def within(kind, size, first, last, points, t, a, b, reach, s, weights, trial, v
 
 @njit(cache=True, error_model="numpy")
 def centre_far_from(t, a, half, b, distance):
-    """True when the centre of piece b is more than `distance` m from the box of half extents half[a] around piece a."""
+    """True when the centre of piece b is more than `distance` m from the box of half extents
+    half[a] around piece a."""
     x, y, z = t[b, 9] - t[a, 9], t[b, 10] - t[a, 10], t[b, 11] - t[a, 11]
     dx = max(abs(t[a, 0] * x + t[a, 3] * y + t[a, 6] * z) - half[a, 0], 0.0)
     dy = max(abs(t[a, 1] * x + t[a, 4] * y + t[a, 7] * z) - half[a, 1], 0.0)
@@ -210,19 +225,23 @@ def centre_far_from(t, a, half, b, distance):
 
 @njit(cache=True, error_model="numpy")
 def touching(kind, size, half, bound, first, last, points, t, a, b, reach, s, weights, trial, v):
-    """True when the cores of pieces a and b are at most `reach` m apart, asking cheap bounds first; scratch as in `within`."""
+    """True when the cores of pieces a and b are at most `reach` m apart, asking cheap bounds first;
+    scratch as in `within`."""
     dx, dy, dz = t[a, 9] - t[b, 9], t[a, 10] - t[b, 10], t[a, 11] - t[b, 11]
     far = bound[a] + bound[b] + reach
     if dx * dx + dy * dy + dz * dz > far * far:
         return False
-    if centre_far_from(t, a, half, b, bound[b] + reach) or centre_far_from(t, b, half, a, bound[a] + reach):
+    if centre_far_from(t, a, half, b, bound[b] + reach) or centre_far_from(
+        t, b, half, a, bound[a] + reach
+    ):
         return False
     return within(kind, size, first, last, points, t, a, b, reach, s, weights, trial, v)
 
 
 @njit(cache=True, error_model="numpy")
 def balls_far_apart(frames, frame, balls, a, b, margin):
-    """True when the bounding balls (x, y, z in the frame, radius) of owners a and b are more than `margin` m apart."""
+    """True when the bounding balls (x, y, z in the frame, radius) of owners a and b are more than
+    `margin` m apart."""
     square = 0.0
     i, j = frame[a], frame[b]
     for c in range(3):
@@ -239,8 +258,8 @@ def balls_far_apart(frames, frame, balls, a, b, margin):
 def first_contact(parent, origin, prismatic, pieces, pairs, q):
     """(row, pair) of the first contact over joint rows q (K,F), or (-1, -1).
 
-    Frames: parent (F,), origin (F,12), prismatic (F,). `pieces` and `pairs` are the columns of a `Pieces` and of a `Pairs`, in
-    plain tuples, which numba takes apart faster than named ones.
+    Frames: parent (F,), origin (F,12), prismatic (F,). `pieces` and `pairs` are the columns of a
+    `Pieces` and of a `Pairs`, in plain tuples, which numba takes apart faster than named ones.
     """
     _, frame, local, kind, size, radius, half, bound, first, last, points = pieces
     owner_frame, balls, bodies, starts, margin, pair_a, pair_b = pairs
@@ -256,14 +275,31 @@ def first_contact(parent, origin, prismatic, pieces, pairs, q):
             for m in range(starts[g], starts[g + 1]):
                 a, b = pair_a[m], pair_b[m]
                 reach = radius[a] + radius[b] + margin[g]
-                if touching(kind, size, half, bound, first, last, points, t, a, b, reach, s, weights, trial, v):
+                if touching(
+                    kind,
+                    size,
+                    half,
+                    bound,
+                    first,
+                    last,
+                    points,
+                    t,
+                    a,
+                    b,
+                    reach,
+                    s,
+                    weights,
+                    trial,
+                    v,
+                ):
                     return row, m
     return -1, -1
 
 
 @njit(cache=True, error_model="numpy")
 def place_pieces(frames, frame, local, out):
-    """Write the world transforms (S,P,12) of pieces from those of their frames (S,F,12), frame index (P,) and placement (P,12)."""
+    """Write the world transforms (S,P,12) of pieces from those of their frames (S,F,12), frame
+    index (P,) and placement (P,12)."""
     for row in range(frames.shape[0]):
         for p in range(frame.shape[0]):
             chain_transforms(frames[row], frame[p], local, p, out[row], p)
@@ -271,11 +307,13 @@ def place_pieces(frames, frame, local, out):
 
 @njit(cache=True, error_model="numpy")
 def first_swept_contact(pieces, t, own, at, ball, margin):
-    """First row at which a moving body is within `margin` m of any of the pieces 0 .. own - 1, or -1.
+    """First row at which a moving body is within `margin` m of any of the pieces 0 .. own - 1, or
+    -1.
 
-    `pieces` (P) as in `first_contact`; the last P - own are the moving body's, with their placements in it.
-    `t` (S,P,12) holds world transforms: those of the first `own` are read, the others are written from the body's, at (S,12).
-    `ball` is the body's bounding ball (x, y, z in its frame, radius).
+    `pieces` (P) as in `first_contact`; the last P - own are the moving body's, with their
+    placements in it. `t` (S,P,12) holds world transforms: those of the first `own` are read, the
+    others are written from the body's, at (S,12). `ball` is the body's bounding ball (x, y, z in
+    its frame, radius).
     """
     _, _, local, kind, size, radius, half, bound, first, last, points = pieces
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
@@ -295,6 +333,22 @@ def first_swept_contact(pieces, t, own, at, ball, margin):
                 placed = True
             for b in range(own, kind.shape[0]):
                 reach = radius[a] + radius[b] + margin
-                if touching(kind, size, half, bound, first, last, points, here, a, b, reach, s, weights, trial, v):
+                if touching(
+                    kind,
+                    size,
+                    half,
+                    bound,
+                    first,
+                    last,
+                    points,
+                    here,
+                    a,
+                    b,
+                    reach,
+                    s,
+                    weights,
+                    trial,
+                    v,
+                ):
                     return row
     return -1

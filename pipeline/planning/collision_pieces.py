@@ -1,4 +1,5 @@
-"""From robot specs and colliders to the arrays that the collision kernels read: joint frames and convex pieces."""
+"""From robot specs and colliders to the arrays that the collision kernels read: joint frames and
+convex pieces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +27,8 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Joint frames (F): parent frame (0 is the world), placement (F,12) with the axis on local z, kind; joint names."""
+    """Joint frames (F): parent frame (0 is the world), placement (F,12) with the axis on local z,
+    kind; joint names."""
 
     names: tuple[str, ...]
     parent: Ints
@@ -37,8 +39,9 @@ class Frames:
 class Pieces(NamedTuple):
     """Convex pieces (P), as the kernels read them.
 
-    Owner and frame index (P,), placement (P,12) in that frame, kind (P,) and size (P,3) of the core, radius (P,) of the ball that
-    sweeps it, half extents (P,3) and bounding radius (P,) of the core, its vertices first:last in `points` (V,3).
+    Owner and frame index (P,), placement (P,12) in that frame, kind (P,) and size (P,3) of the
+    core, radius (P,) of the ball that sweeps it, half extents (P,3) and bounding radius (P,) of the
+    core, its vertices first:last in `points` (V,3).
     """
 
     owner: Ints
@@ -55,15 +58,19 @@ class Pieces(NamedTuple):
 
     def joined(self, other: "Pieces") -> "Pieces":
         """These pieces followed by others whose vertex ranges count from 0."""
-        after = other._replace(first=other.first + len(self.points), last=other.last + len(self.points))
+        after = other._replace(
+            first=other.first + len(self.points), last=other.last + len(self.points)
+        )
         columns: Any = (np.concatenate(both) for both in zip(self, after, strict=True))
         return Pieces(*columns)
 
 
 def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[int, Pose]]]:
-    """Joint frames of arms given as (name prefix, arm), and for every prefixed link its (frame index, pose (7,) in that frame).
+    """Joint frames of arms given as (name prefix, arm), and for every prefixed link its (frame
+    index, pose (7,) in that frame).
 
-    Frames come arm by arm: the arm joints in order, then the two jaws. Raises ValueError for a movable joint that is neither.
+    Frames come arm by arm: the arm joints in order, then the two jaws. Raises ValueError for a
+    movable joint that is neither.
     """
     names, parents, origins, prismatic = [], [], [], []
     links: dict[str, tuple[int, Pose]] = {}
@@ -72,9 +79,14 @@ def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[
         first = 1 + len(names)
         moving = [j.name for j in arm.joints if j.kind != "fixed"]
         if sorted(moving) != sorted(order):
-            raise ValueError(f"{arm.model}: movable joints {moving} are not the arm joints and jaws {list(order)}")
+            raise ValueError(
+                f"{arm.model}: movable joints {moving} are not the arm joints and jaws"
+                f" {list(order)}"
+            )
         children = {j.child for j in arm.joints}
-        links |= {prefix + link.name: (0, arm.base) for link in arm.links if link.name not in children}
+        links |= {
+            prefix + link.name: (0, arm.base) for link in arm.links if link.name not in children
+        }
         rows = {}
         for joint in arm.joints:
             frame, at = links[prefix + joint.parent]
@@ -95,16 +107,24 @@ def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[
 
 
 def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
-    """Pieces from (owner index, frame index, collider, pose (7,) of its body in that frame). Raises ValueError."""
+    """Pieces from (owner index, frame index, collider, pose (7,) of its body in that frame). Raises
+    ValueError."""
     count = len(entries)
     kind = np.zeros(count, np.int64)
-    size, radius, half, centre = np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros((count, 7))
+    size, radius, half, centre = (
+        np.zeros((count, 3)),
+        np.zeros(count),
+        np.zeros((count, 3)),
+        np.zeros((count, 7)),
+    )
     centre[:, 3] = 1.0
     first, last, total = np.zeros(count, np.int64), np.zeros(count, np.int64), 0
     clouds: list[Floats] = [np.zeros((0, 3))]
     for i, (_, _, collider, _) in enumerate(entries):
         if collider.kind not in KINDS:
-            raise ValueError(f"a collision piece of kind {collider.kind!r}: choose {', '.join(KINDS)}")
+            raise ValueError(
+                f"a collision piece of kind {collider.kind!r}: choose {', '.join(KINDS)}"
+            )
         kind[i] = KINDS[collider.kind]
         if collider.kind == "box":
             size[i] = half[i] = collider.size
@@ -120,13 +140,17 @@ def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
         else:
             radius[i] = collider.size[0]
             size[i, 2] = half[i, 2] = collider.size[1] if collider.kind == "capsule" else 0.0
-    bound = np.where(kind == kernels.CYLINDER, np.hypot(size[:, 0], size[:, 2]), np.linalg.norm(half, axis=1))
+    bound = np.where(
+        kind == kernels.CYLINDER, np.hypot(size[:, 0], size[:, 2]), np.linalg.norm(half, axis=1)
+    )
     bodies = np.array([body for *_, body in entries]).reshape(-1, 7)
     placed = np.array([collider.pose for _, _, collider, _ in entries]).reshape(-1, 7)
     at = compose(compose(bodies, placed), centre)
     local = transform_rows(at)
     owner, frame = (np.array([entry[k] for entry in entries], np.int64) for k in (0, 1))
-    return Pieces(owner, frame, local, kind, size, radius, half, bound, first, last, np.concatenate(clouds))
+    return Pieces(
+        owner, frame, local, kind, size, radius, half, bound, first, last, np.concatenate(clouds)
+    )
 
 
 def transform_rows(poses: Floats) -> Floats:

@@ -1,4 +1,5 @@
-"""The way of the tcp along a joint path: its length, whether it is a detour, and how much of it the head camera does not see."""
+"""The way of the tcp along a joint path: its length, whether it is a detour, and how much of it the
+head camera does not see."""
 
 import numpy as np
 
@@ -25,7 +26,8 @@ def longest(way: Floats) -> float:
 
 
 def unseen_length(way: Floats, carried: Carried, sees: Sees) -> float:
-    """Length (m) of a way (M,7) on which the middle of what is carried is out of view; 0 if it begins or ends there."""
+    """Length (m) of a way (M,7) on which the middle of what is carried is out of view; 0 if it
+    begins or ends there."""
     middle = np.mean([piece.pose[:3] for piece in carried.pieces], axis=0)
     seen = sees(np.array([transform(tcp, transform(carried.pose, middle)) for tcp in way]))
     if not (seen[0] and seen[-1]):

@@ -8,13 +8,20 @@ if TYPE_CHECKING:
 
 
 class PlanFailure(Exception):
-    """Planning found no solution. `reason` is a snake-case code that ends up in the attempts table, `detail` a line for people.
+    """Planning found no solution. `reason` is a snake-case code that ends up in the attempts table,
+    `detail` a line for people.
 
-    `arm` (an ArmPlanner) was to bring its tcp to one of the world poses `wanted` (N,7), if the failure is about poses. The actor
-    sets `skill`.
+    `arm` (an ArmPlanner) was to bring its tcp to one of the world poses `wanted` (N,7), if the
+    failure is about poses. The actor sets `skill`.
     """
 
-    def __init__(self, reason: str, detail: str = "", arm: object = None, wanted: "NDArray[np.float64] | None" = None) -> None:
+    def __init__(
+        self,
+        reason: str,
+        detail: str = "",
+        arm: object = None,
+        wanted: "NDArray[np.float64] | None" = None,
+    ) -> None:
         super().__init__(reason, detail)
         self.reason, self.detail, self.arm, self.wanted = reason, detail, arm, wanted
         self.skill = ""

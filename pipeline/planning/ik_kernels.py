@@ -1,12 +1,15 @@
-"""Numba kernels of forward and inverse kinematics of a serial chain; `kinematics.py` is the public face.
+"""Numba kernels of forward and inverse kinematics of a serial chain; `kinematics.py` is the public
+face.
 
-A chain of n joints is four arrays: `pre` (n,3,4), the fixed transform in front of each joint with the joint axis turned onto
-local z, `prismatic` (n,) bool, `tool` (3,4) behind the last joint, and joint limits. All kernels live in this one file because
-numba's disk cache notices changes of the file a function is in, not of the files it calls.
+A chain of n joints is four arrays: `pre` (n,3,4), the fixed transform in front of each joint with
+the joint axis turned onto local z, `prismatic` (n,) bool, `tool` (3,4) behind the last joint, and
+joint limits. All kernels live in this one file because numba's disk cache notices changes of the
+file a function is in, not of the files it calls.
 
-The solver is damped least squares (Levenberg-Marquardt) with the damping of Sugihara, "Solvability-unconcerned inverse
-kinematics by the Levenberg-Marquardt method", T-RO 2011: H = J^T W J + (E + eps) I with E the squared weighted error.
-A joint at its limit that is asked to move outwards is taken out of the step and the step is solved again.
+The solver is damped least squares (Levenberg-Marquardt) with the damping of Sugihara,
+"Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", T-RO 2011: H = J^T W
+J + (E + eps) I with E the squared weighted error. A joint at its limit that is asked to move
+outwards is taken out of the step and the step is solved again.
 """
 
 import numpy as np
@@ -15,13 +18,17 @@ from numba import njit
 # One radian of tool rotation weighs as much as this many metres, roughly the length of a forearm.
 ROTATION_WEIGHT = 0.25
 DAMPING = 1e-6
-FAR = 0.1  # m, with rotation weighted: of the targets that four starts leave this far away, 99 % are out of reach on a table
-STEP_LIMIT = 0.7  # rad or m per iteration; longer steps leave the region where the Jacobian means anything
+# m, with rotation weighted: of the targets that four starts leave this far away, 99 % are out of
+# reach on a table
+FAR = 0.1
+# rad or m per iteration; longer steps leave the region where the Jacobian means anything
+STEP_LIMIT = 0.7
 
 
 @njit(cache=True, error_model="numpy")
 def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
-    """Write joint axes (n,3), joint origins (n,3) and the tool's rotation (3,3) and position (3,), all in the world frame."""
+    """Write joint axes (n,3), joint origins (n,3) and the tool's rotation (3,3) and position (3,),
+    all in the world frame."""
     r00, r01, r02 = 1.0, 0.0, 0.0
     r10, r11, r12 = 0.0, 1.0, 0.0
     r20, r21, r22 = 0.0, 0.0, 1.0
@@ -65,10 +72,16 @@ def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
 
 @njit(cache=True, error_model="numpy")
 def quaternion(m, out):
-    """Write the quaternion wxyz (w >= 0) of the rotation matrix m (3,3) into out (4,); Shepperd's method."""
+    """Write the quaternion wxyz (w >= 0) of the rotation matrix m (3,3) into out (4,); Shepperd's
+    method."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace >= m[0, 0] and trace >= m[1, 1] and trace >= m[2, 2]:
-        out[0], out[1], out[2], out[3] = 1 + trace, m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        out[0], out[1], out[2], out[3] = (
+            1 + trace,
+            m[2, 1] - m[1, 2],
+            m[0, 2] - m[2, 0],
+            m[1, 0] - m[0, 1],
+        )
     else:
         a = 0
         if m[1, 1] > m[0, 0]:
@@ -115,19 +128,46 @@ def column(axis, origin, position, prismatic, weight, out):
 
 @njit(cache=True, error_model="numpy")
 def pose_error(goal_rotation, goal_position, rotation, position, weight, out):
-    """Write the twist (6,) from the tool to the goal, angular part times `weight`; return (distance m, angle rad)."""
-    px, py, pz = goal_position[0] - position[0], goal_position[1] - position[1], goal_position[2] - position[2]
+    """Write the twist (6,) from the tool to the goal, angular part times `weight`; return (distance
+    m, angle rad)."""
+    px, py, pz = (
+        goal_position[0] - position[0],
+        goal_position[1] - position[1],
+        goal_position[2] - position[2],
+    )
     g, r = goal_rotation, rotation
     # E = G R^T; its skew part is axis * sin(angle), its trace 1 + 2 cos(angle).
-    vx = g[2, 0] * r[1, 0] + g[2, 1] * r[1, 1] + g[2, 2] * r[1, 2] - g[1, 0] * r[2, 0] - g[1, 1] * r[2, 1] - g[1, 2] * r[2, 2]
-    vy = g[0, 0] * r[2, 0] + g[0, 1] * r[2, 1] + g[0, 2] * r[2, 2] - g[2, 0] * r[0, 0] - g[2, 1] * r[0, 1] - g[2, 2] * r[0, 2]
-    vz = g[1, 0] * r[0, 0] + g[1, 1] * r[0, 1] + g[1, 2] * r[0, 2] - g[0, 0] * r[1, 0] - g[0, 1] * r[1, 1] - g[0, 2] * r[1, 2]
+    vx = (
+        g[2, 0] * r[1, 0]
+        + g[2, 1] * r[1, 1]
+        + g[2, 2] * r[1, 2]
+        - g[1, 0] * r[2, 0]
+        - g[1, 1] * r[2, 1]
+        - g[1, 2] * r[2, 2]
+    )
+    vy = (
+        g[0, 0] * r[2, 0]
+        + g[0, 1] * r[2, 1]
+        + g[0, 2] * r[2, 2]
+        - g[2, 0] * r[0, 0]
+        - g[2, 1] * r[0, 1]
+        - g[2, 2] * r[0, 2]
+    )
+    vz = (
+        g[1, 0] * r[0, 0]
+        + g[1, 1] * r[0, 1]
+        + g[1, 2] * r[0, 2]
+        - g[0, 0] * r[1, 0]
+        - g[0, 1] * r[1, 1]
+        - g[0, 2] * r[1, 2]
+    )
     trace = 0.0
     for i in range(3):
         trace += g[i, 0] * r[i, 0] + g[i, 1] * r[i, 1] + g[i, 2] * r[i, 2]
     sine2 = np.sqrt(vx * vx + vy * vy + vz * vz)
     angle = np.arctan2(sine2, trace - 1.0)
-    # At half a turn the axis is lost in rounding; any axis will do, the next iteration has a well-defined one.
+    # At half a turn the axis is lost in rounding; any axis will do, the next iteration has a
+    # well-defined one.
     if sine2 > 1e-9:
         scale = weight * angle / sine2
         out[3], out[4], out[5] = vx * scale, vy * scale, vz * scale
@@ -139,7 +179,8 @@ def pose_error(goal_rotation, goal_position, rotation, position, weight, out):
 
 @njit(cache=True, error_model="numpy")
 def solve_spd(a, b, n):
-    """Solve a x = b in place (x in b) for symmetric positive definite a (n,n), by Cholesky; destroys a."""
+    """Solve a x = b in place (x in b) for symmetric positive definite a (n,n), by Cholesky;
+    destroys a."""
     for i in range(n):
         for j in range(i + 1):
             s = a[i, j]
@@ -159,9 +200,11 @@ def solve_spd(a, b, n):
 
 @njit(cache=True, error_model="numpy")
 def descend(pre, prismatic, tool, lower, upper, goal_r, goal_p, q, iterations, tol_p, tol_r, work):
-    """Move q (n,) in place towards the goal; True when it is within tolerance. Gives up when progress stalls.
+    """Move q (n,) in place towards the goal; True when it is within tolerance. Gives up when
+    progress stalls.
 
-    `work` holds the scratch arrays (axes, origins, rotation, position, jacobian (n,6), error, H, step).
+    `work` holds the scratch arrays (axes, origins, rotation, position, jacobian (n,6), error, H,
+    step).
     """
     axes, origins, rotation, position, jac, error, h, step = work
     n = q.shape[0]
@@ -230,17 +273,44 @@ def rotation_of(quat, out):
     """Write the rotation matrix (3,3) of a quaternion wxyz, which is normalised first."""
     norm = np.sqrt(quat[0] ** 2 + quat[1] ** 2 + quat[2] ** 2 + quat[3] ** 2)
     w, x, y, z = quat[0] / norm, quat[1] / norm, quat[2] / norm, quat[3] / norm
-    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    out[0, 0], out[0, 1], out[0, 2] = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+    )
+    out[1, 0], out[1, 1], out[1, 2] = (
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+    )
+    out[2, 0], out[2, 1], out[2, 2] = (
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restarts, iterations, tol_p, tol_r, few):
-    """Solutions (N,n) and success (N,) for targets (N,7); every target tries the seeds (M,n), then restart points.
+def solve_many(
+    pre,
+    prismatic,
+    tool,
+    lower,
+    upper,
+    reach,
+    targets,
+    seeds,
+    restarts,
+    iterations,
+    tol_p,
+    tol_r,
+    few,
+):
+    """Solutions (N,n) and success (N,) for targets (N,7); every target tries the seeds (M,n), then
+    restart points.
 
-    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that `few` starts leave FAR away early.
-    `restarts` (R,n) are joint vectors.
+    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that `few`
+    starts leave FAR away early. `restarts` (R,n) are joint vectors.
     """
     count, n = targets.shape[0], seeds.shape[1]
     out, ok = np.zeros((count, n)), np.zeros(count, np.bool_)
@@ -256,9 +326,26 @@ def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restar
             if trial == few and nearest > FAR * FAR:
                 break
             for i in range(n):
-                start = seeds[trial, i] if trial < seeds.shape[0] else restarts[trial - seeds.shape[0], i]
+                start = (
+                    seeds[trial, i]
+                    if trial < seeds.shape[0]
+                    else restarts[trial - seeds.shape[0], i]
+                )
                 q[i] = min(max(start, lower[i]), upper[i])
-            if descend(pre, prismatic, tool, lower, upper, goal_r, goal_p, q, iterations, tol_p, tol_r, work):
+            if descend(
+                pre,
+                prismatic,
+                tool,
+                lower,
+                upper,
+                goal_r,
+                goal_p,
+                q,
+                iterations,
+                tol_p,
+                tol_r,
+                work,
+            ):
                 out[k] = q
                 ok[k] = True
                 break
@@ -268,14 +355,28 @@ def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restar
 
 @njit(cache=True, error_model="numpy")
 def solve_path(pre, prismatic, tool, lower, upper, poses, start, iterations, tol_p, tol_r, jump):
-    """Joint vectors (K,n) along poses (K,7), each warm-started from the one before, and how many were reached without a jump."""
+    """Joint vectors (K,n) along poses (K,7), each warm-started from the one before, and how many
+    were reached without a jump."""
     count, n = poses.shape[0], start.shape[0]
     out, work, goal_r, q = np.empty((count, n)), workspace(n), np.empty((3, 3)), np.empty(n)
     q[:] = start
     before = start
     for k in range(count):
         rotation_of(poses[k, 3:], goal_r)
-        if not descend(pre, prismatic, tool, lower, upper, goal_r, poses[k, :3], q, iterations, tol_p, tol_r, work):
+        if not descend(
+            pre,
+            prismatic,
+            tool,
+            lower,
+            upper,
+            goal_r,
+            poses[k, :3],
+            q,
+            iterations,
+            tol_p,
+            tol_r,
+            work,
+        ):
             return out, k
         for i in range(n):
             if abs(q[i] - before[i]) > jump:

@@ -1,7 +1,8 @@
-"""Forward and inverse kinematics of one arm in the world frame: pure functions of a `Chain` and joint vectors.
+"""Forward and inverse kinematics of one arm in the world frame: pure functions of a `Chain` and
+joint vectors.
 
-Inverse kinematics uses no randomness: restarts come from a fixed low-discrepancy sequence over the joint ranges, so the same
-question always has the same answer.
+Inverse kinematics uses no randomness: restarts come from a fixed low-discrepancy sequence over the
+joint ranges, so the same question always has the same answer.
 """
 
 from dataclasses import dataclass
@@ -21,8 +22,9 @@ Floats = NDArray[np.float64]
 class Chain:
     """The joints from the world to the tool frame: arrays for the kernels (see ik_kernels.py).
 
-    `lower` and `upper` (n,) are the joint limits less the margin; `home` (n,); `reach` is (x, y, z, radius) of a ball around
-    the first joint that contains every tool position; `restarts` (R,n) are joint vectors spread over the joint ranges.
+    `lower` and `upper` (n,) are the joint limits less the margin; `home` (n,); `reach` is (x, y, z,
+    radius) of a ball around the first joint that contains every tool position; `restarts` (R,n) are
+    joint vectors spread over the joint ranges.
     """
 
     joint_names: tuple[str, ...]
@@ -44,7 +46,8 @@ class Chain:
 def chain_of(arm: Arm) -> Chain:
     """Chain from the world to `arm.tcp`.
 
-    Raises ValueError when the joints between root link and hand are not exactly `arm.arm_joints` and fixed joints.
+    Raises ValueError when the joints between root link and hand are not exactly `arm.arm_joints`
+    and fixed joints.
     """
     by_child = {joint.child: joint for joint in arm.joints}
     path: list[Joint] = []
@@ -55,7 +58,10 @@ def chain_of(arm: Arm) -> Chain:
     path.reverse()
     moving = [joint for joint in path if joint.kind != "fixed"]
     if tuple(joint.name for joint in moving) != arm.arm_joints:
-        raise ValueError(f"{arm.model}: joints to {arm.hand} are {[j.name for j in moving]}, expected {list(arm.arm_joints)}")
+        raise ValueError(
+            f"{arm.model}: joints to {arm.hand} are {[j.name for j in moving]}, expected"
+            f" {list(arm.arm_joints)}"
+        )
     pre, carried = [], matrix(arm.base)
     for joint in path:
         carried = carried @ matrix(joint.origin)
@@ -92,11 +98,14 @@ def fk_batch(chain: Chain, q: ArrayLike) -> Floats:
     return ik_kernels.poses_of(chain.pre, chain.prismatic, chain.tool, _rows(q))
 
 
-def ik_many(chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK) -> tuple[Floats, NDArray[np.bool_]]:
-    """Joints (N,n) within the limits and success (N,) for world poses `targets` (N,7); rows without success are zero.
+def ik_many(
+    chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Joints (N,n) within the limits and success (N,) for world poses `targets` (N,7); rows without
+    success are zero.
 
-    Each target tries every row of `seeds` (M,n) in order, then the restarts of the budget; M = 0 is allowed. A seed usually
-    gives the solution nearest to it.
+    Each target tries every row of `seeds` (M,n) in order, then the restarts of the budget; M = 0 is
+    allowed. A seed usually gives the solution nearest to it.
     """
     return ik_kernels.solve_many(
         chain.pre,
@@ -117,42 +126,60 @@ def ik_many(chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget
 def ik_path(chain: Chain, poses: ArrayLike, q0: ArrayLike) -> Floats | None:
     """Joints (K,n) that follow world poses (K,7) without leaving their branch, or None.
 
-    Every pose is warm-started from the one before (the first from `q0` (n,)); no joint may jump between neighbours. The first pose
-    should be that of `q0`, or close to it.
+    Every pose is warm-started from the one before (the first from `q0` (n,)); no joint may jump
+    between neighbours. The first pose should be that of `q0`, or close to it.
     """
     rows = _rows(poses)
     start = np.clip(np.asarray(q0, float), chain.lower, chain.upper)
     arrays = (chain.pre, chain.prismatic, chain.tool, chain.lower, chain.upper)
-    q, reached = ik_kernels.solve_path(*arrays, rows, start, IK.path_iterations, *IK.tolerance, IK.max_jump)
+    q, reached = ik_kernels.solve_path(
+        *arrays, rows, start, IK.path_iterations, *IK.tolerance, IK.max_jump
+    )
     return q if reached == len(rows) else None
 
 
 def line_poses(start: Pose, goal: Pose, sampling: LineSampling = LINE) -> Floats:
-    """Poses (K,7), K >= 2, on the straight line from `start` to `goal`, both included; rotation by slerp.
+    """Poses (K,7), K >= 2, on the straight line from `start` to `goal`, both included; rotation by
+    slerp.
 
     Neighbours are as near as `sampling` says.
     """
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     a, b = start[3:], goal[3:] if start[3:] @ goal[3:] >= 0 else -goal[3:]
-    half = float(np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))  # a quarter of the rotation angle
-    count = 1 + max(1, int(np.ceil(max(np.linalg.norm(goal[:3] - start[:3]) / sampling.step, 4 * half / sampling.turn) - 1e-9)))
+    # a quarter of the rotation angle
+    half = float(np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+    count = 1 + max(
+        1,
+        int(
+            np.ceil(
+                max(np.linalg.norm(goal[:3] - start[:3]) / sampling.step, 4 * half / sampling.turn)
+                - 1e-9
+            )
+        ),
+    )
     s = np.linspace(0.0, 1.0, count)[:, None]
     omega = 2 * half
-    weights = (1 - s, s) if omega < 1e-9 else (np.sin((1 - s) * omega) / np.sin(omega), np.sin(s * omega) / np.sin(omega))
+    weights = (
+        (1 - s, s)
+        if omega < 1e-9
+        else (np.sin((1 - s) * omega) / np.sin(omega), np.sin(s * omega) / np.sin(omega))
+    )
     quats = weights[0] * a + weights[1] * b
     quats /= np.linalg.norm(quats, axis=1, keepdims=True)
     return np.hstack([start[:3] + s * (goal[:3] - start[:3]), quats])
 
 
 def limit_margin(chain: Chain, q: ArrayLike) -> Floats:
-    """Smallest distance to a joint limit as a fraction of the half range, (...,) for q (...,n): 1 mid-range, 0 at a limit."""
+    """Smallest distance to a joint limit as a fraction of the half range, (...,) for q (...,n): 1
+    mid-range, 0 at a limit."""
     q = np.asarray(q, float)
     half = 0.5 * (chain.upper - chain.lower)
     return np.min(np.minimum(q - chain.lower, chain.upper - q) / half, axis=-1)
 
 
 def _spread(lower: Floats, upper: Floats, count: int) -> Floats:
-    """Points (count,n) spread evenly over a box, the first in its middle: the additive recurrence R_n of Roberts (2018)."""
+    """Points (count,n) spread evenly over a box, the first in its middle: the additive recurrence
+    R_n of Roberts (2018)."""
     n = len(lower)
     golden = 2.0
     for _ in range(40):

@@ -1,7 +1,8 @@
-"""Collision-free joint paths: the straight line if it is free, otherwise RRT-Connect with shortcuts.
+"""Collision-free joint paths: the straight line if it is free, otherwise RRT-Connect with
+shortcuts.
 
-A checker `is_free` takes joint rows (K,n) and says whether all of them are free; one call per edge keeps Python out of the
-inner loop. `CollisionScene.free` makes such checkers.
+A checker `is_free` takes joint rows (K,n) and says whether all of them are free; one call per edge
+keeps Python out of the inner loop. `CollisionScene.free` makes such checkers.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,8 @@ Edge = Callable[[Floats, Floats], bool]
 
 
 def straight(q0: ArrayLike, q1: ArrayLike, resolution: float = PATH.resolution) -> Floats:
-    """Rows (K,n), K >= 2, on the straight joint-space line from q0 to q1, both included; no joint moves more than `resolution`."""
+    """Rows (K,n), K >= 2, on the straight joint-space line from q0 to q1, both included; no joint
+    moves more than `resolution`."""
     a, b = np.asarray(q0, float), np.asarray(q1, float)
     count = 1 + max(1, int(np.ceil(np.abs(b - a).max() / resolution - 1e-9)))
     rows = np.asarray(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a), np.float64)
@@ -28,7 +30,8 @@ def straight(q0: ArrayLike, q1: ArrayLike, resolution: float = PATH.resolution) 
 
 
 def dense(waypoints: ArrayLike, resolution: float = PATH.resolution) -> Floats:
-    """Rows (M,n) on the polyline through `waypoints` (K,n), at most `resolution` apart in every joint, corners included."""
+    """Rows (M,n) on the polyline through `waypoints` (K,n), at most `resolution` apart in every
+    joint, corners included."""
     corners = np.atleast_2d(np.asarray(waypoints, float))
     edges = [straight(a, b, resolution)[1:] for a, b in pairwise(corners)]
     return np.concatenate([corners[:1], *edges])
@@ -42,10 +45,12 @@ def connect(
     limits: tuple[ArrayLike, ArrayLike],
     budget: PathBudget = PATH,
 ) -> Floats | None:
-    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), (2,n) when the straight line is free, or None.
+    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), (2,n) when the straight line is
+    free, or None.
 
-    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` (lower (n,), upper (n,)), then shortcuts. A path that turns out to
-    touch something between checked states is searched again with finer edges. Two arms at once are one stacked vector.
+    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` (lower (n,), upper (n,)), then
+    shortcuts. A path that turns out to touch something between checked states is searched again
+    with finer edges. Two arms at once are one stacked vector.
     """
     a, b = np.asarray(q0, float), np.asarray(q1, float)
     if not is_free(np.stack([a, b])):
@@ -53,7 +58,11 @@ def connect(
     box = np.asarray(limits[0], float), np.asarray(limits[1], float)
     for halving in range(budget.searches):
         edge = partial(_edge_free, is_free, budget.resolution / 2**halving)
-        path = np.stack([a, b]) if edge(a, b) else _search(edge, _Tree(a, budget.step), _Tree(b, budget.step), rng, box, budget)
+        path = (
+            np.stack([a, b])
+            if edge(a, b)
+            else _search(edge, _Tree(a, budget.step), _Tree(b, budget.step), rng, box, budget)
+        )
         if path is None:
             return None
         path = shorten(path, edge, rng, budget.shortcuts)
@@ -69,7 +78,12 @@ def _edge_free(is_free: IsFree, resolution: float, p: Floats, q: Floats) -> bool
 
 
 def _search(
-    edge: Edge, grow: "_Tree", aim: "_Tree", rng: np.random.Generator, limits: tuple[Floats, Floats], budget: PathBudget
+    edge: Edge,
+    grow: "_Tree",
+    aim: "_Tree",
+    rng: np.random.Generator,
+    limits: tuple[Floats, Floats],
+    budget: PathBudget,
 ) -> Floats | None:
     """States (K,n) from the root of `grow` to that of `aim`, or None."""
     for iteration in range(budget.iterations):
@@ -84,7 +98,8 @@ def _search(
 
 
 def shorten(path: Floats, edge: Edge, rng: np.random.Generator, tries: int) -> Floats:
-    """Waypoints (K,n) with detours cut: corners that can be skipped, then random pairs of points joined where the edge is free."""
+    """Waypoints (K,n) with detours cut: corners that can be skipped, then random pairs of points
+    joined where the edge is free."""
     path = _skip_corners(path, edge)
     for _ in range(tries):
         if len(path) < 3:
@@ -92,10 +107,16 @@ def shorten(path: Floats, edge: Edge, rng: np.random.Generator, tries: int) -> F
         lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
         marks = np.concatenate([[0.0], np.cumsum(lengths)])
         s, t = np.sort(rng.uniform(0.0, marks[-1], 2))
-        i, j = (int(np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(lengths) - 1)) for x in (s, t))
+        i, j = (
+            int(np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(lengths) - 1))
+            for x in (s, t)
+        )
         if i == j:
             continue
-        p, q = (path[k] + (x - marks[k]) / lengths[k] * (path[k + 1] - path[k]) for k, x in ((i, s), (j, t)))
+        p, q = (
+            path[k] + (x - marks[k]) / lengths[k] * (path[k + 1] - path[k])
+            for k, x in ((i, s), (j, t))
+        )
         if np.linalg.norm(q - p) < 0.999 * (t - s) and edge(p, q):
             path = np.concatenate([path[: i + 1], [p, q], path[j + 1 :]])
     return _skip_corners(path, edge)
@@ -117,7 +138,8 @@ class _Tree:
         self.parents = [-1]
 
     def extend(self, goal: Floats, edge: Edge) -> int | None:
-        """Grow one step from the nearest state towards `goal`; the new state's index, or None when blocked."""
+        """Grow one step from the nearest state towards `goal`; the new state's index, or None when
+        blocked."""
         near = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
         return self._grow(near, goal, edge)
 

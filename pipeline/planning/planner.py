@@ -1,4 +1,5 @@
-"""From wanted joints or a straight line to timed joint rows, for one arm of a robot while the other one stands still."""
+"""From wanted joints or a straight line to timed joint rows, for one arm of a robot while the other
+one stands still."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -29,11 +30,13 @@ NO_ARM: Floats = np.empty(0)
 
 
 Apart = Callable[[ArrayLike, ArrayLike], bool]
-"""Whether two arms keep clear of each other along joint rows (K,n) of the left and of the right one."""
+"""Whether two arms keep clear of each other along joint rows (K,n) of the left and of the right
+one."""
 
 
 class JointLimits(NamedTuple):
-    """Speed (n,) that motions keep to, the fastest (n,) that a skill may ask for, and acceleration (n,): rad or m per s and s2."""
+    """Speed (n,) that motions keep to, the fastest (n,) that a skill may ask for, and acceleration
+    (n,): rad or m per s and s2."""
 
     speed: Floats
     fastest: Floats
@@ -41,16 +44,20 @@ class JointLimits(NamedTuple):
 
 
 class Planner:
-    """Chains, motion limits and the collision world of one embodiment; use `planner_of`, which keeps the latest ones."""
+    """Chains, motion limits and the collision world of one embodiment; use `planner_of`, which
+    keeps the latest ones."""
 
     def __init__(self, embodiment: Embodiment) -> None:
         self.embodiment = embodiment
-        self.chains: dict[str, Chain] = {side: chain_of(arm) for side, arm in embodiment.arms.items()}
+        self.chains: dict[str, Chain] = {
+            side: chain_of(arm) for side, arm in embodiment.arms.items()
+        }
         self.world = CollisionWorld(embodiment)
         self.limits = {side: _motion_limits(arm) for side, arm in embodiment.arms.items()}
 
     def arm(self, side: str, scene: PlanningScene, rng: np.random.Generator) -> "ArmPlanner":
-        """The planner of one arm in a scene; `rng` is drawn from where a path has to be searched."""
+        """The planner of one arm in a scene; `rng` is drawn from where a path has to be
+        searched."""
         return ArmPlanner(self, side, scene, rng)
 
     def split(self, vector: Floats) -> dict[str, tuple[Floats, float]]:
@@ -81,10 +88,11 @@ class Planner:
         return np.concatenate(speeds), np.concatenate(accelerations)
 
     def apart(self, scene: PlanningScene) -> Apart:
-        """The test for arms with what they carry in a scene. One row may stand for all of the other arm's, NO_ARM for
-        the joints of one that does not exist.
+        """The test for arms with what they carry in a scene. One row may stand for all of the other
+        arm's, NO_ARM for the joints of one that does not exist.
 
-        Links keep MARGINS.arms. Hands that stand nearer to each other now, as after a hand-over, must not touch.
+        Links keep MARGINS.arms. Hands that stand nearer to each other now, as after a hand-over,
+        must not touch.
         """
         left, right = (scene.arms[side].q if side in scene.arms else NO_ARM for side in SIDES)
         jaws = scene.jaws
@@ -129,7 +137,8 @@ class ArmPlanner:
         return replace(self, scene=scene)
 
     def bare(self) -> "ArmPlanner":
-        """The same arm in the scene without bodies: nothing is there but table, furniture and the other arm."""
+        """The same arm in the scene without bodies: nothing is there but table, furniture and the
+        other arm."""
         return self.within(replace(self.scene, obstacles={}, carried={}))
 
     def fk(self, q: ArrayLike) -> Pose:
@@ -137,7 +146,8 @@ class ArmPlanner:
         return fk(self.chain, q)
 
     def solve(self, targets: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Inverse kinematics of tcp poses (N,7) from the command and from home: joints (N,n) and which ones were reached (N,)."""
+        """Inverse kinematics of tcp poses (N,7) from the command and from home: joints (N,n) and
+        which ones were reached (N,)."""
         return self.solve_from(targets, np.stack([self.q, self.home]))
 
     def solve_from(self, targets: Floats, seeds: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -145,7 +155,8 @@ class ArmPlanner:
         return ik_many(self.chain, targets, seeds)
 
     def line(self, q0: Floats, goal: Pose) -> Floats | None:
-        """Joints (K,n) that carry the tcp straight from where q0 (n,) has it to the world pose `goal` (7,), or None."""
+        """Joints (K,n) that carry the tcp straight from where q0 (n,) has it to the world pose
+        `goal` (7,), or None."""
         return ik_path(self.chain, line_poses(self.fk(q0), goal), q0)
 
     def checker(
@@ -156,10 +167,12 @@ class ArmPlanner:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> IsFree:
-        """`free(q)` for joints (n,) or rows (K,n) among the bodies of the scene, the other arm at its expected joints.
+        """`free(q)` for joints (n,) or rows (K,n) among the bodies of the scene, the other arm at
+        its expected joints.
 
-        `ignore` lists pairs (side or body, body) that may touch; `jaws` replaces the gripper value of this arm; `margin` (m) is the
-        gap kept from everything that is not the robot, `hands` that between its two hands. See CollisionWorld.with_objects.
+        `ignore` lists pairs (side or body, body) that may touch; `jaws` replaces the gripper value
+        of this arm; `margin` (m) is the gap kept from everything that is not the robot, `hands`
+        that between its two hands. See CollisionWorld.with_objects.
         """
         scene = self.scene
         collision = self.planner.world.with_objects(
@@ -173,29 +186,44 @@ class ArmPlanner:
     @property
     def _other(self) -> Floats:
         """Where the other arm is expected (n,)."""
-        return next((state.expected for side, state in self.scene.arms.items() if side != self.side), NO_ARM)
+        return next(
+            (state.expected for side, state in self.scene.arms.items() if side != self.side), NO_ARM
+        )
 
     def apart(self) -> IsFree:
-        """`apart(q)`: as `Planner.apart` for joints (n,) or rows (K,n) of this arm, the other one at its expected joints."""
+        """`apart(q)`: as `Planner.apart` for joints (n,) or rows (K,n) of this arm, the other one
+        at its expected joints."""
         both, other = self.planner.apart(self.scene), self._other
         return (lambda q: both(q, other)) if self.side == "left" else (lambda q: both(other, q))
 
     def timed(
-        self, waypoints: Floats, *, minimum: float = 0.0, speed_scale: float = 1.0, deviation: float = LIMITS.deviations[0]
+        self,
+        waypoints: Floats,
+        *,
+        minimum: float = 0.0,
+        speed_scale: float = 1.0,
+        deviation: float = LIMITS.deviations[0],
     ) -> ArmTrajectory:
         """A motion through waypoints (K,n), at rest at both ends, the gripper as it is.
 
-        It takes at least `minimum` s; `speed_scale` multiplies the planned joint speeds, up to the share of the robot's own that is
-        used; corners are rounded by `deviation`. Raises PlanFailure("time_parameterisation").
+        It takes at least `minimum` s; `speed_scale` multiplies the planned joint speeds, up to the
+        share of the robot's own that is used; corners are rounded by `deviation`. Raises
+        PlanFailure("time_parameterisation").
         """
         limits = self.planner.limits[self.side]
         speed = np.minimum(limits.speed * speed_scale, limits.fastest)
-        t = time_parameterise(waypoints, speed, limits.acceleration, minimum_duration=minimum, deviation=deviation)
-        rows = slice(1, None) if len(t.q) > 1 else slice(None)  # the first row is where the arm already is
+        t = time_parameterise(
+            waypoints, speed, limits.acceleration, minimum_duration=minimum, deviation=deviation
+        )
+        # the first row is where the arm already is
+        rows = slice(1, None) if len(t.q) > 1 else slice(None)
         return ArmTrajectory(t.q[rows], t.qd[rows], np.full(len(t.q[rows]), self.gripper))
 
-    def free_trajectory(self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0) -> ArmTrajectory:
-        """A motion from the command to joints `goal` (n,) on which `free` holds, no detour, within the camera's view if possible.
+    def free_trajectory(
+        self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0
+    ) -> ArmTrajectory:
+        """A motion from the command to joints `goal` (n,) on which `free` holds, no detour, within
+        the camera's view if possible.
 
         Raises PlanFailure: path_blocked, path_detour.
         """
@@ -204,10 +232,13 @@ class ArmPlanner:
             motion = self.timed(path, speed_scale=speed_scale, deviation=deviation)
             if len(path) == 2 or free(motion.q[:: LIMITS.checked_every]):
                 return motion
-        raise PlanFailure("path_blocked", f"the {self.side} arm touches something in a rounded corner")
+        raise PlanFailure(
+            "path_blocked", f"the {self.side} arm touches something in a rounded corner"
+        )
 
     def _course(self, goal: Floats, free: IsFree) -> Floats:
-        """Waypoints (K,n) from the command to joints `goal` (n,): of some searches the shortest way of the tcp in view."""
+        """Waypoints (K,n) from the command to joints `goal` (n,): of some searches the shortest way
+        of the tcp in view."""
         held = next((c for c in self.scene.carried.values() if c.side == self.side), None)
         best, least, shortest = None, np.inf, np.inf
         for _ in range(DETOURS.searches):
@@ -215,7 +246,10 @@ class ArmPlanner:
             if path is None:
                 break
             way = tool_way(self.chain, path)
-            length, unseen = length_of(way), 0.0 if held is None else unseen_length(way, held, self.scene.sees)
+            length, unseen = (
+                length_of(way),
+                0.0 if held is None else unseen_length(way, held, self.scene.sees),
+            )
             shortest, fits = min(shortest, length), length <= longest(way)
             if fits and length + DETOURS.unseen * unseen < least:
                 best, least = path, length + DETOURS.unseen * unseen
@@ -230,7 +264,8 @@ class ArmPlanner:
     def line_trajectory(
         self, goal: Pose, *, metres_per_second: float = LIMITS.line_speed, speed_scale: float = 1.0
     ) -> ArmTrajectory:
-        """A straight motion of the tcp from the command to the world pose `goal` (7,). Raises PlanFailure("line_unreachable")."""
+        """A straight motion of the tcp from the command to the world pose `goal` (7,). Raises
+        PlanFailure("line_unreachable")."""
         path = self.line(self.q, goal)
         if path is None:
             raise PlanFailure("line_unreachable", f"the {self.side} arm cannot go straight there")

@@ -22,14 +22,16 @@ def everywhere(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 class Obstacle(NamedTuple):
-    """A body that stands still while an arm moves: collision pieces in the body frame, world pose (7,)."""
+    """A body that stands still while an arm moves: collision pieces in the body frame, world pose
+    (7,)."""
 
     pieces: tuple[Collider, ...]
     pose: Pose
 
 
 class Carried(NamedTuple):
-    """A body in the hand of arm `side`: collision pieces in the body frame, pose (7,) of the body in the tcp frame."""
+    """A body in the hand of arm `side`: collision pieces in the body frame, pose (7,) of the body
+    in the tcp frame."""
 
     side: str
     pieces: tuple[Collider, ...]
@@ -40,8 +42,8 @@ class Carried(NamedTuple):
 class ArmState:
     """Commanded joints q (n,) of an arm and its gripper value, 0 closed to 1 open.
 
-    `expected` (n,) are the joints that a motion of the other arm has to avoid: those this arm is about to have when both move, else
-    q.
+    `expected` (n,) are the joints that a motion of the other arm has to avoid: those this arm is
+    about to have when both move, else q.
     """
 
     q: NDArray[np.float64]
@@ -51,7 +53,8 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
-    """Both arms by side, the bodies that stand still and those that are carried, by name. Read-only; poses are snapshots.
+    """Both arms by side, the bodies that stand still and those that are carried, by name.
+    Read-only; poses are snapshots.
 
     `sees` tells which world points (N,3) the head camera has in its image.
     """
@@ -72,14 +75,23 @@ class PlanningScene:
         return left, right
 
     def holding(self, name: str, carried: Carried) -> "PlanningScene":
-        """The scene in which body `name` is carried, and no longer an obstacle or in another hand."""
+        """The scene in which body `name` is carried, and no longer an obstacle or in another
+        hand."""
         others = {n: obstacle for n, obstacle in self.obstacles.items() if n != name}
         return replace(self, obstacles=others, carried={**self.carried, name: carried})
 
     def commanding(self, side: str, q: ArrayLike) -> "PlanningScene":
         """The scene in which arm `side` stands at joints q (n,)."""
-        return replace(self, arms={**self.arms, side: replace(self.arms[side], q=np.array(q, float), expected=np.array(q, float))})
+        return replace(
+            self,
+            arms={
+                **self.arms,
+                side: replace(self.arms[side], q=np.array(q, float), expected=np.array(q, float)),
+            },
+        )
 
     def expecting(self, side: str, q: ArrayLike) -> "PlanningScene":
         """The scene in which arm `side` is expected to have joints q (n,)."""
-        return replace(self, arms={**self.arms, side: replace(self.arms[side], expected=np.array(q, float))})
+        return replace(
+            self, arms={**self.arms, side: replace(self.arms[side], expected=np.array(q, float))}
+        )

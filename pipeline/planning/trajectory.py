@@ -1,8 +1,10 @@
-"""From waypoints to joint rows at the physics rate, at rest at both ends and within velocity, acceleration and jerk limits.
+"""From waypoints to joint rows at the physics rate, at rest at both ends and within velocity,
+acceleration and jerk limits.
 
-Two waypoints are a straight joint move with a trapezoidal speed profile in closed form. More waypoints are a polyline whose
-corners are rounded by parabolas that stay within `deviation` rad of it, so a path that was checked with a margin stays free;
-`timing.py` finds the fastest speed along it. Both let accelerations jump; `smoothed` limits the jerk of what is commanded.
+Two waypoints are a straight joint move with a trapezoidal speed profile in closed form. More
+waypoints are a polyline whose corners are rounded by parabolas that stay within `deviation` rad of
+it, so a path that was checked with a margin stays free; `timing.py` finds the fastest speed along
+it. Both let accelerations jump; `smoothed` limits the jerk of what is commanded.
 """
 
 from dataclasses import dataclass
@@ -36,7 +38,8 @@ class Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class ArmTrajectory:
-    """Rows of one arm at the physics rate: joints (M,n), joint velocities (M,n), gripper values (M,), 0 closed to 1 open."""
+    """Rows of one arm at the physics rate: joints (M,n), joint velocities (M,n), gripper values
+    (M,), 0 closed to 1 open."""
 
     q: Floats
     qd: Floats
@@ -51,7 +54,9 @@ class ArmTrajectory:
         """This one and then its end for a while."""
         rows = round(seconds * PHYSICS_HZ)
         still = np.zeros((rows, self.qd.shape[1]))
-        return self.then(ArmTrajectory(self.q[-1:].repeat(rows, 0), still, self.gripper[-1:].repeat(rows)))
+        return self.then(
+            ArmTrajectory(self.q[-1:].repeat(rows, 0), still, self.gripper[-1:].repeat(rows))
+        )
 
 
 def time_parameterise(
@@ -63,11 +68,13 @@ def time_parameterise(
     minimum_duration: float = 0.0,
     deviation: float = LIMITS.deviations[0],
 ) -> Trajectory:
-    """Timed rows through `waypoints` (K,n) within velocity (n,) rad/s and acceleration (n,) rad/s2, at rest at both ends.
+    """Timed rows through `waypoints` (K,n) within velocity (n,) rad/s and acceleration (n,) rad/s2,
+    at rest at both ends.
 
-    Time is stretched to a whole number of rows and to at least `minimum_duration` s. Without motion the result is one row, or
-    rows that stand still for `minimum_duration`. Corners are rounded by at most `deviation` (rad or m). Raises
-    PlanFailure("time_parameterisation") when no timing is found.
+    Time is stretched to a whole number of rows and to at least `minimum_duration` s. Without motion
+    the result is one row, or rows that stand still for `minimum_duration`. Corners are rounded by
+    at most `deviation` (rad or m). Raises PlanFailure("time_parameterisation") when no timing is
+    found.
     """
     corners = np.atleast_2d(np.asarray(waypoints, float))
     v, a = np.asarray(velocity, float), np.asarray(acceleration, float)
@@ -82,11 +89,13 @@ def time_parameterise(
 
 
 def smoothed(rows: Floats, before: Floats) -> Floats:
-    """Rows (M,A) at the physics rate as the moving average of `rows` (N,A), which begin at rest at `before` (A,) and end at rest.
+    """Rows (M,A) at the physics rate as the moving average of `rows` (N,A), which begin at rest at
+    `before` (A,) and end at rest.
 
-    Velocity and acceleration keep their limits, and the jerk is at most twice the acceleration limit divided by the length of the
-    window, which is LIMITS.jerk. Of the path they leave at most an acceleration times the window squared / 24: 0.6 mrad.
-    M is N, or up to a window more where the rows move until their end.
+    Velocity and acceleration keep their limits, and the jerk is at most twice the acceleration
+    limit divided by the length of the window, which is LIMITS.jerk. Of the path they leave at most
+    an acceleration times the window squared / 24: 0.6 mrad. M is N, or up to a window more where
+    the rows move until their end.
     """
     window = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
     offset = rows - before
@@ -94,7 +103,10 @@ def smoothed(rows: Floats, before: Floats) -> Floats:
     if not len(changes):
         return rows
     settled = int(changes[-1]) + window - 1
-    ahead, behind = np.zeros((window - 1, len(before))), np.repeat(offset[-1:], max(0, settled + 1 - len(rows)), axis=0)
+    ahead, behind = (
+        np.zeros((window - 1, len(before))),
+        np.repeat(offset[-1:], max(0, settled + 1 - len(rows)), axis=0),
+    )
     windows = sliding_window_view(np.concatenate([ahead, offset, behind]), window, axis=0)
     out = before + windows.mean(axis=-1)
     out[settled:] = rows[-1]
@@ -102,11 +114,13 @@ def smoothed(rows: Floats, before: Floats) -> Floats:
 
 
 class RoundedPolyline:
-    """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: q(s), C1, q'' constant between `knots`.
+    """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: q(s), C1, q''
+    constant between `knots`.
 
-    s is the length of the polyline in the joint that moves most. A parabola starts and ends d before and after its corner and
-    misses it by d |u1 - u0| / 4, where u0, u1 = q' on the two segments; d is chosen so that this is at most `deviation` in every
-    joint, and at most half of each segment.
+    s is the length of the polyline in the joint that moves most. A parabola starts and ends d
+    before and after its corner and misses it by d |u1 - u0| / 4, where u0, u1 = q' on the two
+    segments; d is chosen so that this is at most `deviation` in every joint, and at most half of
+    each segment.
     """
 
     def __init__(self, waypoints: Floats, deviation: float) -> None:
@@ -115,7 +129,8 @@ class RoundedPolyline:
         u = segments / lengths[:, None]
         turns = np.maximum(np.abs(np.diff(u, axis=0)).max(axis=1), 1e-9)
         cut = np.minimum(4 * deviation / turns, 0.5 * np.minimum(lengths[:-1], lengths[1:]))
-        # segment k is a line from after its first corner to before its last, then comes the parabola of that last corner
+        # segment k is a line from after its first corner to before its last, then comes the
+        # parabola of that last corner
         trimmed = lengths - np.concatenate([[0.0], cut]) - np.concatenate([cut, [0.0]])
         starts = waypoints[:-1] + np.concatenate([[0.0], cut])[:, None] * u
         bends = waypoints[1:-1] - cut[:, None] * u[:-1]
@@ -142,14 +157,19 @@ class RoundedPolyline:
     def grid(self, spacing: float = LIMITS.grid) -> Floats:
         """All knots and points between them at most `spacing` apart, at least three in a piece.
 
-        Speeds are free at grid points only: where a bend forces a stop at a knot, a piece without a point inside would have to be
-        crossed from standing to standing at no speed.
+        Speeds are free at grid points only: where a bend forces a stop at a knot, a piece without a
+        point inside would have to be crossed from standing to standing at no speed.
         """
-        pieces = [np.linspace(a, b, 5 + int((b - a) / spacing))[1:] for a, b in pairwise(self.knots.tolist())]
+        pieces = [
+            np.linspace(a, b, 5 + int((b - a) / spacing))[1:]
+            for a, b in pairwise(self.knots.tolist())
+        ]
         return np.concatenate([self.knots[:1], *pieces])
 
 
-def _along(path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats], rate: int, minimum: float) -> Trajectory:
+def _along(
+    path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats], rate: int, minimum: float
+) -> Trajectory:
     s, (v, a) = path.grid(), limits
     x = fastest(s, path(s, 1), path(0.5 * (s[:-1] + s[1:]), 2), v, a)
     speeds, accelerations = np.sqrt(x), np.diff(x) / (2 * np.diff(s))
@@ -166,11 +186,15 @@ def _along(path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats]
 
     duration = float(times[-1])
     if not duration < LIMITS.longest:
-        raise PlanFailure("time_parameterisation", f"a path of {len(corners)} waypoints would take {duration:.0f} s")
+        raise PlanFailure(
+            "time_parameterisation",
+            f"a path of {len(corners)} waypoints would take {duration:.0f} s",
+        )
     rows = max(_rows(duration, rate), _rows(minimum, rate))
     while True:
         q, qd = sample(np.linspace(0.0, duration, rows))
-        # Limits hold at grid points only: slow down uniformly by what the samples in between exceed them.
+        # Limits hold at grid points only: slow down uniformly by what the samples in between exceed
+        # them.
         over = _excess(q, v, a, rate)
         if over <= 1.0 + 1e-9:
             return _finished(q, qd * (duration * rate / (rows - 1)), corners, rate)
@@ -178,14 +202,16 @@ def _along(path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats]
 
 
 def _excess(q: Floats, v: Floats, a: Floats, rate: int) -> float:
-    """By what factor rows q (M,n), at rest before and after, are too fast for limits of velocity and acceleration (n,)."""
+    """By what factor rows q (M,n), at rest before and after, are too fast for limits of velocity
+    and acceleration (n,)."""
     speeds = np.diff(q, axis=0) * rate
     changes = np.diff(np.pad(speeds, ((1, 1), (0, 0))), axis=0) * rate
     return max(float((np.abs(speeds) / v).max()), float(np.sqrt((np.abs(changes) / a).max())))
 
 
 def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, rate: int, minimum: float) -> Trajectory:
-    """Closed form: s from 0 to 1 with speed at most w and acceleration b, as the tightest joint allows."""
+    """Closed form: s from 0 to 1 with speed at most w and acceleration b, as the tightest joint
+    allows."""
     span = np.abs(q - p)
     w, b = float((v / np.maximum(span, 1e-12)).min()), float((a / np.maximum(span, 1e-12)).min())
     ramp = min(w / b, np.sqrt(1.0 / b))

@@ -1,4 +1,5 @@
-"""Compile the numba kernels once, into the cache on disk, before several workers would all do it."""
+"""Compile the numba kernels once, into the cache on disk, before several workers would all do
+it."""
 
 from pathlib import Path
 
@@ -19,7 +20,8 @@ def is_compiled() -> bool:
 
 
 def warm_up(embodiment: str) -> None:
-    """Call every kernel the expert uses: about 20 s of compilation the first time, a fraction of a second after that."""
+    """Call every kernel the expert uses: about 20 s of compilation the first time, a fraction of a
+    second after that."""
     planner = planner_for(embodiment)
     arm = planner.arm(planner.embodiment.sides[0], home_scene(planner), np.random.default_rng(0))
     near = arm.home + 0.05
@@ -29,11 +31,18 @@ def warm_up(embodiment: str) -> None:
     arm.checker()(near)
     connect(lambda q: True, arm.home, near, arm.rng, (arm.chain.lower, arm.chain.upper))
     for count in (2, 5):
-        time_parameterise(np.linspace(arm.home, near, count) ** 3, np.ones(arm.chain.dof), np.ones(arm.chain.dof))
-    Sweep([(0, TABLE_COLLISION)], IDENTITY[None, None], [TABLE_COLLISION], 0.0).first_contact(IDENTITY[None])
+        time_parameterise(
+            np.linspace(arm.home, near, count) ** 3, np.ones(arm.chain.dof), np.ones(arm.chain.dof)
+        )
+    Sweep([(0, TABLE_COLLISION)], IDENTITY[None, None], [TABLE_COLLISION], 0.0).first_contact(
+        IDENTITY[None]
+    )
 
 
 def home_scene(planner: Planner) -> PlanningScene:
     """The arms at home with open jaws, and a body far away."""
-    arms = {side: ArmState(planner.home(side), 1.0, planner.home(side)) for side in planner.embodiment.sides}
+    arms = {
+        side: ArmState(planner.home(side), 1.0, planner.home(side))
+        for side in planner.embodiment.sides
+    }
     return PlanningScene(arms, {"post": Obstacle((TABLE_COLLISION,), pose((0.0, 0.0, -9.0)))}, {})

@@ -1,4 +1,5 @@
-"""A short film of an episode: all its cameras side by side, as an H.264 mp4 that any browser plays."""
+"""A short film of an episode: all its cameras side by side, as an H.264 mp4 that any browser
+plays."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -16,7 +17,8 @@ HEIGHT = 180  # pixels of each camera
 
 
 def clip(path: Path, height: int = HEIGHT) -> bytes:
-    """The mp4 of an episode, its cameras `height` pixels high, or as high as the highest of them if none reaches that.
+    """The mp4 of an episode, its cameras `height` pixels high, or as high as the highest of them if
+    none reaches that.
 
     Raises EpisodeError for a file that is no episode or has no camera.
     """
@@ -28,7 +30,8 @@ def clip(path: Path, height: int = HEIGHT) -> bytes:
 
 
 def observed(path: Path, draw: Callable[[Path], Sequence[View]]) -> bytes:
-    """The mp4 of the first view that `draw` makes of an episode file, with the target's path. Raises what `draw` raises."""
+    """The mp4 of the first view that `draw` makes of an episode file, with the target's path.
+    Raises what `draw` raises."""
     with open_episode(path) as e:
         episode, fps = e.read(), e.fps
     return encode_mp4(with_path(draw(path)[0], episode), fps, {"crf": "20"})

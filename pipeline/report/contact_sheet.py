@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.film_strip import MEETING_COLOR, Film, film
 
-SUPER = 4  # text is drawn this many times larger and averaged down: cv2's stroke font is coarse at small sizes
+# text is drawn this many times larger and averaged down: cv2's stroke font is coarse at small sizes
+SUPER = 4
 
 BETWEEN = "  |  "
 
@@ -28,10 +29,13 @@ class Style:
     caption: int = 30
 
 
-def contact_sheet(episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240) -> NDArray[np.uint8]:
+def contact_sheet(
+    episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240
+) -> NDArray[np.uint8]:
     """An image (H,W,3) uint8 RGB with one labelled row an episode, in the order given.
 
-    Raises ValueError for no episodes or fewer than two columns, EpisodeError for a file that is no episode.
+    Raises ValueError for no episodes or fewer than two columns, EpisodeError for a file that is no
+    episode.
     """
     if not episode_paths:
         raise ValueError("a contact sheet needs at least one episode")
@@ -43,8 +47,11 @@ def contact_sheet(episode_paths: Sequence[Path], columns: int = 6, frame_width: 
     return np.concatenate([blank, *rows, blank])
 
 
-def save_contact_sheet(path: Path, episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240) -> Path:
-    """Write `contact_sheet` to a .png or .jpg file and return its path. Raises ValueError for another suffix."""
+def save_contact_sheet(
+    path: Path, episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240
+) -> Path:
+    """Write `contact_sheet` to a .png or .jpg file and return its path. Raises ValueError for
+    another suffix."""
     if path.suffix not in (".png", ".jpg", ".jpeg"):
         raise ValueError(f"{path}: a contact sheet is a .png or a .jpg")
     sheet = contact_sheet(episode_paths, columns, frame_width)
@@ -55,7 +62,11 @@ def save_contact_sheet(path: Path, episode_paths: Sequence[Path], columns: int =
 
 def encode(rgb: NDArray[np.uint8], suffix: str = ".jpg", quality: int = 88) -> bytes:
     """Picture (H,W,3) uint8 RGB -> JPEG or PNG bytes."""
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix != ".png" else [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    options = (
+        [cv2.IMWRITE_JPEG_QUALITY, quality]
+        if suffix != ".png"
+        else [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    )
     return cv2.imencode(suffix, cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), options)[1].tobytes()
 
 
@@ -81,9 +92,18 @@ def _row(f: Film, width: int, style: Style) -> NDArray[np.uint8]:
     for i, shot in enumerate(f.shots):
         left, top = style.margin + i * (frame_width + style.gap), style.caption
         row[top : top + height, left : left + frame_width] = shot.rgb
-        _stamp(row[top : top + height, left : left + frame_width], f"{shot.time:.2f} s", shot.meeting)
+        _stamp(
+            row[top : top + height, left : left + frame_width], f"{shot.time:.2f} s", shot.meeting
+        )
         if shot.meeting:
-            cv2.rectangle(row, (left - 1, top - 1), (left + frame_width, top + height), MEETING_COLOR, 2, cv2.LINE_AA)
+            cv2.rectangle(
+                row,
+                (left - 1, top - 1),
+                (left + frame_width, top + height),
+                MEETING_COLOR,
+                2,
+                cv2.LINE_AA,
+            )
     return row
 
 
@@ -97,16 +117,37 @@ def _stamp(image: NDArray[np.uint8], text: str, meeting: bool) -> None:
 
 def _wide(text: str, size: float) -> float:
     """Pixels that a text of a size takes."""
-    return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, max(1, round(2.6 * size * SUPER)))[0][0] / SUPER
+    return (
+        cv2.getTextSize(
+            text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, max(1, round(2.6 * size * SUPER))
+        )[0][0]
+        / SUPER
+    )
 
 
-def _text(image: NDArray[np.uint8], text: str, origin: tuple[int, int], size: float, color: tuple[int, ...]) -> int:
-    """Draw text with its baseline at `origin` (column, row), in place; returns the column where it ends."""
+def _text(
+    image: NDArray[np.uint8],
+    text: str,
+    origin: tuple[int, int],
+    size: float,
+    color: tuple[int, ...],
+) -> int:
+    """Draw text with its baseline at `origin` (column, row), in place; returns the column where it
+    ends."""
     height, width = image.shape[:2]
     mask = np.zeros((height * SUPER, width * SUPER), np.uint8)
     thick = max(1, round(2.6 * size * SUPER))
     (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, thick)
-    cv2.putText(mask, text, (origin[0] * SUPER, origin[1] * SUPER), cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, 255, thick, cv2.LINE_AA)
+    cv2.putText(
+        mask,
+        text,
+        (origin[0] * SUPER, origin[1] * SUPER),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        size * SUPER,
+        255,
+        thick,
+        cv2.LINE_AA,
+    )
     cover = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)[..., None] / 255.0
     image[:] = np.rint(image * (1 - cover) + np.array(color) * cover).astype(np.uint8)
     return origin[0] + wide // SUPER + 1

@@ -1,4 +1,5 @@
-"""A few frames of an episode, spread in time, with the target's path drawn in: what a person looks at first."""
+"""A few frames of an episode, spread in time, with the target's path drawn in: what a person looks
+at first."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -20,7 +21,8 @@ _SUBPIXEL = 4  # bits: cv2 draws at 1/16 pixel
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame (H,W,3) uint8 RGB with the path drawn in, its time in s, and whether it is the frame of the meeting."""
+    """One frame (H,W,3) uint8 RGB with the path drawn in, its time in s, and whether it is the
+    frame of the meeting."""
 
     rgb: NDArray[np.uint8]
     time: float
@@ -36,10 +38,11 @@ class Film:
 
 
 def film(path: Path, columns: int = 6, width: int = 320, camera: str | None = None) -> Film:
-    """Up to `columns` frames of an episode file, as `pick_frames` chooses them, scaled to `width` pixels.
+    """Up to `columns` frames of an episode file, as `pick_frames` chooses them, scaled to `width`
+    pixels.
 
-    `camera` is by default the head camera, or the first one if the file has no head camera. Raises EpisodeError for a file that is
-    no episode or has no such camera."""
+    `camera` is by default the head camera, or the first one if the file has no head camera. Raises
+    EpisodeError for a file that is no episode or has no such camera."""
     with open_episode(path) as e:
         episode = e.read()
         if camera is None:
@@ -51,17 +54,20 @@ def film(path: Path, columns: int = 6, width: int = 320, camera: str | None = No
             rgb = e.rgb(camera, i)
             scale = width / rgb.shape[1]
             kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-            scaled = np.asarray(cv2.resize(rgb, (width, round(rgb.shape[0] * scale)), interpolation=kind), np.uint8)
+            scaled = np.asarray(
+                cv2.resize(rgb, (width, round(rgb.shape[0] * scale)), interpolation=kind), np.uint8
+            )
             draw_path(scaled, pixels * scale, in_front, i, meeting)
             shots.append(Shot(scaled, float(episode.log.times[i]), i == meeting))
     return Film(episode.spec, tuple(shots))
 
 
 def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
-    """Indices of at most `columns` of `count` frames, from first to last: half of them up to the meeting, the rest after it.
+    """Indices of at most `columns` of `count` frames, from first to last: half of them up to the
+    meeting, the rest after it.
 
-    Both halves are spread evenly, so that the approach is visible however long the episode is. Raises ValueError for fewer than two
-    columns.
+    Both halves are spread evenly, so that the approach is visible however long the episode is.
+    Raises ValueError for fewer than two columns.
     """
     if columns < 2:
         raise ValueError(f"a film needs two columns or more, not {columns}")
@@ -70,7 +76,9 @@ def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
         picks = np.linspace(0, last, columns)
     else:
         before = (columns + 1) // 2
-        picks = np.concatenate([np.linspace(0, meeting, before), np.linspace(meeting, last, columns - before + 1)[1:]])
+        picks = np.concatenate(
+            [np.linspace(0, meeting, before), np.linspace(meeting, last, columns - before + 1)[1:]]
+        )
     return sorted({int(i) for i in picks.round()})
 
 
@@ -80,18 +88,23 @@ def meeting_frame(episode: Episode) -> int | None:
     return None if time is None else int(np.abs(episode.log.times - time).argmin())
 
 
-def target_path(e: EpisodeFile, episode: Episode, camera: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def target_path(
+    e: EpisodeFile, episode: Episode, camera: str
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """`path_pixels` of the target's origin, as a stored camera saw it."""
     focal = e.array(f"observation/{camera}/intrinsic_cv")[0]
     height, width = e.rgb(camera, 0).shape[:2]
     kind = CameraType(width, height, float(np.degrees(2 * np.arctan(height / 2 / focal[1, 1]))))
-    return path_pixels(kind, e.array(f"observation/{camera}/pose"), episode.log.pose(episode.meta.target))
+    return path_pixels(
+        kind, e.array(f"observation/{camera}/pose"), episode.log.pose(episode.meta.target)
+    )
 
 
 def path_pixels(
     kind: CameraType, cameras: NDArray[np.floating], poses: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Pixels (T,2) of a body's origin as a camera saw it at each frame, and which (T,) of them lie in front of it.
+    """Pixels (T,2) of a body's origin as a camera saw it at each frame, and which (T,) of them lie
+    in front of it.
 
     `cameras` and `poses` are the world poses (T,7) of camera and body."""
     seen = [project(kind, world, point) for world, point in zip(cameras, poses[:, :3], strict=True)]
@@ -100,7 +113,9 @@ def path_pixels(
 
 def with_path(view: View, episode: Episode) -> NDArray[np.uint8]:
     """The images (T,H,W,3) of a view of an episode, a copy, with the target's path drawn in."""
-    pixels, in_front = path_pixels(view.camera.type, view.poses, episode.log.pose(episode.meta.target))
+    pixels, in_front = path_pixels(
+        view.camera.type, view.poses, episode.log.pose(episode.meta.target)
+    )
     images, meeting = view.rgb.copy(), meeting_frame(episode)
     for i, image in enumerate(images):
         draw_path(image, pixels, in_front, i, meeting)
@@ -108,11 +123,17 @@ def with_path(view: View, episode: Episode) -> NDArray[np.uint8]:
 
 
 def draw_path(
-    rgb: NDArray[np.uint8], pixels: NDArray[np.float64], in_front: NDArray[np.bool_], now: int, meeting: int | None
+    rgb: NDArray[np.uint8],
+    pixels: NDArray[np.float64],
+    in_front: NDArray[np.bool_],
+    now: int,
+    meeting: int | None,
 ) -> None:
-    """Draw the path on an image, in place, with a ring at the meeting point and a dot at the target's present position.
+    """Draw the path on an image, in place, with a ring at the meeting point and a dot at the
+    target's present position.
 
-    The path is coloured by time up to `now` (violet early, yellow late), then a thin line to the meeting."""
+    The path is coloured by time up to `now` (violet early, yellow late), then a thin line to the
+    meeting."""
     unit = max(rgb.shape[1] / 320, 0.5)
     last = len(pixels) - 1
     ramp = _plasma()[np.linspace(40, 255, last + 1).astype(np.uint8)]
@@ -132,7 +153,9 @@ def draw_path(
 @cache
 def _plasma() -> NDArray[np.uint8]:
     """RGB (256,3) of the color map, kept because OpenCV takes milliseconds to make it."""
-    return np.asarray(cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA), np.uint8)[:, 0, ::-1]
+    return np.asarray(
+        cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA), np.uint8
+    )[:, 0, ::-1]
 
 
 def _fixed(point: NDArray[np.float64]) -> tuple[int, int]:
@@ -145,11 +168,29 @@ def _color(color: NDArray[np.uint8] | tuple[int, ...]) -> tuple[int, int, int]:
 
 
 def _line(
-    rgb: NDArray[np.uint8], a: NDArray[np.float64], b: NDArray[np.float64], color: NDArray[np.uint8] | tuple[int, ...], thick: float
+    rgb: NDArray[np.uint8],
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    color: NDArray[np.uint8] | tuple[int, ...],
+    thick: float,
 ):
     cv2.line(rgb, _fixed(a), _fixed(b), _color(color), max(1, round(thick)), cv2.LINE_AA, _SUBPIXEL)
 
 
-def _ring(rgb: NDArray[np.uint8], centre: NDArray[np.float64], radius: float, color: tuple[int, ...], thick: float):
+def _ring(
+    rgb: NDArray[np.uint8],
+    centre: NDArray[np.float64],
+    radius: float,
+    color: tuple[int, ...],
+    thick: float,
+):
     width = -1 if thick < 0 else max(1, round(thick))
-    cv2.circle(rgb, _fixed(centre), round(radius * 2**_SUBPIXEL), _color(color), width, cv2.LINE_AA, _SUBPIXEL)
+    cv2.circle(
+        rgb,
+        _fixed(centre),
+        round(radius * 2**_SUBPIXEL),
+        _color(color),
+        width,
+        cv2.LINE_AA,
+        _SUBPIXEL,
+    )

@@ -1,4 +1,5 @@
-"""What the report's page shows, as data, and the page itself: the words and the order stand in templates/report.html."""
+"""What the report's page shows, as data, and the page itself: the words and the order stand in
+templates/report.html."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +56,8 @@ class Column:
 
 @dataclass(frozen=True)
 class Histogram:
-    """Where the parts of a speed histogram lie, in SVG units: the axis at height `base`, the line of alpha at `alpha_x`.
+    """Where the parts of a speed histogram lie, in SVG units: the axis at height `base`, the line
+    of alpha at `alpha_x`.
 
     `top` is the speed at the right end in m/s, `alpha` the dynamics coefficient in m/s.
     """
@@ -73,7 +75,8 @@ class Histogram:
 
 @dataclass(frozen=True)
 class SpeedPlot:
-    """Speeds of the targets of one level in m/s: the mean of the episodes' averages, the largest maximum, and their histogram."""
+    """Speeds of the targets of one level in m/s: the mean of the episodes' averages, the largest
+    maximum, and their histogram."""
 
     level: int
     episodes: int
@@ -84,7 +87,8 @@ class SpeedPlot:
 
 @dataclass(frozen=True)
 class Moves:
-    """The motion law of a group's targets, as drawn and as accepted; None if there is no such motion."""
+    """The motion law of a group's targets, as drawn and as accepted; None if there is no such
+    motion."""
 
     title: str
     drawn: Law | None
@@ -93,9 +97,11 @@ class Moves:
 
 @dataclass(frozen=True)
 class CellCard:
-    """The card of one cell: outcomes, motions of its targets, frames of some episodes, and the film (mp4) of the first, or b"".
+    """The card of one cell: outcomes, motions of its targets, frames of some episodes, and the film
+    (mp4) of the first, or b"".
 
-    Episodes without frames have a reason instead; `failed` are the last frames of failed attempts."""
+    Episodes without frames have a reason instead; `failed` are the last frames of failed
+    attempts."""
 
     subtitle: str
     outcomes: Sequence[Bar]
@@ -116,7 +122,8 @@ class TaskSection:
 
 @dataclass(frozen=True)
 class TaskLink:
-    """The page of a task: where it is, and how many cells, attempts and accepted episodes it has."""
+    """The page of a task: where it is, and how many cells, attempts and accepted episodes it
+    has."""
 
     title: str
     page: str
@@ -127,8 +134,8 @@ class TaskLink:
 
 @dataclass(frozen=True)
 class Report:
-    """The whole page; `extras` stand before the tasks, `links` in place of tasks that have pages of their own. `key` names what the
-    page was made of."""
+    """The whole page; `extras` stand before the tasks, `links` in place of tasks that have pages of
+    their own. `key` names what the page was made of."""
 
     name: str
     scope: str
@@ -147,8 +154,11 @@ def report_page(report: Report) -> str:
     return render_page("pipeline.report", "report.html", report=report)
 
 
-def speed_histogram(average: Sequence[float], maximum: Sequence[float], alpha: float, bins: int = 24) -> Histogram:
-    """The histogram of average and maximum speeds in m/s over [0, 1.08 times the largest of them and alpha]."""
+def speed_histogram(
+    average: Sequence[float], maximum: Sequence[float], alpha: float, bins: int = 24
+) -> Histogram:
+    """The histogram of average and maximum speeds in m/s over [0, 1.08 times the largest of them
+    and alpha]."""
     width, height, left, base, tall = 360, 170, 8, 140, 112
     top = max([alpha, *average, *maximum, 1e-3]) * 1.08
     edges = np.linspace(0, top, bins + 1)
@@ -163,4 +173,6 @@ def speed_histogram(average: Sequence[float], maximum: Sequence[float], alpha: f
         ]
         for c in counts
     ]
-    return Histogram(width, height, left, base, top, alpha, left + (width - 2 * left) * alpha / top, *columns)
+    return Histogram(
+        width, height, left, base, top, alpha, left + (width - 2 * left) * alpha / top, *columns
+    )

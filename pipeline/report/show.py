@@ -1,4 +1,5 @@
-"""One episode to look at: its film, its frames, its sentences and what happened when, as one HTML file."""
+"""One episode to look at: its film, its frames, its sentences and what happened when, as one HTML
+file."""
 
 from pathlib import Path
 
@@ -15,7 +16,8 @@ SENTENCES = 5  # of each split
 
 
 def show(episode: Path, page: Path) -> Path:
-    """Write the page of an episode file and return its path. Raises EpisodeError for a file that is no episode."""
+    """Write the page of an episode file and return its path. Raises EpisodeError for a file that is
+    no episode."""
     with open_episode(episode) as e:
         whole = e.read()
         meta, log = whole.meta, whole.log
@@ -28,13 +30,26 @@ def show(episode: Path, page: Path) -> Path:
             "target": f"{meta.target} ({meta.objects[meta.target].description})",
             "handled": f"{meta.manipulated} ({meta.objects[meta.manipulated].description})",
             "arms": ", ".join(f"{role} {side}" for role, side in meta.arms.items()),
-            "acts": f"{meta.corrects}, then the reactive expert" if meta.corrects else f"the {meta.expert} expert",
+            "acts": (
+                f"{meta.corrects}, then the reactive expert"
+                if meta.corrects
+                else f"the {meta.expert} expert"
+            ),
             "meeting planned": f"{meta.meeting_time:.2f} s",
-            "target's speed": f"{meta.average_speed:.3f} m/s on average, {meta.maximum_speed:.3f} at most",
+            "target's speed": (
+                f"{meta.average_speed:.3f} m/s on average, {meta.maximum_speed:.3f} at most"
+            ),
             "physics": meta.physics_id,
         }
         shots = film(episode, COLUMNS, WIDTH).shots
-    figures = [Figure(encode(s.rgb, quality=85), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
+    figures = [
+        Figure(
+            encode(s.rgb, quality=85),
+            f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s",
+            s.meeting,
+        )
+        for s in shots
+    ]
     shown = {
         "title": title(whole.spec),
         "subtitle": subtitle(whole.spec).replace("  |  ", " · "),
@@ -45,5 +60,7 @@ def show(episode: Path, page: Path) -> Path:
         "events": [(event.time, event.name, event.by) for event in log.events],
         "sentences": sentences,
     }
-    write_atomic(page, render_page("pipeline.report", "show.html", shown=shown).encode(errors="replace"))
+    write_atomic(
+        page, render_page("pipeline.report", "show.html", shown=shown).encode(errors="replace")
+    )
     return page

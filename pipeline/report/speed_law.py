@@ -1,7 +1,8 @@
 """Drawn against accepted: whether the motions that were kept move as those that the law drew.
 
-What was drawn is the motion of the first attempt at a slot that had one; what was accepted is the motion of its episode. They
-differ where an attempt with a fast target failed and a later one drew another motion.
+What was drawn is the motion of the first attempt at a slot that had one; what was accepted is the
+motion of its episode. They differ where an attempt with a fast target failed and a later one drew
+another motion.
 """
 
 from collections import defaultdict
@@ -19,10 +20,11 @@ type Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Law:
-    """Means over a number of motions: average and end speed (m/s), displacement (m), and shares by displacement and speed.
+    """Means over a number of motions: average and end speed (m/s), displacement (m), and shares by
+    displacement and speed.
 
-    `short` is the share that moved less than 5 cm, `slow` the share with an average speed of at most 0.01 m/s, `fast` the share
-    with one of at least 0.8 alpha."""
+    `short` is the share that moved less than 5 cm, `slow` the share with an average speed of at
+    most 0.01 m/s, `fast` the share with one of at least 0.8 alpha."""
 
     count: int
     average_speed: float
@@ -38,17 +40,26 @@ def law(rows: Sequence[Row]) -> Law | None:
     if not rows:
         return None
     speed, end, moved, alpha = (
-        np.array([float(r[k]) for r in rows]) for k in ("average_speed", "end_speed", "displacement", "alpha")
+        np.array([float(r[k]) for r in rows])
+        for k in ("average_speed", "end_speed", "displacement", "alpha")
     )
-    shares = [float(np.mean(x)) for x in (moved < SHORT, speed <= 0.01 + 1e-9, speed >= 0.8 * alpha - 1e-9)]
+    shares = [
+        float(np.mean(x))
+        for x in (moved < SHORT, speed <= 0.01 + 1e-9, speed >= 0.8 * alpha - 1e-9)
+    ]
     return Law(len(rows), float(speed.mean()), float(end.mean()), float(moved.mean()), *shares)
 
 
 def drawn_and_accepted(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
-    """Of attempts in any order: the first with a motion of every slot, and those accepted; still targets are left out."""
+    """Of attempts in any order: the first with a motion of every slot, and those accepted; still
+    targets are left out."""
     slots: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         if row.get("average_speed"):
-            slots[tuple(row[k] for k in ("task", "embodiment", "level", "alpha", "domain", "slot"))].append(row)
+            slots[
+                tuple(row[k] for k in ("task", "embodiment", "level", "alpha", "domain", "slot"))
+            ].append(row)
     tried = [sorted(of_slot, key=lambda r: r["attempt"]) for of_slot in slots.values()]
-    return [one[0] for one in tried], [r for one in tried for r in one if r["outcome"] == "accepted"]
+    return [one[0] for one in tried], [
+        r for one in tried for r in one if r["outcome"] == "accepted"
+    ]

@@ -1,6 +1,8 @@
-"""The report of a dataset: OUT/report/index.html, a file that opens anywhere without a network; of many cells, a page a task.
+"""The report of a dataset: OUT/report/index.html, a file that opens anywhere without a network; of
+many cells, a page a task.
 
-Summary tiles, speeds seen against alpha, and for every cell its outcomes and a few frames with the target's path drawn in.
+Summary tiles, speeds seen against alpha, and for every cell its outcomes and a few frames with the
+target's path drawn in.
 """
 
 from collections import Counter, defaultdict
@@ -47,13 +49,15 @@ type Attempts = Mapping[Cell, Sequence[Row]]
 
 
 def failed_folder(dataset: Path, cell: str) -> Path:
-    """Where pictures of the failed attempts of a cell are kept, files STAGE-REASON-SLOT-ATTEMPT.jpg."""
+    """Where pictures of the failed attempts of a cell are kept, files
+    STAGE-REASON-SLOT-ATTEMPT.jpg."""
     return dataset / "report" / "failed" / cell
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One episode: its length in s, and the average and maximum speed of its target's motion in m/s."""
+    """One episode: its length in s, and the average and maximum speed of its target's motion in
+    m/s."""
 
     path: Path
     spec: EpisodeSpec
@@ -63,14 +67,17 @@ class Observation:
 
 
 def observe(path: Path) -> Observation:
-    """Measure an episode file: speeds before the target was released. Raises EpisodeError if it cannot be read."""
+    """Measure an episode file: speeds before the target was released. Raises EpisodeError if it
+    cannot be read."""
     with open_episode(path) as e:
         episode = e.read()
         log = episode.log
         release = log.time_of("release")
         before = log.times <= (log.times[-1] if release is None else release)
         speed = np.linalg.norm(log.target_velocity[before], axis=1)
-        return Observation(path, episode.spec, len(e) / e.fps, float(speed.mean()), float(speed.max()))
+        return Observation(
+            path, episode.spec, len(e) / e.fps, float(speed.mean()), float(speed.max())
+        )
 
 
 def cell_of(row: Mapping[str, Any]) -> Cell:
@@ -80,9 +87,11 @@ def cell_of(row: Mapping[str, Any]) -> Cell:
 
 @dataclass(frozen=True)
 class Material:
-    """What a report is made of: its episodes, and the attempts (columns of data.records.ATTEMPTS) of every cell that has some.
+    """What a report is made of: its episodes, and the attempts (columns of data.records.ATTEMPTS)
+    of every cell that has some.
 
-    `keys` names, by task, what its page is made of: a page of the same key is not drawn again. Tasks without a key always are.
+    `keys` names, by task, what its page is made of: a page of the same key is not drawn again.
+    Tasks without a key always are.
     """
 
     seen: Sequence[Observation]
@@ -91,10 +100,11 @@ class Material:
 
 
 def write_report(dataset: Path, material: Material, extras: Sequence[Section] = ()) -> Path:
-    """Write the report of a dataset and return its path; `extras` are more parts, shown before the cells.
+    """Write the report of a dataset and return its path; `extras` are more parts, shown before the
+    cells.
 
-    From MANY_CELLS cells on, index.html only sums up, and every task has a page of its own, tasks/TASK.html, so that no page grows
-    with the dataset.
+    From MANY_CELLS cells on, index.html only sums up, and every task has a page of its own,
+    tasks/TASK.html, so that no page grows with the dataset.
     """
     by_cell: dict[Cell, list[Observation]] = defaultdict(list)
     for o in material.seen:
@@ -113,12 +123,23 @@ def write_report(dataset: Path, material: Material, extras: Sequence[Section] = 
             sections.append(TaskSection(title, _cards(dataset, own, by_cell, tried, 2)))
             continue
         page = folder / f"{task}.html"
-        counts = sum((Counter(row["outcome"] for row in tried.get(cell, ())) for cell in own), Counter[str]())
-        links.append(TaskLink(title, f"tasks/{page.name}", len(own), counts.total(), counts["accepted"]))
+        counts = sum(
+            (Counter(row["outcome"] for row in tried.get(cell, ())) for cell in own), Counter[str]()
+        )
+        links.append(
+            TaskLink(title, f"tasks/{page.name}", len(own), counts.total(), counts["accepted"])
+        )
         key = material.keys.get(task, "")
         if not key or not _is_of(page, key):
             report = _summarise(f"{dataset.resolve().name}: {title}", own, by_cell, tried)
-            _write(page, replace(report, tasks=[TaskSection(title, _cards(dataset, own, by_cell, tried, 1))], key=key))
+            _write(
+                page,
+                replace(
+                    report,
+                    tasks=[TaskSection(title, _cards(dataset, own, by_cell, tried, 1))],
+                    key=key,
+                ),
+            )
     page = dataset / "report" / "index.html"
     report = _summarise(dataset.resolve().name, cells, by_cell, tried)
     _write(page, replace(report, extras=extras, tasks=sections, links=links))
@@ -126,7 +147,8 @@ def write_report(dataset: Path, material: Material, extras: Sequence[Section] = 
 
 
 def _write(page: Path, report: Report) -> None:
-    write_atomic(page, report_page(report).encode(errors="replace"))  # a file name may hold bytes that are no UTF-8
+    # a file name may hold bytes that are no UTF-8
+    write_atomic(page, report_page(report).encode(errors="replace"))
 
 
 def _is_of(page: Path, key: str) -> bool:
@@ -146,7 +168,11 @@ def _remove_others(folder: Path, tasks: Sequence[str]) -> None:
 
 
 def _cards(
-    dataset: Path, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts, films: int
+    dataset: Path,
+    cells: Sequence[Cell],
+    by_cell: Mapping[Cell, list[Observation]],
+    tried: Attempts,
+    films: int,
 ) -> list[CellCard]:
     found = []
     for cell in cells:
@@ -155,8 +181,11 @@ def _cards(
     return found
 
 
-def _summarise(name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts) -> Report:
-    """The report of some cells without their cards. Attempts are read cell by cell: there may be too many to hold at once."""
+def _summarise(
+    name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts
+) -> Report:
+    """The report of some cells without their cards. Attempts are read cell by cell: there may be
+    too many to hold at once."""
     seen = [o for cell in cells for o in by_cell.get(cell, ())]
     total = Totals()
     for cell in cells:
@@ -175,15 +204,17 @@ def _summarise(name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Obs
 
 @dataclass
 class Totals:
-    """Sums over attempts: how many, accepted, failed by reason, physics steps, seconds; of the motions, by level and alpha, what
-    speed_law.py needs, as drawn and as accepted."""
+    """Sums over attempts: how many, accepted, failed by reason, physics steps, seconds; of the
+    motions, by level and alpha, what speed_law.py needs, as drawn and as accepted."""
 
     count: int = 0
     won: int = 0
     steps: int = 0
     seconds: float = 0.0
     lost: Counter[str] = field(default_factory=Counter)
-    moves: dict[tuple[int, float], tuple[list[Row], list[Row]]] = field(default_factory=lambda: defaultdict(lambda: ([], [])))
+    moves: dict[tuple[int, float], tuple[list[Row], list[Row]]] = field(
+        default_factory=lambda: defaultdict(lambda: ([], []))
+    )
 
     def add(self, rows: Sequence[Row]) -> None:
         """Count the attempts of one cell."""
@@ -191,7 +222,11 @@ class Totals:
         self.won += sum(r["outcome"] == "accepted" for r in rows)
         self.steps += sum(int(r["sim_steps"] or 0) for r in rows)
         self.seconds += sum(float(r["seconds"] or 0.0) for r in rows)
-        self.lost.update(f"{r['stage']}: {r['reason']}".replace("_", " ") for r in rows if r["outcome"] != "accepted")
+        self.lost.update(
+            f"{r['stage']}: {r['reason']}".replace("_", " ")
+            for r in rows
+            if r["outcome"] != "accepted"
+        )
         if rows:
             into = self.moves[int(rows[0]["level"]), float(rows[0]["alpha"])]
             for members, motions in zip(into, drawn_and_accepted(rows), strict=True):
@@ -224,7 +259,10 @@ def _summary(seen: Sequence[Observation], total: Totals) -> dict[str, str]:
 def _bars(won: int, lost: Counter[str]) -> list[Bar]:
     if not won and not lost:
         return []
-    return [Bar("accepted", won, True), *(Bar(label, n, False) for label, n in sorted(lost.items(), key=lambda x: (-x[1], x[0])))]
+    return [
+        Bar("accepted", won, True),
+        *(Bar(label, n, False) for label, n in sorted(lost.items(), key=lambda x: (-x[1], x[0]))),
+    ]
 
 
 def _speeds(seen: Sequence[Observation]) -> list[SpeedPlot]:
@@ -236,7 +274,9 @@ def _speeds(seen: Sequence[Observation]) -> list[SpeedPlot]:
     for (level, alpha), members in sorted(groups.items()):
         average, maximum = [o.average_speed for o in members], [o.maximum_speed for o in members]
         histogram = speed_histogram(average, maximum, alpha)
-        plots.append(SpeedPlot(level, len(members), float(np.mean(average)), max(maximum), histogram))
+        plots.append(
+            SpeedPlot(level, len(members), float(np.mean(average)), max(maximum), histogram)
+        )
     return plots
 
 
@@ -254,7 +294,11 @@ def _failure_strips(dataset: Path, cell: Cell, most: int) -> list[Strip]:
     for path in sorted(failed_folder(dataset, RecipeCell(*cell).path).glob("*-*-*-*.jpg"))[:most]:
         stage, reason, slot, attempt = path.stem.split("-")
         words = f"{stage}: {reason}".replace("_", " ")
-        strips.append(Strip([Figure(path.read_bytes(), f"failed: {words} (slot {slot}, attempt {attempt})")], 1))
+        strips.append(
+            Strip(
+                [Figure(path.read_bytes(), f"failed: {words} (slot {slot}, attempt {attempt})")], 1
+            )
+        )
     return strips
 
 
@@ -264,14 +308,31 @@ def _cell_card(cell: Cell, rows: Sequence[Row], shown: Sequence[Observation]) ->
     for o in shown:
         try:
             shots = film(o.path, COLUMNS, FILM_WIDTH).shots
-        except (EpisodeError, KeyError, OSError, ValueError) as error:  # without a head camera, or damaged, it still counts
+        # without a head camera, or damaged, it still counts
+        except (EpisodeError, KeyError, OSError, ValueError) as error:
             unseen.append(str(error))
             continue
-        figures = [Figure(encode(s.rgb, quality=80), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
+        figures = [
+            Figure(
+                encode(s.rgb, quality=80),
+                f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s",
+                s.meeting,
+            )
+            for s in shots
+        ]
         strips.append(Strip(figures, COLUMNS))
-    words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace("  |  ", " · ")
+    words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace(
+        "  |  ", " · "
+    )
     moving = clip(shown[0].path) if strips else b""
     total = Totals()
     total.add(rows)
     drawn, accepted = drawn_and_accepted(rows)
-    return CellCard(words, _bars(total.won, total.lost), Moves(words, law(drawn), law(accepted)), strips, unseen, moving)
+    return CellCard(
+        words,
+        _bars(total.won, total.lost),
+        Moves(words, law(drawn), law(accepted)),
+        strips,
+        unseen,
+        moving,
+    )

@@ -1,4 +1,5 @@
-"""`domino-data annotate`: which stages, which episodes, on which workers; and the report of what was done."""
+"""`domino-data annotate`: which stages, which episodes, on which workers; and the report of what
+was done."""
 
 import time
 from collections import Counter, deque
@@ -11,7 +12,13 @@ from typing import NotRequired, TypedDict
 from tqdm import tqdm
 
 from pipeline.annotate.options import AnnotateOptions
-from pipeline.annotate.selection import STAGES, Absent, build_for_dry_run, build_stages, select_episodes
+from pipeline.annotate.selection import (
+    STAGES,
+    Absent,
+    build_for_dry_run,
+    build_stages,
+    select_episodes,
+)
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import Outcome, StageWorker
@@ -23,14 +30,16 @@ from pipeline.data.store.lock import exclusive
 
 LEASE = 8  # most episodes handed to a worker at once: enough for its prefetch thread to run ahead
 EPISODE_SECONDS = 1200.0
-"""What a worker may take until the next annotation is written, loading its models included, before it counts as hung."""
+"""What a worker may take until the next annotation is written, loading its models included, before
+it counts as hung."""
 
 type Lease = tuple[str, ...]  # a job: episodes, relative to the dataset's
 
 
 @dataclass(frozen=True)
 class Execution:
-    """How to annotate: the workers, their device, whether to only report what would be done, whether to show a bar."""
+    """How to annotate: the workers, their device, whether to only report what would be done,
+    whether to show a bar."""
 
     crew: Crew = field(default_factory=Crew)
     device: str = "auto"
@@ -39,9 +48,11 @@ class Execution:
 
 
 class StageReport(TypedDict):
-    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale or corrupt file.
+    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale
+    or corrupt file.
 
-    `plan` of a dry run has the episode, action, state and reason of each episode that would be annotated.
+    `plan` of a dry run has the episode, action, state and reason of each episode that would be
+    annotated.
     """
 
     name: str
@@ -79,18 +90,29 @@ def annotate(
 ) -> AnnotateReport:
     """Bring `stages` of a dataset directory up to date and report what was done.
 
-    `where` selects episodes (see data/select.py); `render` draws episodes again for simulator truth if they store none.
-    A dry run writes and downloads nothing and needs no weights; its report lists what would run and why.
+    `where` selects episodes (see data/select.py); `render` draws episodes again for simulator truth
+    if they store none. A dry run writes and downloads nothing and needs no weights; its report
+    lists what would run and why.
 
-    Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad `where`, a model without weights),
-    Busy if another command annotates the dataset, and CrewError if workers cannot be started or keep dying.
+    Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad
+    `where`, a model without weights), Busy if another command annotates the dataset, and CrewError
+    if workers cannot be started or keep dying.
     """
-    options, execution, dataset = options or AnnotateOptions(), execution or Execution(), Path(dataset)
+    options, execution, dataset = (
+        options or AnnotateOptions(),
+        execution or Execution(),
+        Path(dataset),
+    )
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)
     build = build_for_dry_run if dry_run else build_stages
     built = build(options, stages, render, execution.device)
-    report: AnnotateReport = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
+    report: AnnotateReport = {
+        "dataset": str(dataset),
+        "episodes": len(chosen),
+        "dry_run": dry_run,
+        "stages": [],
+    }
     folder, writes = dataset / "annotations", bool(chosen) and not dry_run
     if writes:
         folder.mkdir(exist_ok=True)
@@ -104,20 +126,43 @@ def annotate(
                 continue
             directory = directory_of(stage)
             if writes:
-                write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
+                write_stage(
+                    dataset,
+                    directory,
+                    {
+                        "stage": stage.name,
+                        "version": stage.version,
+                        "parameters": stage.parameters(),
+                    },
+                )
                 sweep(folder / directory)
             with closing(outcomes(stage, dataset, chosen, execution)) as found:
-                bar = tqdm(found, total=len(chosen), desc=directory, unit="episode", disable=not execution.progress)
+                bar = tqdm(
+                    found,
+                    total=len(chosen),
+                    desc=directory,
+                    unit="episode",
+                    disable=not execution.progress,
+                )
                 done = sorted(bar, key=lambda o: o.episode)
             if dry_run and stage.name == "features" and "masks" in stages:
-                done = [replace(o, action="computed", reason="after its masks") if o.action == "waiting" else o for o in done]
-            report["stages"].append(_summary(stage, directory, done, time.perf_counter() - start, dry_run))
+                done = [
+                    replace(o, action="computed", reason="after its masks")
+                    if o.action == "waiting"
+                    else o
+                    for o in done
+                ]
+            report["stages"].append(
+                _summary(stage, directory, done, time.perf_counter() - start, dry_run)
+            )
     return report
 
 
-def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution) -> Generator[Outcome, None, None]:
-    """What becomes of one stage of each episode, in order when inline, as leases end on workers. An episode that takes two workers
-    with it failed; the others of its lease are tried again."""
+def outcomes(
+    stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution
+) -> Generator[Outcome, None, None]:
+    """What becomes of one stage of each episode, in order when inline, as leases end on workers. An
+    episode that takes two workers with it failed; the others of its lease are tried again."""
     crew = execution.crew
     if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases
@@ -139,7 +184,12 @@ def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: E
                 case Died(lease, reason, trying):
                     number = trying if isinstance(trying, int) else 0
                     why = reason.removeprefix("worker_")
-                    yield Outcome(lease[number], "failed", "unknown", f"its worker {why} twice; nothing was written")
+                    yield Outcome(
+                        lease[number],
+                        "failed",
+                        "unknown",
+                        f"its worker {why} twice; nothing was written",
+                    )
                     if rest := lease[:number] + lease[number + 1 :]:
                         jobs.append(rest)
 
@@ -160,7 +210,9 @@ def leases(episodes: Sequence[str], workers: int) -> Iterator[Lease]:
     return (tuple(episodes[i : i + size]) for i in range(0, len(episodes), size))
 
 
-def _summary(stage: Stage | Absent, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool) -> StageReport:
+def _summary(
+    stage: Stage | Absent, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool
+) -> StageReport:
     count = Counter(o.action for o in outcomes)
     summary: StageReport = {
         "name": stage.name,
@@ -168,13 +220,17 @@ def _summary(stage: Stage | Absent, directory: str, outcomes: list[Outcome], sec
         "directory": directory,
         "computed": count["computed"],
         "reused": count["reused"],
-        "invalid": sum(o.action == "computed" and o.state in ("stale", "corrupt") for o in outcomes),
+        "invalid": sum(
+            o.action == "computed" and o.state in ("stale", "corrupt") for o in outcomes
+        ),
         "failed": count["failed"],
         "waiting": count["waiting"],
         "frames": sum(o.frames for o in outcomes if o.action == "computed"),
         "seconds": round(seconds, 3),
         "hit_rate": count["reused"] / len(outcomes) if outcomes else 1.0,
-        "problems": [f"{o.episode}: {o.reason}" for o in outcomes if o.action in ("failed", "waiting")],
+        "problems": [
+            f"{o.episode}: {o.reason}" for o in outcomes if o.action in ("failed", "waiting")
+        ],
     }
     if dry_run:
         summary["plan"] = [

@@ -31,16 +31,18 @@ from pipeline.run.watch import Watch, watching
 from pipeline.world.drawing.vulkan import ensure_renderer
 
 ATTEMPT_SECONDS = 600.0
-"""What one attempt may take, rendering and writing included, before its worker counts as hung; the usual is one to three."""
+"""What one attempt may take, rendering and writing included, before its worker counts as hung; the
+usual is one to three."""
 
 
 @dataclass(frozen=True)
 class BuildResult:
     """The result of a build.
 
-    `slots` are wanted, variants included; of them the dataset has `accepted` and `given_up`. The rest counts this call: physical
-    slots `made`; their `parts` made (a slot that was OPEN, or physics, images or sentences made again: run/state.py); `attempts`
-    and `reasons` of failure; workers lost and replaced. `stopped` has a line for each cell that the recipe's floor stops.
+    `slots` are wanted, variants included; of them the dataset has `accepted` and `given_up`. The
+    rest counts this call: physical slots `made`; their `parts` made (a slot that was OPEN, or
+    physics, images or sentences made again: run/state.py); `attempts` and `reasons` of failure;
+    workers lost and replaced. `stopped` has a line for each cell that the recipe's floor stops.
     """
 
     slots: int
@@ -54,18 +56,22 @@ class BuildResult:
     stopped: list[str]
 
 
-def build(root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar") -> BuildResult:
+def build(
+    root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar"
+) -> BuildResult:
     """Build the dataset, or resume its build.
 
-    Every file that was written since it was last read is read: an episode with other bytes is made again, and the images of one
-    whose assets are missing.
+    Every file that was written since it was last read is read: an episode with other bytes is made
+    again, and the images of one whose assets are missing.
 
-    A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that kills two workers is recorded as
-    failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
+    A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that
+    kills two workers is recorded as failed, and the slot's next seed is tried. Other variants are
+    drawn from the state logs of the first.
 
-    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to
-    correct cannot be made or was made for another setup, Busy if another command writes the dataset, NoRenderer without Vulkan,
-    CrewError if workers cannot be started or keep dying.
+    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn,
+    PolicyError if the policy to correct cannot be made or was made for another setup, Busy if
+    another command writes the dataset, NoRenderer without Vulkan, CrewError if workers cannot be
+    started or keep dying.
     """
     device, dataset = ensure_renderer(), Dataset(root)
     with _alone(dataset, recipe, crew):
@@ -94,12 +100,17 @@ def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
             yield
 
 
-def _fill(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: Kind) -> tuple[dict[Slot, SlotState], Watch]:
+def _fill(
+    dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: Kind
+) -> tuple[dict[Slot, SlotState], Watch]:
     """Index, missing, work, record. Returns the slots that were missing, and who saw them made."""
     with IndexWriter(dataset, recipe) as index:
         todo = missing(dataset, recipe, index)
         jobs = slot_jobs(dataset, recipe, todo)
-        with watching(dataset, recipe, jobs, crew, shown) as watch, closing(_work(dataset, jobs, crew, timeout, watch)) as done:
+        with (
+            watching(dataset, recipe, jobs, crew, shown) as watch,
+            closing(_work(dataset, jobs, crew, timeout, watch)) as done,
+        ):
             for slot, record in done:
                 index.add(slot, record)
                 jobs.extend(watch.finish(slot, record))
@@ -107,8 +118,11 @@ def _fill(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: K
     return todo, watch
 
 
-def _work(dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, watch: Watch) -> Generator[tuple[Slot, SlotRecord]]:
-    """Have all jobs done; every slot as it ends. A job that costs two workers goes on without the attempt that did."""
+def _work(
+    dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, watch: Watch
+) -> Generator[tuple[Slot, SlotRecord]]:
+    """Have all jobs done; every slot as it ends. A job that costs two workers goes on without the
+    attempt that did."""
     check = NodeCheck(str(dataset.root.resolve()), code_version())
     with closing(run(slot_worker, jobs, crew, timeout, check, watch.count_lost)) as ends:
         for end in ends:
@@ -119,7 +133,9 @@ def _work(dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, wa
                     jobs.append(job.without(end))
 
 
-def _result(dataset: Dataset, recipe: Recipe, todo: dict[Slot, SlotState], watch: Watch) -> BuildResult:
+def _result(
+    dataset: Dataset, recipe: Recipe, todo: dict[Slot, SlotState], watch: Watch
+) -> BuildResult:
     rows, untried = dataset.present(recipe), watch.early_stop.untried
     _, tried = dataset.ask(lambda index: index.attempts(rows, "reason"))
     accepted = int(rows.accepted.sum())

@@ -1,4 +1,5 @@
-"""`domino-data diff A B`: which slots of two datasets differ, and why. Reads both indices and lists both directories."""
+"""`domino-data diff A B`: which slots of two datasets differ, and why. Reads both indices and lists
+both directories."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
@@ -10,13 +11,19 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import unpack_keys
 from pipeline.data.rows import Listing
 
-MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its file is gone", "other bytes, same keys"
+MISSING, GIVEN_UP, LOST, BYTES = (
+    "is not finished",
+    "was given up",
+    "is finished, and its file is gone",
+    "other bytes, same keys",
+)
 UNWANTED = "not wanted"  # what a slot is to a dataset whose recipe has no such slot
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A slot that differs: what it is in each dataset, and the parts of its keys that differ, as physics.core or render.shaders."""
+    """A slot that differs: what it is in each dataset, and the parts of its keys that differ, as
+    physics.core or render.shaders."""
 
     slot: str
     a: str
@@ -26,10 +33,17 @@ class Difference:
     def describe(self) -> str:
         """One line."""
         if UNWANTED in (self.a, self.b):
-            first, second = (("A", self.a), ("B", self.b)) if self.a == UNWANTED else (("B", self.b), ("A", self.a))
+            first, second = (
+                (("A", self.a), ("B", self.b))
+                if self.a == UNWANTED
+                else (("B", self.b), ("A", self.a))
+            )
             return f"{self.slot}: {UNWANTED} by {first[0]}, {second[1]} in {second[0]}"
         why = f"other {', '.join(self.parts)}" if self.parts else ""
-        return f"{self.slot}: {why or (self.a if self.a == self.b else f'{self.a} in A, {self.b} in B')}"
+        return (
+            f"{self.slot}:"
+            f" {why or (self.a if self.a == self.b else f'{self.a} in A, {self.b} in B')}"
+        )
 
 
 @dataclass(frozen=True)
@@ -43,8 +57,9 @@ class _Side:
 
 
 def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
-    """{"same": slots that are finished alike in both, "differ": [Difference as a mapping], "why": {reason: slots}, "recipes": keys
-    of the recipes that differ}. Raises DatasetError for a directory that is no dataset."""
+    """{"same": slots that are finished alike in both, "differ": [Difference as a mapping], "why":
+    {reason: slots}, "recipes": keys of the recipes that differ}. Raises DatasetError for a
+    directory that is no dataset."""
     recipes = a.recipe(), b.recipe()
     sides = [_sides(dataset, recipe) for dataset, recipe in zip((a, b), recipes, strict=True)]
     wanted = [dict.fromkeys(recipe.slots()) for recipe in recipes]
@@ -52,7 +67,10 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
     found = dict[Slot, Difference]()
     for slot in slots:
         if d := _difference(slot, sides[0].get(slot), sides[1].get(slot)):
-            said = [state if slot in mine else UNWANTED for state, mine in zip((d.a, d.b), wanted, strict=True)]
+            said = [
+                state if slot in mine else UNWANTED
+                for state, mine in zip((d.a, d.b), wanted, strict=True)
+            ]
             found[slot] = replace(d, a=said[0], b=said[1])
     why = Counter(d.describe().partition(": ")[2] for d in found.values())
     return {
@@ -66,8 +84,18 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
 def _sides(dataset: Dataset, recipe: Recipe) -> dict[Slot, _Side]:
     rows = dataset.rows(recipe, "sha256")
     there = Listing(dataset.episodes, recipe).there(rows).tolist()
-    columns = zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], rows.keys.tolist(), there, strict=True)
-    return {slot: _Side(accepted, sha.hex(), rows.texts[key], here) for slot, accepted, sha, key, here in columns}
+    columns = zip(
+        rows.slots,
+        rows.accepted.tolist(),
+        rows.more["sha256"],
+        rows.keys.tolist(),
+        there,
+        strict=True,
+    )
+    return {
+        slot: _Side(accepted, sha.hex(), rows.texts[key], here)
+        for slot, accepted, sha, key, here in columns
+    }
 
 
 def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | None:
@@ -79,7 +107,8 @@ def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | No
         return Difference(slot.path, _state(a), _state(b), _parts(slot, a, b))
     if a.keys != b.keys or a.sha256 != b.sha256:
         parts = _parts(slot, a, b)
-        # an episode that was made from another state log, or by a damaged installation, has other bytes with the same keys
+        # an episode that was made from another state log, or by a damaged installation, has other
+        # bytes with the same keys
         return Difference(slot.path, "" if parts else BYTES, "" if parts else BYTES, parts)
     return None
 
@@ -95,5 +124,9 @@ def _state(side: _Side | None) -> str:
 def _parts(slot: Slot, a: _Side, b: _Side) -> tuple[str, ...]:
     """Parts of the keys that differ; not those that only follow from other parts."""
     first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
-    names = [f"{kind}.{part}" for kind in vars(first) for part in getattr(first, kind).changed(getattr(second, kind))]
+    names = [
+        f"{kind}.{part}"
+        for kind in vars(first)
+        for part in getattr(first, kind).changed(getattr(second, kind))
+    ]
     return tuple(name for name in names if name not in ("render.physics", "language.physics"))

@@ -32,36 +32,59 @@ class DrawWork:
     open: int
 
 
-def work_of(source: Dataset, out: Dataset, recipe: Recipe, slots: Iterable[Slot], damaged: Collection[Slot] = ()) -> DrawWork:
-    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`; those that are `damaged` again.
+def work_of(
+    source: Dataset,
+    out: Dataset,
+    recipe: Recipe,
+    slots: Iterable[Slot],
+    damaged: Collection[Slot] = (),
+) -> DrawWork:
+    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`; those
+    that are `damaged` again.
 
     Where both are the same dataset, its other variants are drawn from the first ones.
     """
     held, jobs, done, missing = source.recipe(), [], 0, 0
     if source.root == out.root:
         held = held.model_copy(update={"variants": 1})
-    records, drawn, assets = dict(source.records(held)), dict(out.records(recipe)), AssetStore(out.bodies).keys()
+    records, drawn, assets = (
+        dict(source.records(held)),
+        dict(out.records(recipe)),
+        AssetStore(out.bodies).keys(),
+    )
     here, there, code = str(source.root.resolve()), str(out.root.resolve()), code_version()
     for slot in slots:
         origin, same_look = origin_of(held, recipe, slot)
         record = records.get(origin)
         if record is None:
             missing += 1
-        elif slot not in damaged and is_drawn(drawn.get(slot), record, redrawn_keys(recipe, slot, record.keys), assets):
+        elif slot not in damaged and is_drawn(
+            drawn.get(slot), record, redrawn_keys(recipe, slot, record.keys), assets
+        ):
             done += 1
         else:
             jobs.append(DrawJob(here, there, recipe, slot, origin, record, same_look, code))
     return DrawWork(out, jobs, done, missing)
 
 
-def draw_all(work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False) -> list[str]:
-    """Do all of it under one progress bar and write them down; what could not be drawn, one line each, sorted.
+def draw_all(
+    work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False
+) -> list[str]:
+    """Do all of it under one progress bar and write them down; what could not be drawn, one line
+    each, sorted.
 
-    A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
-    problem of its own. Raises CrewError if workers do not start or last.
+    A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that
+    takes two workers with it is a problem of its own. Raises CrewError if workers do not start or
+    last.
     """
     problems = list[str]()
-    bar = tqdm(total=work.done + len(work.jobs), initial=work.done, unit="ep", disable=quiet, dynamic_ncols=True)
+    bar = tqdm(
+        total=work.done + len(work.jobs),
+        initial=work.done,
+        unit="ep",
+        disable=quiet,
+        dynamic_ncols=True,
+    )
     check = NodeCheck(work.jobs[0].out, work.jobs[0].code) if work.jobs else None
     with bar, closing(run(drawer, deque(work.jobs), crew, timeout, check)) as ends:
         for end in ends:
@@ -71,19 +94,26 @@ def draw_all(work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, qu
                 case Done(job, SlotRecord() as record):
                     writer.add(job.slot, record)
                 case Died(job, reason):
-                    problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")
+                    problems.append(
+                        f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it"
+                    )
             if problems:
                 bar.set_postfix_str(f"{len(problems)} cannot be drawn")
             bar.update(1)
     return sorted(problems)
 
 
-def draw_variants(dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool) -> None:
-    """Draw the other looks of a recipe's episodes from the first ones. Raises DatasetError for those that cannot be drawn."""
+def draw_variants(
+    dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool
+) -> None:
+    """Draw the other looks of a recipe's episodes from the first ones. Raises DatasetError for
+    those that cannot be drawn."""
     if recipe.variants == 1:
         return
     others = (slot for slot in recipe.slots() if slot.variant)
-    problems = draw_all(work_of(dataset, dataset, recipe, others, writer.catch_up()), writer, crew, timeout, quiet)
+    problems = draw_all(
+        work_of(dataset, dataset, recipe, others, writer.catch_up()), writer, crew, timeout, quiet
+    )
     if problems:
         raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
 

@@ -18,17 +18,22 @@ from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.run.identity.slot_keys import code_version, policy_version
 
-EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
+# what one episode, or one seed of the expert, may take before its worker counts as hung
+EPISODE_SECONDS = 1800.0
 LONGEST_NAME = 200  # characters of what a job is called in an error
 
 
 def evaluation_version() -> str:
-    """A hash of the code that makes scenes and of the code that evaluates: results of another one are not mixed with these."""
+    """A hash of the code that makes scenes and of the code that evaluates: results of another one
+    are not mixed with these."""
     return digest([code_version(), policy_version()])
 
 
-def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any) -> Evaluation:
-    """The evaluation of a policy in the cells of a recipe under a setup; `more` are other fields of an Evaluation.
+def evaluation_of(
+    recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any
+) -> Evaluation:
+    """The evaluation of a policy in the cells of a recipe under a setup; `more` are other fields of
+    an Evaluation.
 
     The clock is that of the rules if none is named.
     """
@@ -44,22 +49,28 @@ def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str =
 
 @contextmanager
 def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
-    """The evaluation with its policy made once, in a process of its own, for all workers of a crew; batches wait `wait` seconds.
+    """The evaluation with its policy made once, in a process of its own, for all workers of a crew;
+    batches wait `wait` seconds.
 
-    The same evaluation for None and for one worker. Raises PolicyError for workers on other machines, and as `host_policy`.
+    The same evaluation for None and for one worker. Raises PolicyError for workers on other
+    machines, and as `host_policy`.
     """
     if wait is None or crew.executor == "inline":
         yield wanted
         return
     if crew.address is not None:
-        raise PolicyError("--batch-wait is for workers on this machine: on a cluster, name a server of serve-policy --batch-wait")
+        raise PolicyError(
+            "--batch-wait is for workers on this machine: on a cluster, name a server of"
+            " serve-policy --batch-wait"
+        )
     # a worker that was replaced may still hold its place
     with host_policy(wanted.policy, 2 * crew.workers, wait) as policy:
         yield replace(wanted, policy=policy)
 
 
 def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
-    """A function (work, jobs) that yields (job, result) as jobs end. A job that loses its worker is tried a second time.
+    """A function (work, jobs) that yields (job, result) as jobs end. A job that loses its worker is
+    tried a second time.
 
     It raises CrewError where a job takes two workers with it, and what the work raises.
     """
@@ -68,7 +79,9 @@ def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
         with closing(run(lambda: work, deque(jobs), crew, seconds)) as ends:
             for end in ends:
                 if isinstance(end, Died):
-                    raise CrewError(f"{str(end.job)[:LONGEST_NAME]}: {end.reason.replace('_', ' ')} twice")
+                    raise CrewError(
+                        f"{str(end.job)[:LONGEST_NAME]}: {end.reason.replace('_', ' ')} twice"
+                    )
                 yield end.job, end.result
 
     return each

@@ -1,4 +1,5 @@
-"""`domino-data export`: choose the intact episodes of a dataset, or its kept failures, and write them in another format."""
+"""`domino-data export`: choose the intact episodes of a dataset, or its kept failures, and write
+them in another format."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -26,9 +27,9 @@ CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 class Request:
     """What to export: the format, its options by field name as texts and flags, and which episodes.
 
-    `split` is EPISODES or FAILURES (the failed attempts that are kept), `robots` and `where` select among them. `validation` is
-    the share of physics episodes in the split of that name. The results of `ladder`, an OUT/ladder.json, go on the card. `out` is
-    DATASET/exports/FORMAT by default.
+    `split` is EPISODES or FAILURES (the failed attempts that are kept), `robots` and `where` select
+    among them. `validation` is the share of physics episodes in the split of that name. The results
+    of `ladder`, an OUT/ladder.json, go on the card. `out` is DATASET/exports/FORMAT by default.
     """
 
     format: str
@@ -43,7 +44,8 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """An export: its summary, where it is, how many episodes it holds, and a warning about sensors that it leaves out, or ""."""
+    """An export: its summary, where it is, how many episodes it holds, and a warning about sensors
+    that it leaves out, or ""."""
 
     summary: Mapping[str, Any]
     place: Path
@@ -54,8 +56,8 @@ class Export:
 def export(source: Dataset, request: Request, workers: int = 1, progress: bool = False) -> Export:
     """Write the export; one that was there is replaced when everything is written.
 
-    Raises ExportError for a format or option that does not exist and if there is nothing to write, DatasetError for damaged
-    episodes, WhereError for an expression that cannot be read.
+    Raises ExportError for a format or option that does not exist and if there is nothing to write,
+    DatasetError for damaged episodes, WhereError for an expression that cannot be read.
     """
     if request.format not in EXPORTERS:
         raise ExportError(f"--format {request.format!r} is unknown: choose {', '.join(EXPORTERS)}")
@@ -64,34 +66,58 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
     recipe = source.recipe()
     if recipe.corrections and request.format not in CORRECTED:
         raise ExportError(
-            f"--format {request.format} cannot say which actions are the policy's: corrections need {', '.join(CORRECTED)}"
+            f"--format {request.format} cannot say which actions are the policy's: corrections need"
+            f" {', '.join(CORRECTED)}"
         )
     more = _ladder(request.ladder, recipe) if request.ladder else {}
     fits = expression(request.where, _robots(request.robots, recipe))
     episodes = select_episodes(sorted(_intact(source, recipe, failures)), fits, request.validation)
-    place = request.out or source.exports(f"{request.format}-failures" if failures else request.format)
+    place = request.out or source.exports(
+        f"{request.format}-failures" if failures else request.format
+    )
     with tqdm(total=len(episodes), unit="ep", disable=None if progress else True) as bar:
-        job = Job(source.root, place, episodes, options, bar.update, workers, split=request.split, where=fits)
-        job = replace(job, describe=describe(source.root, episodes, more), validation=request.validation)
+        job = Job(
+            source.root,
+            place,
+            episodes,
+            options,
+            bar.update,
+            workers,
+            split=request.split,
+            where=fits,
+        )
+        job = replace(
+            job, describe=describe(source.root, episodes, more), validation=request.validation
+        )
         with replace_directory(place):
             summary = exporter.export(job)
     left = summary.get(LEFT_OUT)
-    return Export(summary, place, len(episodes), left_out_warning(request.format, left, exporter.options) if left else "")
+    return Export(
+        summary,
+        place,
+        len(episodes),
+        left_out_warning(request.format, left, exporter.options) if left else "",
+    )
 
 
 def differences(source: Dataset, place: Path) -> list[str]:
-    """How the export at `place` differs from what it wrote and from the episodes that it should hold, a line each.
+    """How the export at `place` differs from what it wrote and from the episodes that it should
+    hold, a line each.
 
     Raises ExportError if it cannot be read, DatasetError for damaged episodes.
     """
     record = read_record(place)
     episodes = _intact(source, source.recipe(), record.summary["split"] == FAILURES)
-    where, validation = record.summary.get("where", ""), record.summary.get("validation", VALIDATION)
+    where, validation = (
+        record.summary.get("where", ""),
+        record.summary.get("validation", VALIDATION),
+    )
     return record.check(source.root, select_episodes(sorted(episodes), where, validation))
 
 
 def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> str:
-    """Which of the sensors that the episodes store a format did not write, and the options that make it write some."""
+    """Which of the sensors that the episodes store a format did not write, and the options that
+    make it write some."""
     flags = {f.name: flag_name(f) for f in fields(options) if f.name in left}
     none = [name for name in left if name not in flags]
     parts = [f"has no place for the episodes' {', '.join(none)}"] if none else []
@@ -100,42 +126,56 @@ def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> s
 
 
 def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
-    """The episodes, or the failed attempts that are kept, after reading each. Raises ExportError if there are none."""
+    """The episodes, or the failed attempts that are kept, after reading each. Raises ExportError if
+    there are none."""
     found = (intact_failures if failures else intact_episodes)(source, recipe)
     if found:
         return found
     if failures:
         raise ExportError(
-            f"{source.root} keeps no failed attempts: its recipe has keep_failures: {recipe.keep_failures}, or none failed"
+            f"{source.root} keeps no failed attempts: its recipe has keep_failures:"
+            f" {recipe.keep_failures}, or none failed"
         )
     given_up = len(source.present(recipe))
     raise ExportError(
-        f"{source.root} has no finished episodes to export: of {sum(1 for _ in recipe.slots())} slots {given_up} were given up and "
-        "the rest is open; `domino-data build` fills them"
+        f"{source.root} has no finished episodes to export: of {sum(1 for _ in recipe.slots())}"
+        f" slots {given_up} were given up and the rest is open; `domino-data build` fills them"
     )
 
 
 def _robots(wanted: Sequence[str], recipe: Recipe) -> list[str]:
-    """The robots of the recipe that are wanted, by their names. Raises ExportError for one that the recipe does not name."""
+    """The robots of the recipe that are wanted, by their names. Raises ExportError for one that the
+    recipe does not name."""
     robots = [name if name in recipe.embodiments else _name_of_alias(name) for name in wanted]
     if missing := [name for name in robots if name not in recipe.embodiments]:
-        raise ExportError(f"--embodiment {missing[0]}: the dataset has only {', '.join(recipe.embodiments)}")
+        raise ExportError(
+            f"--embodiment {missing[0]}: the dataset has only {', '.join(recipe.embodiments)}"
+        )
     return robots
 
 
 def _name_of_alias(alias: str) -> str:
-    from pipeline.world.robots import canonical_name  # it takes a second, and most exports name no robot by its alias
+    # it takes a second, and most exports name no robot by its alias
+    from pipeline.world.robots import canonical_name
 
     return canonical_name(alias)
 
 
 def _ladder(file: Path, recipe: Recipe) -> dict[str, str]:
-    """The section of a card on the ladder of the recipe's tasks and robots. Raises ExportError if the file has none of them."""
+    """The section of a card on the ladder of the recipe's tasks and robots. Raises ExportError if
+    the file has none of them."""
     from pipeline.report.card.ladder import as_markdown, read_results
 
     rows, code = read_results(file)
-    mine = [row for row in rows if row["task"] in recipe.tasks and row["embodiment"] in recipe.embodiments]
+    mine = [
+        row
+        for row in rows
+        if row["task"] in recipe.tasks and row["embodiment"] in recipe.embodiments
+    ]
     if not mine:
         had = ", ".join(sorted({f"{row['task']} on {row['embodiment']}" for row in rows}))
-        raise ExportError(f"--ladder {file}: has {had}, none of it in the dataset; run domino-data ladder --data on the dataset")
+        raise ExportError(
+            f"--ladder {file}: has {had}, none of it in the dataset; run domino-data ladder --data"
+            " on the dataset"
+        )
     return {"Sanity ladder": as_markdown(mine, code)}

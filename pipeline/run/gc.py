@@ -1,4 +1,5 @@
-"""`domino-data gc`: removes what belongs to nothing any more. Only files that the factory itself writes; strays are the user's."""
+"""`domino-data gc`: removes what belongs to nothing any more. Only files that the factory itself
+writes; strays are the user's."""
 
 import re
 from collections.abc import Iterator
@@ -15,7 +16,8 @@ from pipeline.data.store.mirror import delete_uploaded, upload
 HALF = "half-written"
 WHOLE = "whole episode of no slot, goes to orphans/"
 LARGE = 0.25
-"""Share of whole episodes that belong to no slot above which nothing is touched: the recipe is wrong then, not they."""
+"""Share of whole episodes that belong to no slot above which nothing is touched: the recipe is
+wrong then, not they."""
 _EPISODE = re.compile(r"episode_\d{7,8}(_v\d+)?")
 _ASSET = re.compile(r"[0-9a-f]{32}")
 
@@ -32,11 +34,12 @@ class Orphan:
 def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
     """Remove, or only list, the orphaned files of a dataset.
 
-    Orphans are episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and partial files of
-    dead processes of this machine. An episode that is whole and accepted is never removed: it goes to orphans/. An episode of the
-    recipe that the index does not know stays: a resumed build reads it. Raises Busy if another command writes the dataset,
-    DatasetError if its manifest was edited, and if more than LARGE of its whole episodes belong to no
-    slot; OSError if a file cannot be removed.
+    Orphans are episodes of no slot of the recipe, annotations of no episode, assets that no episode
+    names, and partial files of dead processes of this machine. An episode that is whole and
+    accepted is never removed: it goes to orphans/. An episode of the recipe that the index does not
+    know stays: a resumed build reads it. Raises Busy if another command writes the dataset,
+    DatasetError if its manifest was edited, and if more than LARGE of its whole episodes belong to
+    no slot; OSError if a file cannot be removed.
     """
     dataset.check_seal()
     recipe = dataset.recipe()
@@ -48,8 +51,9 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
         held = sum(dataset.episode(slot).exists() for slot in recipe.slots())
         if len(whole) > LARGE * (len(whole) + held):
             raise DatasetError(
-                f"{dataset.root}: {len(whole)} of {len(whole) + held} whole episodes belong to no slot of {dataset.manifest.name}, "
-                f"more than {100 * LARGE:g} %: restore the manifest that they were built with, or move them away"
+                f"{dataset.root}: {len(whole)} of {len(whole) + held} whole episodes belong to no"
+                f" slot of {dataset.manifest.name}, more than {100 * LARGE:g} %: restore the"
+                " manifest that they were built with, or move them away"
             )
         sweep(dataset.root)  # of what is half-written only that whose process is gone
         for path in whole:
@@ -78,7 +82,9 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
             yield orphan(path, WHOLE if name in whole else "episode of no slot")
     for stage in (dataset.root / "annotations").glob("*@*"):
         for path in stage.rglob("*.h5"):
-            if path.relative_to(stage).with_suffix(".hdf5").as_posix() not in held and _EPISODE.fullmatch(path.stem):
+            if path.relative_to(stage).with_suffix(
+                ".hdf5"
+            ).as_posix() not in held and _EPISODE.fullmatch(path.stem):
                 yield orphan(path, "annotation of no episode")
     named = _list_named(dataset, recipe, held | whole)
     for path in dataset.bodies.glob("[0-9a-f][0-9a-f]/*.npz"):
@@ -110,11 +116,14 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
 
 
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
-    """The assets that episodes, stored failures and what is in orphans/ name; None if one of these cannot be read: any asset
-    may be in use then."""
+    """The assets that episodes, stored failures and what is in orphans/ name; None if one of these
+    cannot be read: any asset may be in use then."""
     rows = dataset.rows(recipe, "assets")
     names = dataset.ask(lambda index: index.assets())
-    named = {names[number] for number in {int(number) for text in rows.more["assets"] for number in text.split()}}
+    named = {
+        names[number]
+        for number in {int(number) for text in rows.more["assets"] for number in text.split()}
+    }
     known = {f"{slot.path}.hdf5" for slot in rows.where(rows.accepted).slots}
     unknown = (dataset.episodes / name for name in held - known)
     for path in (*unknown, *dataset.failures.rglob("*.hdf5"), *dataset.orphans.rglob("*.hdf5")):

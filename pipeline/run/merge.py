@@ -1,4 +1,5 @@
-"""`domino-data merge A B --out C`: one dataset of the episodes of two, made of one recipe by one version of the code."""
+"""`domino-data merge A B --out C`: one dataset of the episodes of two, made of one recipe by one
+version of the code."""
 
 import os
 import shutil
@@ -31,7 +32,8 @@ SHARED = (("physics", "core"), ("render", "renderer"), ("render", "shaders"))
 
 @dataclass(frozen=True)
 class Merged:
-    """Slots wanted, accepted and given up in the result; how many came from each dataset, slots of both counted for the first."""
+    """Slots wanted, accepted and given up in the result; how many came from each dataset, slots of
+    both counted for the first."""
 
     slots: int
     accepted: int
@@ -40,19 +42,24 @@ class Merged:
 
 
 def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
-    """Join datasets into `out`, or resume a merge. Episodes, assets and annotations become hard links if the file system supports
-    them, else copies. Exports are not merged: export the result.
+    """Join datasets into `out`, or resume a merge. Episodes, assets and annotations become hard
+    links if the file system supports them, else copies. Exports are not merged: export the result.
 
-    The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
-    DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
-    and for an episode whose bytes differ from its index's; Busy if another command writes `out`; OSError if the disk refuses.
+    The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the
+    result wants all of them. Raises DatasetError, in one line, for recipes that differ otherwise,
+    for slots that differ or were made by another version of the code, and for an episode whose
+    bytes differ from its index's; Busy if another command writes `out`; OSError if the disk
+    refuses.
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
     for source in sources:
         here, there = source.root.resolve(), out.root.resolve()
         if here.is_relative_to(there) or there.is_relative_to(here):
-            raise DatasetError(f"--out {out.root} is one of the datasets, within one or around it: name another directory")
+            raise DatasetError(
+                f"--out {out.root} is one of the datasets, within one or around it: name another"
+                " directory"
+            )
     for source in sources:
         source.check_seal()
     recipes = [source.recipe() for source in sources]
@@ -64,7 +71,9 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
         return _merge(sources, held, out, recipe)
 
 
-def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], out: Dataset, recipe: Recipe) -> Merged:
+def _merge(
+    sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], out: Dataset, recipe: Recipe
+) -> Merged:
     """As `merge`, of slots that fit together, into a directory that is the recipe's."""
     taken = [0] * len(sources)
     with IndexWriter(out, recipe) as writer:
@@ -98,7 +107,8 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
             # of the same frames and cameras, LeRobot exports fit together nevertheless
             fit = not any(line.startswith(FEATURES) for line in changed)
             raise DatasetError(
-                f"{sources[0].root} and {source.root} are of different recipes: {'; '.join(changed)}{EXPORTS if fit else ''}"
+                f"{sources[0].root} and {source.root} are of different recipes:"
+                f" {'; '.join(changed)}{EXPORTS if fit else ''}"
             )
     if all(other == first for other in recipes):
         return first
@@ -106,7 +116,9 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
         key: tuple(dict.fromkeys(value for recipe in recipes for value in getattr(recipe, key)))
         for key in ("tasks", "embodiments", "levels", "domains", "alpha")
     }
-    update |= {"objects": {key: names for recipe in recipes for key, names in recipe.objects.items()}}
+    update |= {
+        "objects": {key: names for recipe in recipes for key, names in recipe.objects.items()}
+    }
     update |= {"episodes": _most(recipes), "variants": max(recipe.variants for recipe in recipes)}
     joined = first.model_copy(update=update)
     for source, recipe in zip(sources, recipes, strict=True):
@@ -122,13 +134,16 @@ def _most(recipes: Sequence[Recipe]) -> Any:
         return max(value for value in values if isinstance(value, int))
     counts: dict[str, int] = defaultdict(int)
     for recipe, value in zip(recipes, values, strict=True):
-        for domain, count in (dict.fromkeys(recipe.domains, value) if isinstance(value, int) else value).items():
+        for domain, count in (
+            dict.fromkeys(recipe.domains, value) if isinstance(value, int) else value
+        ).items():
             counts[domain] = max(counts[domain], count)
     return dict(counts)
 
 
 def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]]) -> None:
-    """Raise DatasetError for slots that the datasets have differently, or that another version of the code made."""
+    """Raise DatasetError for slots that the datasets have differently, or that another version of
+    the code made."""
     first: dict[tuple[str, str], tuple[str, Dataset]] = {}
     of_cell: dict[tuple[object, int], tuple[str, Dataset]] = {}
     for source, records in zip(sources, held, strict=True):
@@ -138,20 +153,23 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
                 seen, where = first.setdefault((kind, part), (value, source))
                 if seen != value:
                     raise DatasetError(
-                        f"{where.root} and {source.root} were made by different versions of the code ({kind}: {part}, at "
-                        f"{slot.path}): build one of them again first"
+                        f"{where.root} and {source.root} were made by different versions of the"
+                        f" code ({kind}: {part}, at {slot.path}): build one of them again first"
                     )
             text = pack_keys(slot, record.keys)
             seen, where = of_cell.setdefault((slot.cell, slot.variant), (text, source))
             if seen != text:
                 raise DatasetError(
-                    f"{where.root} and {source.root} have other keys in {slot.cell.path}: `domino-data diff` shows which; "
-                    "build one of them again first"
+                    f"{where.root} and {source.root} have other keys in {slot.cell.path}:"
+                    " `domino-data diff` shows which; build one of them again first"
                 )
     for slot, record in held[0].items():
         for source, records in zip(sources[1:], held[1:], strict=True):
             if slot in records and records[slot].sha256 != record.sha256:
-                raise DatasetError(f"{sources[0].root} and {source.root} both have {slot.path}, with other bytes: verify both")
+                raise DatasetError(
+                    f"{sources[0].root} and {source.root} both have {slot.path}, with other bytes:"
+                    " verify both"
+                )
 
 
 def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
@@ -160,24 +178,30 @@ def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None
         if row.get("kept"):
             _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
     path = source.file(slot, record.accepted)
-    if _state(path) != (record.file.size, record.file.changed) and not is_intact(path, record.sha256):
+    if _state(path) != (record.file.size, record.file.changed) and not is_intact(
+        path, record.sha256
+    ):
         raise DatasetError(f"{path}: {CHANGED}")
     _link(path, out.file(slot, record.accepted))
 
 
 def _take_annotations(source: Dataset, out: Dataset) -> None:
-    """Annotations of episodes that the result has; those of one stage and its parameters are in one directory in both."""
+    """Annotations of episodes that the result has; those of one stage and its parameters are in one
+    directory in both."""
     for stage in sorted((source.root / "annotations").glob("*@*")):
         there = out.root / "annotations" / stage.name
         for path in sorted(stage.rglob("*")):
             relative = path.relative_to(stage)
             episode = out.episodes / relative.with_suffix(".hdf5")
-            if path.is_file() and (relative.name == "stage.json" or (path.suffix == ".h5" and episode.exists())):
+            if path.is_file() and (
+                relative.name == "stage.json" or (path.suffix == ".h5" and episode.exists())
+            ):
                 _link(path, there / relative)
 
 
 def _link(path: Path, to: Path) -> None:
-    """Make `to` a hard link of `path`, or an atomic copy with the same modification time; another file there is replaced."""
+    """Make `to` a hard link of `path`, or an atomic copy with the same modification time; another
+    file there is replaced."""
     if to.exists() and (os.path.samefile(path, to) or _state(path) == _state(to)):
         return
     with atomic_path(to) as temporary:

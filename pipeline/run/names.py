@@ -27,10 +27,14 @@ from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
 
-def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
-    """The recipe with suites and `tasks: all` or none expanded, and aliases of robots replaced by their names.
+def resolve(
+    recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None
+) -> Recipe:
+    """The recipe with suites and `tasks: all` or none expanded, and aliases of robots replaced by
+    their names.
 
-    Raises RecipeError in one line for a task or robot that does not exist; `flags` names the options that gave keys.
+    Raises RecipeError in one line for a task or robot that does not exist; `flags` names the
+    options that gave keys.
     """
 
     def where(key: str) -> str:
@@ -62,13 +66,18 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
-    """What is wrong with the name of a task or an object family that does not exist, and the names that are close to it."""
+    """What is wrong with the name of a task or an object family that does not exist, and the names
+    that are close to it."""
     near = ", ".join(get_close_matches(str(name), known, 3))
-    return f"no {kind} {show_value(name)}{near and f', but {near}'}; `domino-data {kind.split()[0]}s` lists them"
+    return (
+        f"no {kind} {show_value(name)}{near and f', but {near}'}; `domino-data {kind.split()[0]}s`"
+        " lists them"
+    )
 
 
 def named_policy(corrections: Corrections) -> Corrections:
-    """The same with the label of its policy as it is now. Raises PolicyError for one that does not exist."""
+    """The same with the label of its policy as it is now. Raises PolicyError for one that does not
+    exist."""
     from pipeline.evaluate.names import policy_name  # policies take a second to import
 
     found = policy_name(corrections.policy)
@@ -77,35 +86,50 @@ def named_policy(corrections: Corrections) -> Corrections:
 
 def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for what the expert or corrections would need that the recipe has not."""
-    needing = {"perturb": "perturbs the robot after a policy has acted", "takeover": "sets when the expert takes over"}
+    needing = {
+        "perturb": "perturbs the robot after a policy has acted",
+        "takeover": "sets when the expert takes over",
+    }
     for key, what in needing.items():
         if recipe.corrections is None and getattr(recipe, key) != Recipe.model_fields[key].default:
             raise RecipeError(f"{where(key)} {what}: name a policy to correct, too (corrections)")
     if recipe.reactive is None and recipe.sight != Sight():
-        raise RecipeError(f"{where('sight')} sets how the reactive expert sees: choose this expert, too (expert)")
+        raise RecipeError(
+            f"{where('sight')} sets how the reactive expert sees: choose this expert, too (expert)"
+        )
 
 
 def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
-    """Raise RecipeError for a model of motions that does not exist, or a level that the model of a task does not have."""
+    """Raise RecipeError for a model of motions that does not exist, or a level that the model of a
+    task does not have."""
     if recipe.motion is not None and recipe.motion not in MODELS:
-        raise RecipeError(f"{where('motion')} no motion {show_value(recipe.motion)}; choose from {', '.join(MODELS)}")
+        raise RecipeError(
+            f"{where('motion')} no motion {show_value(recipe.motion)}; choose from"
+            f" {', '.join(MODELS)}"
+        )
     for model in dict.fromkeys(recipe.motion or TASKS[task].motion for task in recipe.tasks):
         known = levels_of(model)
         for level in recipe.levels:
             if level not in known:
-                raise RecipeError(f"{where('levels')} {level} is unknown; {model} has {', '.join(map(str, known))}")
+                raise RecipeError(
+                    f"{where('levels')} {level} is unknown; {model} has"
+                    f" {', '.join(map(str, known))}"
+                )
 
 
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
-    """The object families that the layouts of a recipe draw, by task, and under "" those of its distractors."""
+    """The object families that the layouts of a recipe draw, by task, and under "" those of its
+    distractors."""
     found = {task: families_of(TASKS[task]) for task in recipe.tasks}
     return found | ({"": frozenset(CLUTTER_FAMILIES)} if "randomized" in recipe.domains else {})
 
 
 def with_originals(recipe: Recipe) -> Recipe:
-    """The recipe with the original's objects that its `assets` have; those that its `objects` name stay.
+    """The recipe with the original's objects that its `assets` have; those that its `objects` name
+    stay.
 
-    Raises RecipeError for an object that cannot be read, unless the whole suite `domino` is asked for: a line names those then.
+    Raises RecipeError for an object that cannot be read, unless the whole suite `domino` is asked
+    for: a line names those then.
     """
     if recipe.assets is None:
         return recipe
@@ -118,15 +142,23 @@ def with_originals(recipe: Recipe) -> Recipe:
         if not set(suites()[DOMINO]) <= set(recipe.tasks):
             more = f" ({count - 1} more cannot be read)" if count > 1 else ""
             raise RecipeError(
-                f"assets: {found.unreadable[0]}{more}: repair it, or move its model_data file away to build without it"
+                f"assets: {found.unreadable[0]}{more}: repair it, or move its model_data file away"
+                " to build without it"
             )
         left_out = "; ".join(found.unreadable)
-        print(f"domino-data: assets: objects left out because they cannot be read: {count}: {left_out}", file=sys.stderr)
-    return recipe.model_copy(update={"assets": found.assets, "objects": {**found.objects, **recipe.objects}})
+        print(
+            f"domino-data: assets: objects left out because they cannot be read: {count}:"
+            f" {left_out}",
+            file=sys.stderr,
+        )
+    return recipe.model_copy(
+        update={"assets": found.assets, "objects": {**found.objects, **recipe.objects}}
+    )
 
 
 def add_originals(recipe: Recipe) -> None:
-    """Add the original's objects that a stored recipe names, where this process lacks them. Raises RecipeError."""
+    """Add the original's objects that a stored recipe names, where this process lacks them. Raises
+    RecipeError."""
     named = {name for names in recipe.objects.values() for name in names}
     if recipe.assets is not None and named - set(FAMILIES) and not set(recipe.tasks) - set(TASKS):
         from pipeline.intake.objects.originals import provide  # trimesh takes a second
@@ -135,24 +167,33 @@ def add_originals(recipe: Recipe) -> None:
 
 
 def installed_recipe(dataset: Dataset) -> Recipe:
-    """The frozen recipe of a dataset. Raises DatasetError if there is none, or one with names that are not installed."""
+    """The frozen recipe of a dataset. Raises DatasetError if there is none, or one with names that
+    are not installed."""
     recipe = dataset.recipe()
     if missing := missing_names(recipe):
-        raise DatasetError(f"{dataset.root} needs {missing}, which is not installed: give --plugins with its directory")
+        raise DatasetError(
+            f"{dataset.root} needs {missing}, which is not installed: give --plugins with its"
+            " directory"
+        )
     return recipe
 
 
 def missing_names(recipe: Recipe) -> str:
-    """The first name of a stored recipe that nothing installed has, e.g. "the task 'tap'"; empty if there is none.
+    """The first name of a stored recipe that nothing installed has, e.g. "the task 'tap'"; empty if
+    there is none.
 
-    The original's objects are added, where the recipe has some. Raises RecipeError if their directory is missing.
+    The original's objects are added, where the recipe has some. Raises RecipeError if their
+    directory is missing.
     """
     add_originals(recipe)
     wanted = {
         "task": (set(recipe.tasks), set(TASKS)),
         "motion": ({recipe.motion} - {None}, set(MODELS)),
         "object": ({name for names in recipe.objects.values() for name in names}, set(FAMILIES)),
-        "robot": ({name for pair in recipe.embodiments for name in pair.split("+")} - {NONE}, set(ROBOTS)),
+        "robot": (
+            {name for pair in recipe.embodiments for name in pair.split("+")} - {NONE},
+            set(ROBOTS),
+        ),
     }
     for kind, (names, known) in wanted.items():
         for name in sorted(names - known):
@@ -165,14 +206,18 @@ def _check_arms(recipe: Recipe, where: str) -> None:
     for name in recipe.embodiments:
         sides = get_embodiment(name).sides
         if beyond := [task for task in recipe.tasks if not can_do(TASKS[task], sides)]:
-            raise RecipeError(f"{where} {name} has no arm for {', '.join(beyond)}: leave these tasks out, or use two arms")
+            raise RecipeError(
+                f"{where} {name} has no arm for {', '.join(beyond)}: leave these tasks out, or use"
+                " two arms"
+            )
 
 
 def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
-    """The objects that stand for families, by their full names: `mug` also means mug_0, mug_1 and so on.
+    """The objects that stand for families, by their full names: `mug` also means mug_0, mug_1 and
+    so on.
 
-    Raises RecipeError for one that does not exist, that stands for another family or has not all frames of its family, and for a
-    family that no task of the recipe draws.
+    Raises RecipeError for one that does not exist, that stands for another family or has not all
+    frames of its family, and for a family that no task of the recipe draws.
     """
     found = dict[str, tuple[str, ...]]()
     drawn = drawn_families(recipe) if recipe.objects else {}
@@ -186,42 +231,72 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
         if not any(family in families for families in wanted_by.values()):
             theirs = ", ".join(sorted(frozenset[str]().union(*wanted_by.values())))
             raise RecipeError(f"{where} no task of the recipe draws a {family}; they draw {theirs}")
-        found[key] = tuple(dict.fromkeys(full for name in names for full in _instances(name, family, where)))
+        found[key] = tuple(
+            dict.fromkeys(full for name in names for full in _instances(name, family, where))
+        )
         wanted = set(FAMILIES[family].draw(np.random.default_rng(0)).frames().points)
         for name in found[key]:
-            if missing := wanted - FAMILIES[name].draw(np.random.default_rng(0)).frames().points.keys():
-                raise RecipeError(f"{where} {name} has no frame {', '.join(sorted(missing))}; add it to its object.toml")
+            if (
+                missing := wanted
+                - FAMILIES[name].draw(np.random.default_rng(0)).frames().points.keys()
+            ):
+                raise RecipeError(
+                    f"{where} {name} has no frame {', '.join(sorted(missing))}; add it to its"
+                    " object.toml"
+                )
     return found
 
 
 def _instances(name: str, family: str, where: str) -> list[str]:
-    known = [each for each in FAMILIES if each == name or re.fullmatch(rf"{re.escape(name)}_[0-9]+", each)]
+    known = [
+        each
+        for each in FAMILIES
+        if each == name or re.fullmatch(rf"{re.escape(name)}_[0-9]+", each)
+    ]
     known = [each for each in known if stands_for(FAMILIES[each])]
     if not known:
         ours = [each for each in FAMILIES if stands_for(FAMILIES[each]) == family]
-        fix = f"those of {family} are {', '.join(ours)}" if ours else "add it with `domino-data objects add`, and give --plugins"
+        fix = (
+            f"those of {family} are {', '.join(ours)}"
+            if ours
+            else "add it with `domino-data objects add`, and give --plugins"
+        )
         raise RecipeError(f"{where} no object {show_value(name)}; {fix}")
     for each in known:
         if (other := stands_for(FAMILIES[each])) != family:
-            raise RecipeError(f"{where} {each} stands for {other}, not for {family}; change family in its object.toml")
+            raise RecipeError(
+                f"{where} {each} stands for {other}, not for {family}; change family in its"
+                " object.toml"
+            )
     return known
 
 
 def _check_links(recipe: Recipe, source: str) -> None:
-    """Raise RecipeError for a camera on a link that a robot does not have and that is no body of every task."""
+    """Raise RecipeError for a camera on a link that a robot does not have and that is no body of
+    every task."""
     for camera in recipe.cameras:
         if not isinstance(camera, NamedCamera) or camera.link in (None, "table"):
             continue
         lacking: list[list[str]] = []
         for name in recipe.embodiments:
-            links = [f"{side}_{link.name}" for side, arm in get_embodiment(name).arms.items() for link in arm.links]
+            links = [
+                f"{side}_{link.name}"
+                for side, arm in get_embodiment(name).arms.items()
+                for link in arm.links
+            ]
             if camera.link not in links:
                 lacking.append(links)
         if lacking and not all(camera.link in bodies_of(TASKS[task]) for task in recipe.tasks):
             links = ", ".join(lacking[0])
-            raise RecipeError(f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links are {links}")
+            raise RecipeError(
+                f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links"
+                f" are {links}"
+            )
 
 
-def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
-    """A checked and resolved recipe from the keys of a file or of options (`flags`: option by key). Raises RecipeError."""
+def recipe_from(
+    values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
+) -> Recipe:
+    """A checked and resolved recipe from the keys of a file or of options (`flags`: option by key).
+    Raises RecipeError."""
     return resolve(parse_recipe(values, source, flags), source, flags)

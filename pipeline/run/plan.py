@@ -1,4 +1,5 @@
-"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs in seconds and bytes. Writes nothing."""
+"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs in seconds and
+bytes. Writes nothing."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -24,14 +25,21 @@ from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
 from pipeline.world.drawing.vulkan import ensure_renderer
 
-SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
-"""Parts of a file by the names of their datasets; all others are states: poses, joints, instructions and the headers."""
+SENSORS = {
+    "rgb": "images",
+    "depth": "depth",
+    "actor_segmentation": "segmentation",
+    "pointcloud": "point clouds",
+}
+"""Parts of a file by the names of their datasets; all others are states: poses, joints,
+instructions and the headers."""
 
 STATES = "states"
 
 
 def parts_of(path: Path) -> dict[str, int]:
-    """Bytes of an episode file by part; their sum is its size. Raises OSError for a file that cannot be read."""
+    """Bytes of an episode file by part; their sum is its size. Raises OSError for a file that
+    cannot be read."""
     found = Counter[str]()
 
     def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
@@ -48,7 +56,8 @@ def parts_of(path: Path) -> dict[str, int]:
 
 
 def mean_parts(paths: Iterable[Path]) -> dict[str, float]:
-    """Mean bytes of an episode by part, over those of the files that can be read; nothing if none can."""
+    """Mean bytes of an episode by part, over those of the files that can be read; nothing if none
+    can."""
     found = list[dict[str, int]]()
     for path in paths:
         try:
@@ -64,16 +73,19 @@ def format_size(size: float) -> str:
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
 
 
-MEASURED = 3  # slots that a measurement makes, besides the first, which pays for what is loaded once
+# slots that a measurement makes, besides the first, which pays for what is loaded once
+MEASURED = 3
 JUDGED_BY = 2000  # finished episodes of a dataset whose times and sizes stand for all
 LOOKED_AT = 20  # episode files of a dataset that are opened at most to see what their bytes are
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds and bytes that an episode takes, failed attempts included, and where the figures come from.
+    """Seconds and bytes that an episode takes, failed attempts included, and where the figures come
+    from.
 
-    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/py), where files were looked at.
+    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/py), where
+    files were looked at.
     """
 
     seconds: float
@@ -97,7 +109,10 @@ class Cost:
         minutes = 60 * self.hours(episodes, workers)
         time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
         amount = format_size(episodes * self.size)
-        return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (estimated from {self.source})"
+        return (
+            f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (estimated"
+            f" from {self.source})"
+        )
 
 
 def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:
@@ -107,7 +122,8 @@ def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:
 
 
 def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
-    """What the finished episodes of a dataset took, by at most JUDGED_BY of them; `typical` where there is none."""
+    """What the finished episodes of a dataset took, by at most JUDGED_BY of them; `typical` where
+    there is none."""
     if dataset is None or not dataset.manifest.exists():
         return typical(recipe)
     rows = dataset.present(recipe, "size", "seconds", "core_seconds")
@@ -117,19 +133,23 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
         return typical(recipe)
     of, tried = dataset.ask(lambda index: index.attempts(rows, "seconds"))
     spent = np.bincount(of, [seconds or 0.0 for (seconds,) in tried], len(rows))
-    parts = mean_parts(dataset.episode(slot) for slot in rows.where(_spread(len(rows), LOOKED_AT)).slots)
+    parts = mean_parts(
+        dataset.episode(slot) for slot in rows.where(_spread(len(rows), LOOKED_AT)).slots
+    )
     size = float(np.mean(rows.more["size"]))
     return Cost(
         float(np.mean(np.where(spent, spent, rows.more["seconds"]))),
         size,
         "this dataset",
         _mean_core(rows.more["core_seconds"].tolist()),
-        {name: size * part / sum(parts.values()) for name, part in parts.items()},  # of fewer files, so in their proportions
+        # of fewer files, so in their proportions
+        {name: size * part / sum(parts.values()) for name, part in parts.items()},
     )
 
 
 def _spread(count: int, most: int) -> NDArray[np.bool_]:
-    """Which of so many (N,) are looked at where they are more than `most`: some that lie evenly among them."""
+    """Which of so many (N,) are looked at where they are more than `most`: some that lie evenly
+    among them."""
     chosen = np.zeros(count, bool)
     chosen[np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int)] = True
     return chosen
@@ -141,7 +161,8 @@ def _mean_core(cores: Sequence[float]) -> float | None:
 
 
 def measure(recipe: Recipe) -> Cost:
-    """Make a few episodes of the recipe in a temporary directory, one after another in this process, and measure their cost.
+    """Make a few episodes of the recipe in a temporary directory, one after another in this
+    process, and measure their cost.
 
     The cells are spread evenly over the recipe's. Raises NoRenderer without Vulkan.
     """
@@ -149,17 +170,26 @@ def measure(recipe: Recipe) -> Cost:
     recipe = recipe.model_copy(update={"variants": 1})
     cells = [cell for cell, count in recipe.counts().items() if count]
     picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]
-    slots = list(dict.fromkeys([Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))]))
+    slots = list(
+        dict.fromkeys([Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))])
+    )
     warm_up(slots[0].cell.embodiment)
     with TemporaryDirectory(prefix="domino-plan-") as folder:
         dataset = Dataset(Path(folder) / "dataset")
         dataset.create(recipe)
-        made = [(slot, fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version()))) for slot in slots]
+        made = [
+            (slot, fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version())))
+            for slot in slots
+        ]
         accepted = {slot: record for slot, record in made[1:] if record.accepted}
         if not accepted:
             return typical(recipe, "benchmarks: no measured attempt was accepted")
         return Cost(
-            float(np.mean([sum(row["seconds"] for row in record.attempts) for record in accepted.values()])),
+            float(
+                np.mean(
+                    [sum(row["seconds"] for row in record.attempts) for record in accepted.values()]
+                )
+            ),
             float(np.mean([record.file.size for record in accepted.values()])),
             f"{len(accepted)} episodes measured now",
             _mean_core([sum_phases(record.phases)[1] for record in accepted.values()]),
@@ -168,7 +198,8 @@ def measure(recipe: Recipe) -> Cost:
 
 
 BOUNDS = ("tasks", "levels", "episodes", "total")
-"""Keys of a recipe of which a command line must give one, unless it names a manifest: the others do not bound a build's length."""
+"""Keys of a recipe of which a command line must give one, unless it names a manifest: the others do
+not bound a build's length."""
 
 
 class Unbounded(DominoError):
@@ -176,23 +207,30 @@ class Unbounded(DominoError):
 
 
 def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, workers: int) -> None:
-    """Raise Unbounded for a new dataset of a recipe of whose BOUNDS none is `given`; a dataset that exists may be resumed."""
+    """Raise Unbounded for a new dataset of a recipe of whose BOUNDS none is `given`; a dataset that
+    exists may be resumed."""
     if any(key in given for key in BOUNDS) or dataset.manifest.exists():
         return
     values = plan(recipe, None, workers)
     raise Unbounded(
-        f"this build would make {values['slots']:,} episodes, {values['estimate']}: choose with "
-        f"{', '.join(f'--{key}' for key in BOUNDS)} or --manifest (for example --tasks click_bell --episodes 2), or add --yes"
+        f"this build would make {values['slots']:,} episodes, {values['estimate']}: choose with"
+        f" {', '.join(f'--{key}' for key in BOUNDS)} or --manifest (for example --tasks click_bell"
+        " --episodes 2), or add --yes"
     )
 
 
 def plan(
-    recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None, price: float | None = None
+    recipe: Recipe,
+    dataset: Dataset | None,
+    workers: int,
+    cost: Cost | None = None,
+    price: float | None = None,
 ) -> dict[str, Any]:
-    """The work that is left: cells with wanted and finished slots; finished parts to make again, as `status` reports them (`redo`);
-    estimated hours, core-hours, their price, and bytes.
+    """The work that is left: cells with wanted and finished slots; finished parts to make again, as
+    `status` reports them (`redo`); estimated hours, core-hours, their price, and bytes.
 
-    The estimate follows from a `cost`, by default the dataset's own record if it has one; `price` is that of one core-hour."""
+    The estimate follows from a `cost`, by default the dataset's own record if it has one; `price`
+    is that of one core-hour."""
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
         rows = dataset.rows(recipe)
@@ -200,7 +238,10 @@ def plan(
         redo = redone(recipe, rows.where(there), there[there])
         done = Counter(slot.cell for slot in rows.where(there).slots)
     cost = cost or cost_of(dataset, recipe)
-    cells = [asdict(c) | {"episodes": count * recipe.variants, "finished": done[c]} for c, count in recipe.counts().items()]
+    cells = [
+        asdict(c) | {"episodes": count * recipe.variants, "finished": done[c]}
+        for c, count in recipe.counts().items()
+    ]
     slots = sum(c["episodes"] for c in cells)
     left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
     return {

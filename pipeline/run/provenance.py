@@ -12,11 +12,21 @@ from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of
 from pipeline.world.robots.pairs import MODELS
 
-_PACKAGES = ("domino-data", "sapien", "numpy", "numba", "h5py", "opencv-python-headless", "ray", "pyarrow")
+_PACKAGES = (
+    "domino-data",
+    "sapien",
+    "numpy",
+    "numba",
+    "h5py",
+    "opencv-python-headless",
+    "ray",
+    "pyarrow",
+)
 
 
 def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
-    """What made the dataset: hash of the code, package versions, Python, renderer, processor. No clock."""
+    """What made the dataset: hash of the code, package versions, Python, renderer, processor. No
+    clock."""
     return {
         "code_version": code_version(),
         "licences": _licences(recipe),
@@ -29,12 +39,21 @@ def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
 
 
 def _licences(recipe: Recipe) -> dict[str, str]:
-    """Licences of the robots, of the objects from files, and of what the recipe brings for the room."""
+    """Licences of the robots, of the objects from files, and of what the recipe brings for the
+    room."""
     robots = {name: MODELS[name].settings.licence for name in recipe.robots() if name in MODELS}
     families = [(name, FAMILIES[name]) for names in recipe.objects.values() for name in names]
     brought = {"textures": recipe.textures, "environment": recipe.environment}
     own = {name: found.licence for name, found in brought.items() if isinstance(found, Brought)}
-    return robots | own | {name: files.settings.licence for name, family in families if (files := directory_of(family))}
+    return (
+        robots
+        | own
+        | {
+            name: files.settings.licence
+            for name, family in families
+            if (files := directory_of(family))
+        }
+    )
 
 
 def processor() -> str:
@@ -43,4 +62,7 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return platform.processor()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor())
+    return next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
+        platform.processor(),
+    )

@@ -1,4 +1,5 @@
-"""`domino-data regenerate`: one episode made again from its recipe, elsewhere, and compared byte by byte with the stored one."""
+"""`domino-data regenerate`: one episode made again from its recipe, elsewhere, and compared byte by
+byte with the stored one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,8 +25,8 @@ from pipeline.world.drawing.vulkan import ensure_renderer
 class Regenerated:
     """The comparison of a stored episode with the same episode made again.
 
-    `stored` and `made` are the sha256 of both files, `differ` the datasets that differ ("header" for attributes), `changed` the
-    parts of the keys that changed since the episode was made.
+    `stored` and `made` are the sha256 of both files, `differ` the datasets that differ ("header"
+    for attributes), `changed` the parts of the keys that changed since the episode was made.
     """
 
     slot: str
@@ -37,10 +38,12 @@ class Regenerated:
 
 
 def regenerate(dataset: Dataset, episode: str) -> Regenerated:
-    """Make an episode again in a temporary directory, with all attempts at its slot, and compare. The dataset is left as it is.
+    """Make an episode again in a temporary directory, with all attempts at its slot, and compare.
+    The dataset is left as it is.
 
-    `episode` is the path of the file, from anywhere below `episodes/`. Raises DatasetError for one that is not in the dataset,
-    EpisodeError for a file that cannot be read, NoRenderer without Vulkan.
+    `episode` is the path of the file, from anywhere below `episodes/`. Raises DatasetError for one
+    that is not in the dataset, EpisodeError for a file that cannot be read, NoRenderer without
+    Vulkan.
     """
     recipe = installed_recipe(dataset)
     slot = find_slot(dataset, recipe, episode)
@@ -52,7 +55,9 @@ def regenerate(dataset: Dataset, episode: str) -> Regenerated:
     ensure_renderer()
     keys = slot_keys(recipe, slot)
     changed = tuple(
-        f"{kind}.{part}" for kind, parts in keys.to_json().items() for part in Key(held.get(kind, {})).changed(Key(parts))
+        f"{kind}.{part}"
+        for kind, parts in keys.to_json().items()
+        for part in Key(held.get(kind, {})).changed(Key(parts))
     )
     with TemporaryDirectory(prefix="domino-regenerate-") as folder:
         copy = Dataset(Path(folder) / "dataset")
@@ -76,27 +81,40 @@ def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
     raise DatasetError(f"--episode {episode}: {dataset.root} has no such slot; write it as {first}")
 
 
-def _make(copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]) -> SlotRecord:
+def _make(
+    copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]
+) -> SlotRecord:
     """Fill the slot again, without any attempt that once killed two workers."""
-    lost = tuple(Lost(row["attempt"], row["reason"], row.get("seconds", 0.0)) for row in attempts if row.get("stage") == "worker")
+    lost = tuple(
+        Lost(row["attempt"], row["reason"], row.get("seconds", 0.0))
+        for row in attempts
+        if row.get("stage") == "worker"
+    )
     physical = fill_slot(SlotJob(str(copy.root), recipe, slot.physical, code_version(), lost=lost))
     if not slot.variant or not physical.accepted:
         return physical
     origin, same = origin_of(recipe.model_copy(update={"variants": 1}), recipe, slot)
-    drawn = draw_slot(DrawJob(str(copy.root), str(copy.root), recipe, slot, origin, physical, same, code_version()))
+    drawn = draw_slot(
+        DrawJob(
+            str(copy.root), str(copy.root), recipe, slot, origin, physical, same, code_version()
+        )
+    )
     if isinstance(drawn, str):
         raise DatasetError(f"{slot.path}: {drawn}")
     return drawn
 
 
 def other_device(dataset: Dataset) -> str:
-    """The device that drew the images of a dataset, if it is not the one here: two do not give the same pixels."""
+    """The device that drew the images of a dataset, if it is not the one here: two do not give the
+    same pixels."""
     try:
         made = dataset.made_by()
     except DatasetError:
         made = {}
     merged = [each for each in made.get("merged_from", ()) if isinstance(each, dict)]
-    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {"an unknown device"}
+    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {
+        "an unknown device"
+    }
     here = ensure_renderer()
     return "" if named == {here} else f"drawn by {', '.join(sorted(named))}, here by {here}"
 

@@ -25,8 +25,9 @@ from pipeline.world.drawing.vulkan import ensure_renderer
 class RenderResult:
     """The result of a rendering.
 
-    `slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not built yet in the source. `drawn`
-    counts this call; `problems` has a line for each episode that could not be drawn.
+    `slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
+    built yet in the source. `drawn` counts this call; `problems` has a line for each episode that
+    could not be drawn.
     """
 
     slots: int
@@ -46,17 +47,21 @@ def render(
     quiet: bool = False,
     flags: Mapping[str, str] | None = None,
 ) -> RenderResult:
-    """Draw every finished episode of `source` into the dataset `out`; episodes that are up to date there are skipped.
+    """Draw every finished episode of `source` into the dataset `out`; episodes that are up to date
+    there are skipped.
 
-    `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ from the source's, `flags` the
-    options that gave them, for messages.
-    Raises DatasetError for a source that is no dataset or has no episodes, or if `out` holds another recipe; Busy if another
-    command writes `out`; RecipeError and CameraError for changes that cannot be drawn; NoRenderer without Vulkan;
-    CrewError if workers cannot be started or keep dying.
+    `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ
+    from the source's, `flags` the options that gave them, for messages. Raises DatasetError for a
+    source that is no dataset or has no episodes, or if `out` holds another recipe; Busy if another
+    command writes `out`; RecipeError and CameraError for changes that cannot be drawn; NoRenderer
+    without Vulkan; CrewError if workers cannot be started or keep dying.
     """
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
-        raise DatasetError(f"--out {out.root} is the dataset itself, within it or around it: name another directory")
+        raise DatasetError(
+            f"--out {out.root} is the dataset itself, within it or around it: name another"
+            " directory"
+        )
     source.check_seal()
     held = source.recipe()
     recipe = parse_recipe(held.model_dump() | changes, "options", flags)
@@ -67,7 +72,9 @@ def render(
         return _draw(source, out, recipe, crew, quiet, device)
 
 
-def _draw(source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool, device: str) -> RenderResult:
+def _draw(
+    source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool, device: str
+) -> RenderResult:
     """As `render`, into a directory that is the recipe's and has what it needs."""
     sweep(out.root)
     try:
@@ -76,7 +83,9 @@ def _draw(source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool
             problems = draw_all(work, writer, crew, ATTEMPT_SECONDS, quiet)
     finally:
         out.write_attempts(recipe)
-        write_atomic(out.provenance, seal(provenance(device, recipe) | {"drawn_from": _provenance(source)}))
+        write_atomic(
+            out.provenance, seal(provenance(device, recipe) | {"drawn_from": _provenance(source)})
+        )
     refresh(out, annotation_sheet)
     accepted = out.present(recipe).accepted
     return RenderResult(
@@ -90,7 +99,8 @@ def _draw(source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool
 
 
 def _provenance(source: Dataset) -> dict[str, Any]:
-    """The provenance of the source; empty if its file is missing or damaged, which `verify` reports."""
+    """The provenance of the source; empty if its file is missing or damaged, which `verify`
+    reports."""
     try:
         return source.made_by()
     except DatasetError:
@@ -98,7 +108,8 @@ def _provenance(source: Dataset) -> dict[str, Any]:
 
 
 def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
-    """Try the wanted cameras on the first episode of every task and robot, before anything is written."""
+    """Try the wanted cameras on the first episode of every task and robot, before anything is
+    written."""
     seen = set()
     for slot, record in source.records(held):
         kind = slot.cell.task, slot.cell.embodiment

@@ -26,9 +26,9 @@ DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "s
 
 @dataclass(frozen=True)
 class SlotState:
-    """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything), IMAGES (from the stored state
-    log) or SENTENCES; `because` names the parts of the key that changed. `accepted` is what the index says, None if it has no
-    such slot."""
+    """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything),
+    IMAGES (from the stored state log) or SENTENCES; `because` names the parts of the key that
+    changed. `accepted` is what the index says, None if it has no such slot."""
 
     todo: str
     because: tuple[str, ...] = ()
@@ -36,10 +36,11 @@ class SlotState:
 
 
 def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.int64]]:
-    """The states of groups of rows (same cell, variant, keys and outcome) if their files are there, and the group of each (N,).
+    """The states of groups of rows (same cell, variant, keys and outcome) if their files are there,
+    and the group of each (N,).
 
-    What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
-    only where the recipe keeps failed attempts."""
+    What was made for a task or robot that the code does not have is out of date. A slot that was
+    given up has images and sentences only where the recipe keeps failed attempts."""
     keys = RecipeKeys(recipe)
     groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
     groups = groups * (max(rows.texts, default=0) + 1) + rows.keys
@@ -47,7 +48,10 @@ def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.
     some = rows.where(firsts)
     columns = zip(some.slots, some.accepted.tolist(), some.keys.tolist(), strict=True)
     keeps = recipe.keep_failures != "none"
-    return [_against(keys, slot, accepted, rows.texts.get(key, ""), keeps) for slot, accepted, key in columns], of
+    return [
+        _against(keys, slot, accepted, rows.texts.get(key, ""), keeps)
+        for slot, accepted, key in columns
+    ], of
 
 
 def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState:
@@ -64,7 +68,10 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: b
         return SlotState(PHYSICS, tuple(changed), accepted)
     if not (accepted or keeps):
         return SlotState(DONE, (), accepted)
-    images, sentences = tuple(held.render.changed(keys.render)), tuple(held.language.changed(keys.language))
+    images, sentences = (
+        tuple(held.render.changed(keys.render)),
+        tuple(held.language.changed(keys.language)),
+    )
     if images:
         return SlotState(IMAGES, images + sentences, accepted)
     return SlotState(SENTENCES, sentences, accepted) if sentences else SlotState(DONE, (), accepted)
@@ -80,11 +87,15 @@ def _with_file(state: SlotState, there: bool) -> SlotState:
 def _each(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Iterator[SlotState]:
     """The state of every row, by which of their files (N,) are there."""
     cases, of = judge_keys(recipe, rows)
-    return (_with_file(cases[case], here) for case, here in zip(of.tolist(), there.tolist(), strict=True))
+    return (
+        _with_file(cases[case], here)
+        for case, here in zip(of.tolist(), there.tolist(), strict=True)
+    )
 
 
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
-    """Every slot of a recipe with its state now, files unread: whether they are what was written is for `missing`."""
+    """Every slot of a recipe with its state now, files unread: whether they are what was written is
+    for `missing`."""
     rows, none = dataset.rows(recipe), SlotState(OPEN)
     each = _each(recipe, rows, Listing(dataset.episodes, recipe).there(rows))
     found = dict(zip(rows.slots, each, strict=True))
@@ -110,20 +121,30 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
             if found[slot].todo != OPEN:
                 found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     none = SlotState(OPEN)
-    return {slot: state for slot in recipe.physical_slots() if (state := found.get(slot, none)).todo != DONE}
+    return {
+        slot: state
+        for slot in recipe.physical_slots()
+        if (state := found.get(slot, none)).todo != DONE
+    }
 
 
 def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
-    """The slots of those rows of which an asset is missing; `names` are those of all assets by number."""
+    """The slots of those rows of which an asset is missing; `names` are those of all assets by
+    number."""
     there = AssetStore(dataset.bodies).keys()
     absent = {str(number) for number, name in names.items() if name not in there}
     if not absent:
         return []
-    return rows.where(np.array([not absent.isdisjoint(named.split()) for named in rows.more["assets"]], bool)).slots
+    return rows.where(
+        np.array([not absent.isdisjoint(named.split()) for named in rows.more["assets"]], bool)
+    ).slots
 
 
-def redone(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
-    """How many slots a build would make again, by what of them and why; `there` (N,) says whose file is there."""
+def redone(
+    recipe: Recipe, rows: Rows, there: NDArray[np.bool_]
+) -> Counter[tuple[str, tuple[str, ...]]]:
+    """How many slots a build would make again, by what of them and why; `there` (N,) says whose
+    file is there."""
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
         counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
@@ -136,9 +157,16 @@ def redone(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Counter[tupl
 
 def redo_rows(redo: Mapping[tuple[str, tuple[str, ...]], int]) -> list[dict[str, Any]]:
     """What `redone` counted as plain data: {"what", "because", "slots"}, sorted."""
-    return [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())]
+    return [
+        {"what": what, "because": list(because), "slots": n}
+        for (what, because), n in sorted(redo.items())
+    ]
 
 
 def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
     """A line for each of `redo_rows`."""
-    return [f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in rows]
+    return [
+        f"a build would make the {r['what']} of {r['slots']} slots again: changed"
+        f" {', '.join(r['because'])}"
+        for r in rows
+    ]

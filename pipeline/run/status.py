@@ -1,4 +1,5 @@
-"""`domino-data status`: what a dataset holds, by its index and a listing of its files. Opens no episode."""
+"""`domino-data status`: what a dataset holds, by its index and a listing of its files. Opens no
+episode."""
 
 import json
 from collections import Counter
@@ -18,19 +19,23 @@ from pipeline.stages.reasons import reasons_in
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
-    """The state of a dataset: slots wanted, accepted, given up and open; attempts and their failures by reason; the same per cell.
+    """The state of a dataset: slots wanted, accepted, given up and open; attempts and their
+    failures by reason; the same per cell.
 
     `edited` tells whether its manifest was edited.
 
-    `failures` has the reasons in detail (as Reason); `redo` the parts that a build would make again, and the changes that cause it,
-    as {"what", "because", "slots"}; `pairs` (as Pairs) is there if the recipe pairs cells; `stopped` has the cells that the
-    recipe's floor stops, as {"cell", "slots", "because"}.
+    `failures` has the reasons in detail (as Reason); `redo` the parts that a build would make
+    again, and the changes that cause it, as {"what", "because", "slots"}; `pairs` (as Pairs) is
+    there if the recipe pairs cells; `stopped` has the cells that the recipe's floor stops, as
+    {"cell", "slots", "because"}.
     """
     recipe = installed_recipe(dataset)
     rows = dataset.rows(recipe)
     listed = Listing(dataset.episodes, recipe).there(rows)
     redo, there = redone(recipe, rows, listed), rows.where(listed)
-    of, tried = dataset.ask(lambda index: index.attempts(there, "stage", "reason", "detail", "conditions"))
+    of, tried = dataset.ask(
+        lambda index: index.attempts(there, "stage", "reason", "detail", "conditions")
+    )
     counted = {
         "wanted": [number * recipe.variants for number in recipe.counts().values()],
         "accepted": _by_cell(there, there.accepted),
@@ -39,7 +44,9 @@ def status(dataset: Dataset) -> dict[str, Any]:
     }
     total = {name: sum(counts) for name, counts in counted.items()}
     solved = int((there.accepted & (there.variants == 0)).sum())
-    failures = reasons_in((stage, reason, detail, json.loads(names or "[]")) for stage, reason, detail, names in tried)
+    failures = reasons_in(
+        (stage, reason, detail, json.loads(names or "[]")) for stage, reason, detail, names in tried
+    )
     by_reason = Counter[str]()
     for failure in failures:
         by_reason[failure.reason] += failure.attempts
@@ -50,9 +57,15 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
         "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
-        "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stopped_cells(dataset, recipe)],
+        "stopped": [
+            {"cell": s.cell.path, "slots": s.slots, "because": s.because}
+            for s in stopped_cells(dataset, recipe)
+        ],
         "redo": redo_rows(redo),
-        "cells": {cell.path: {name: counts[rank] for name, counts in counted.items()} for rank, cell in enumerate(there.cells)},
+        "cells": {
+            cell.path: {name: counts[rank] for name, counts in counted.items()}
+            for rank, cell in enumerate(there.cells)
+        },
     }
 
 

@@ -23,33 +23,50 @@ from pipeline.run.file_checks import AGAIN, FileJob, judge
 from pipeline.run.regenerate import is_image, other_device, regenerate
 from pipeline.run.state import DONE, OPEN, states
 
-SECONDS = 3600.0  # what one file, or all attempts at a slot, may take before the worker counts as hung
+# what one file, or all attempts at a slot, may take before the worker counts as hung
+SECONDS = 3600.0
 PASSING = (".tmp", ".running")  # files that come and go while a build runs
 OF_RECIPE = {"slot", "recipe"}  # parts of keys that no other version of the code changes
 
 
-def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, again: int = 0) -> dict[str, Any]:
-    """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at random.
+def verify(
+    dataset: Dataset, crew: Crew | None = None, progress: bool = False, again: int = 0
+) -> dict[str, Any]:
+    """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at
+    random.
 
     Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
     "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
-    version of code or recipe, "again": a line for each that was made again}. What is stale cannot be
-    made again; a dataset with fewer than `again` others is not `ok`.
+    version of code or recipe, "again": a line for each that was made again}. What is stale cannot
+    be made again; a dataset with fewer than `again` others is not `ok`.
 
     Raises DatasetError for a directory that is no dataset, CrewError if workers cannot be started
     or do not last, and NoRenderer if nothing can be drawn again.
     """
     crew, root, paths = crew or Crew(), str(dataset.root.resolve()), list(_files_of(dataset))
     known = _compare(dataset, set(paths))
-    jobs = [FileJob(root, path, known.hashes.get(path, "")) for path in paths if path not in known.strays]
+    jobs = [
+        FileJob(root, path, known.hashes.get(path, ""))
+        for path in paths
+        if path not in known.strays
+    ]
     with session(crew), tqdm(unit="file", disable=not progress, dynamic_ncols=True) as bar:
         judged = dict(_each(judge, jobs, crew, bar))
         sound = [
-            path for path, problems in judged.items() if path.startswith("episodes/") and path.endswith(EPISODE) and not problems
+            path
+            for path, problems in judged.items()
+            if path.startswith("episodes/") and path.endswith(EPISODE) and not problems
         ]
         fresh = [path for path in sound if path in known.current]
         chosen = np.random.default_rng().permutation(len(fresh))[:again]
-        made = dict(_each(_differ, [FileJob(root, fresh[number]) for number in sorted(chosen.tolist())], crew, bar))
+        made = dict(
+            _each(
+                _differ,
+                [FileJob(root, fresh[number]) for number in sorted(chosen.tolist())],
+                crew,
+                bar,
+            )
+        )
     problems, lines = known.problems, list[str]()
     problems += [f"{path}: {problem}" for path, found in judged.items() for problem in found]
     device = other_device(dataset) if made else ""
@@ -57,7 +74,9 @@ def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, a
         images = [name for name in names if is_image(name)]
         state = [name for name in names if name not in images]
         compared = f"not compared ({device})" if device else "differ" if images else "equal"
-        lines.append(f"{path}: made again, state bytes {'differ' if state else 'equal'}, images {compared}")
+        lines.append(
+            f"{path}: made again, state bytes {'differ' if state else 'equal'}, images {compared}"
+        )
         if differ := state + ([] if device else images):
             problems.append(f"{path}: made again, it differs in {', '.join(differ[:5])}")
     _touch(dataset, [path for path, problems in judged.items() if problems])
@@ -89,10 +108,11 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
 
 @dataclass
 class Known:
-    """What recipe and index state about a dataset's files, by path: nothing if the recipe was edited.
+    """What recipe and index state about a dataset's files, by path: nothing if the recipe was
+    edited.
 
-    `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code; `problems`
-    concern files that are missing or belong elsewhere. `stale` and `open` count slots.
+    `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code;
+    `problems` concern files that are missing or belong elsewhere. `stale` and `open` count slots.
     """
 
     hashes: dict[str, str] = field(default_factory=dict[str, str])
@@ -109,9 +129,13 @@ def _compare(dataset: Dataset, paths: set[str]) -> Known:
         return Known(problems=[f"{dataset.manifest.name}: {EDITED}"])
     known, recipe, slots = Known(), dataset.recipe(), set[str]()
     rows = dataset.rows(recipe, "sha256", "assets")
-    for slot, accepted, sha256 in zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True):
+    for slot, accepted, sha256 in zip(
+        rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True
+    ):
         known.hashes[_name(dataset, dataset.file(slot, accepted))] = sha256.hex()
-    known.hashes |= {_name(dataset, path): sha256 for _, path, sha256 in kept_failures(dataset, recipe)}
+    known.hashes |= {
+        _name(dataset, path): sha256 for _, path, sha256 in kept_failures(dataset, recipe)
+    }
     for slot, state in states(dataset, recipe):
         places = [_name(dataset, dataset.file(slot, accepted)) for accepted in (True, False)]
         slots.update(places)
@@ -120,14 +144,31 @@ def _compare(dataset: Dataset, paths: set[str]) -> Known:
         known.current.update(there if state.todo == DONE else ())
         known.stale += bool(there) and state.todo not in (DONE, OPEN)
         if there and (other := OF_RECIPE.intersection(state.because)):
-            known.problems.append(f"{there[0]}: its keys are not those of the recipe ({', '.join(sorted(other))}); {AGAIN}")
-    known.strays = {path for path in paths if path.startswith(("episodes/", "failures/"))} - slots - known.hashes.keys()
+            known.problems.append(
+                f"{there[0]}: its keys are not those of the recipe ({', '.join(sorted(other))});"
+                f" {AGAIN}"
+            )
+    known.strays = (
+        {path for path in paths if path.startswith(("episodes/", "failures/"))}
+        - slots
+        - known.hashes.keys()
+    )
     for path in sorted(known.strays):
         fix = "`gc` sets a whole episode aside" if path.startswith("episodes/") else "remove it"
         known.problems.append(f"{path}: belongs to no slot of the recipe; {fix}")
-    assets, numbers = dataset.ask(lambda index: index.assets()), {each for text in rows.more["assets"] for each in text.split()}
-    named = (_name(dataset, dataset.bodies / key[:2] / f"{key}.npz") for key in sorted(assets[int(number)] for number in numbers))
-    known.problems += [f"{path}: is missing; {AGAIN}" for path in [*sorted(known.hashes), *named] if path not in paths]
+    assets, numbers = (
+        dataset.ask(lambda index: index.assets()),
+        {each for text in rows.more["assets"] for each in text.split()},
+    )
+    named = (
+        _name(dataset, dataset.bodies / key[:2] / f"{key}.npz")
+        for key in sorted(assets[int(number)] for number in numbers)
+    )
+    known.problems += [
+        f"{path}: is missing; {AGAIN}"
+        for path in [*sorted(known.hashes), *named]
+        if path not in paths
+    ]
     return known
 
 
@@ -143,13 +184,18 @@ def _differ(job: FileJob) -> list[str]:
 def _each(
     work: Callable[[FileJob], list[str]], jobs: Sequence[FileJob], crew: Crew, bar: "tqdm[Any]"
 ) -> Iterator[tuple[str, list[str]]]:
-    """The path of every job and what the work found, in their order; a file that costs two workers is a problem."""
+    """The path of every job and what the work found, in their order; a file that costs two workers
+    is a problem."""
     done = dict[str, list[str]]()
     bar.reset(len(jobs))
     with closing(run(lambda: work, deque(jobs), crew, SECONDS)) as ends:
         for end in ends:
             lost = "" if isinstance(end, Done) else end.reason.replace("_", " ")
-            done[end.job.path] = end.result if isinstance(end, Done) else [f"{lost} twice over it; remove it, and {AGAIN}"]
+            done[end.job.path] = (
+                end.result
+                if isinstance(end, Done)
+                else [f"{lost} twice over it; remove it, and {AGAIN}"]
+            )
             bar.update()
     yield from ((job.path, done[job.path]) for job in jobs)
 

@@ -1,4 +1,5 @@
-"""What stands beside the road of a build: its progress, its metrics, and the early stop of cells."""
+"""What stands beside the road of a build: its progress, its metrics, and the early stop of
+cells."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -47,8 +48,11 @@ class Watch:
 
 
 @contextmanager
-def watching(dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew, shown: Kind) -> Iterator[Watch]:
-    """The watch over a build; jobs that must wait for the judgement of their cells are taken away."""
+def watching(
+    dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew, shown: Kind
+) -> Iterator[Watch]:
+    """The watch over a build; jobs that must wait for the judgement of their cells are taken
+    away."""
     wanted = sum(recipe.counts().values())
     progress = SHOWN[shown](wanted, wanted - len(jobs))
     try:
@@ -58,14 +62,16 @@ def watching(dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew,
         progress.close()
 
 
-def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew) -> None:
+def _announce(
+    progress: Progress, dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew
+) -> None:
     """Print what will be made, and compile once what each worker would compile."""
     if not jobs:
         return
     cost = cost_of(dataset, recipe)
     progress.write_line(
-        f"episodes to make: {len(jobs):,}, in {with_urls(str(dataset.root))}; {cost.describe(len(jobs), crew.workers)}. "
-        "Ctrl-C stops; rerun the same command to resume"
+        f"episodes to make: {len(jobs):,}, in {with_urls(str(dataset.root))};"
+        f" {cost.describe(len(jobs), crew.workers)}. Ctrl-C stops; rerun the same command to resume"
     )
     if not is_compiled():
         progress.show_activity("compiling, once, about 20 s")

@@ -1,4 +1,5 @@
-"""One attempt at one spec: the three stages in a row. What an attempt costs is measured by phase."""
+"""One attempt at one spec: the three stages in a row. What an attempt costs is measured by
+phase."""
 
 import time
 from collections import defaultdict
@@ -27,8 +28,9 @@ GRASPS = 3
 
 
 PAUSES = (0.7, 1.4)
-"""Seconds (s) for which a robot that meets the target with something else than a grasp waits before its last move, one after the
-other, until the motion fits: what it took from the middle of the table is out of the target's way by then."""
+"""Seconds (s) for which a robot that meets the target with something else than a grasp waits before
+its last move, one after the other, until the motion fits: what it took from the middle of the table
+is out of the target's way by then."""
 
 
 class Phases:
@@ -48,7 +50,8 @@ class Phases:
             self.cpu[name] += time.process_time() - worked
 
     def record(self) -> dict[str, float]:
-        """For the index: wall seconds by phase, processor seconds under the same names with ".cpu"."""
+        """For the index: wall seconds by phase, processor seconds under the same names with
+        ".cpu"."""
         return dict(self.seconds) | {f"{name}.cpu": seconds for name, seconds in self.cpu.items()}
 
 
@@ -65,9 +68,11 @@ class Rollout:
 
 
 def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
-    """Dry runs that differ, until one meets: each grasps the target from another side, as long as there is one.
+    """Dry runs that differ, until one meets: each grasps the target from another side, as long as
+    there is one.
 
-    If the meeting is no grasp, each makes its last move later than the one before. Raises Failure."""
+    If the meeting is no grasp, each makes its last move later than the one before. Raises
+    Failure."""
     with phases("dry_run"):
         first = dry = dry_run(scene, fps)
     yield dry
@@ -78,7 +83,11 @@ def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
             yield dry
         return
     avoid = list[NDArray[np.float64]]()
-    while dry.approach is not None and len(avoid) + 1 < GRASPS and not near_one(dry.approach[None], avoid)[0]:
+    while (
+        dry.approach is not None
+        and len(avoid) + 1 < GRASPS
+        and not near_one(dry.approach[None], avoid)[0]
+    ):
         avoid.append(dry.approach)
         with phases("dry_run"):
             dry = dry_run(scene, fps, Variation(avoid))
@@ -88,9 +97,10 @@ def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
 def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
     """A dry run, a motion of the target that fits it, and the physics steps of all dry runs.
 
-    Where the drawn motion fits in no direction, the target is grasped from another side: a hand that comes in level bars every path
-    that leads to the target from its own side. Or the robot waits before its last move: what it takes from the middle of the table
-    bars the way across until then. Raises Failure, that of the first dry run if no other helps.
+    Where the drawn motion fits in no direction, the target is grasped from another side: a hand
+    that comes in level bars every path that leads to the target from its own side. Or the robot
+    waits before its last move: what it takes from the middle of the table bars the way across until
+    then. Raises Failure, that of the first dry run if no other helps.
     """
     steps, refused = 0, list[Failure]()
     try:
@@ -112,13 +122,22 @@ def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, Tar
         refused.clear()  # they refer to this frame
 
 
-def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, demonstrator: Demonstrator | None = None) -> Rollout:
-    """The three stages for one spec. A `demonstrator` does the third, by default the expert that the setup names.
+def attempt(
+    spec: EpisodeSpec, setup: Setup, phases: Phases, demonstrator: Demonstrator | None = None
+) -> Rollout:
+    """The three stages for one spec. A `demonstrator` does the third, by default the expert that
+    the setup names.
 
-    Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and OwnCodeError for an error in the
-    code of a task from outside the package.
+    Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and
+    OwnCodeError for an error in the code of a task from outside the package.
     """
-    steps, drawn, motion, meeting, demonstrator = 0, None, None, 0.0, demonstrator or expert_of(setup)
+    steps, drawn, motion, meeting, demonstrator = (
+        0,
+        None,
+        None,
+        0.0,
+        demonstrator or expert_of(setup),
+    )
     try:
         with phases("scene"):
             scene = build_scene(spec, setup.ruling())

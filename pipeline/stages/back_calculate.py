@@ -1,4 +1,5 @@
-"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting time."""
+"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting
+time."""
 
 from typing import NamedTuple
 
@@ -18,46 +19,64 @@ from pipeline.tasks import middle
 from pipeline.world.physics.body import TABLE_TOP
 
 TAIL = 0.25
-"""Seconds after the meeting for which the straight continuation must stay in the workspace and in view."""
+"""Seconds after the meeting for which the straight continuation must stay in the workspace and in
+view."""
 
 END_SPEED = 3.0
-"""Times alpha: the fastest a target may be at the meeting, where the average bound of levels 2 and 3 allows any speed. Of the
-shapes that are acceptable otherwise, 1 to 2 of 100 exceed it at level 2 and 1 to 13 at level 3, more the longer they last (1.5 to
-5 s), by up to 72 alpha in their short last pieces."""
+"""Times alpha: the fastest a target may be at the meeting, where the average bound of levels 2 and
+3 allows any speed. Of the shapes that are acceptable otherwise, 1 to 2 of 100 exceed it at level 2
+and 1 to 13 at level 3, more the longer they last (1.5 to 5 s), by up to 72 alpha in their short
+last pieces."""
 
 JUMP = 4.0
-"""Times alpha: the greatest jump of a level-3 target's velocity under `jumps: capped`. Of the shapes that the paper's law draws
-over 3 s, 9 of 100 exceed it at alpha 0.1 and 20 at 0.3, by up to 46 alpha: only a blow changes a velocity so much at an instant."""
+"""Times alpha: the greatest jump of a level-3 target's velocity under `jumps: capped`. Of the
+shapes that the paper's law draws over 3 s, 9 of 100 exceed it at alpha 0.1 and 20 at 0.3, by up to
+46 alpha: only a blow changes a velocity so much at an instant."""
 
 LATE = (1.0, 0.8, 0.64, 0.5, 0.4, 0.3, 0.24)
-"""Shares of the time until the meeting for which the target moves under `start: late`; the first is taken that has room."""
+"""Shares of the time until the meeting for which the target moves under `start: late`; the first is
+taken that has room."""
 
 FAST = 0.1
-"""m/s; the alpha beyond which strict rules start targets late and cap jumps. Up to it nearly every motion of the law has room."""
+"""m/s; the alpha beyond which strict rules start targets late and cap jumps. Up to it nearly every
+motion of the law has room."""
 
 
 def moving_shares(setup: Setup, alpha: float) -> tuple[float, ...]:
-    """For which shares of the time until the meeting a target may move, in the order in which they are tried."""
+    """For which shares of the time until the meeting a target may move, in the order in which they
+    are tried."""
     return LATE if (setup.start or _by_speed(setup, alpha, "early", "late")) == "late" else LATE[:1]
 
 
 def jump_limit(setup: Setup, alpha: float) -> float | None:
     """The greatest jump (m/s) of a level-3 target's velocity, None for any."""
-    return JUMP * alpha if (setup.jumps or _by_speed(setup, alpha, "drawn", "capped")) == "capped" else None
+    return (
+        JUMP * alpha
+        if (setup.jumps or _by_speed(setup, alpha, "drawn", "capped")) == "capped"
+        else None
+    )
 
 
 def _by_speed(setup: Setup, alpha: float, slow: str, fast: str) -> str:
-    """The value of a setup key that is not given: `fast` if the rules are strict and alpha is above FAST, else `slow`."""
+    """The value of a setup key that is not given: `fast` if the rules are strict and alpha is above
+    FAST, else `slow`."""
     return fast if setup.rules == "strict" and alpha > FAST else slow
 
 
 def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
-    """Draw the target's motion with the model, lead and speed bound of a setup, and those of the bodies that move beside it.
+    """Draw the target's motion with the model, lead and speed bound of a setup, and those of the
+    bodies that move beside it.
 
     Raises Failure("back_calculate", "no_motion") if a shape fits in no direction.
     """
     task = scene.task
-    found = _drawn(scene, dry, setup, Mover(task.target, setup.motion or task.motion, "target_motion"), Clearance(scene, dry).free)
+    found = _drawn(
+        scene,
+        dry,
+        setup,
+        Mover(task.target, setup.motion or task.motion, "target_motion"),
+        Clearance(scene, dry).free,
+    )
     others = dict[str, TargetMotion]()
     for name, model in task.movers.items():
         free = beside(scene, dry, name, {task.target: found, **others})
@@ -66,7 +85,8 @@ def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
 
 
 class Mover(NamedTuple):
-    """A body that moves by a model; its motion is drawn from the streams `purpose` of the slot and the attempt."""
+    """A body that moves by a model; its motion is drawn from the streams `purpose` of the slot and
+    the attempt."""
 
     name: str
     model: str
@@ -74,14 +94,18 @@ class Mover(NamedTuple):
 
 
 def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) -> TargetMotion:
-    """A motion of one body, seen by the head camera all along, that is `free`. Raises Failure("back_calculate", "no_motion")."""
+    """A motion of one body, seen by the head camera all along, that is `free`. Raises
+    Failure("back_calculate", "no_motion")."""
     spec, body = scene.spec, scene.bodies[mover.name]
     half = middle(body.pose, body.instance) - body.pose[:3]
     own = quat_rotate(inverse(body.pose)[3:], half)
 
     def seen(path: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the head camera sees the middle of the body all along each path, of positions or of poses."""
-        points = path + half if path.shape[-1] == 3 else path[..., :3] + quat_rotate(path[..., 3:], own)
+        """Whether the head camera sees the middle of the body all along each path, of positions or
+        of poses."""
+        points = (
+            path + half if path.shape[-1] == 3 else path[..., :3] + quat_rotate(path[..., 3:], own)
+        )
         return np.asarray(scene.sees(points, setup.camera).all(-1))
 
     try:

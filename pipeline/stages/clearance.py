@@ -1,7 +1,9 @@
-"""Whether the path of a target is free, given where everything was during the dry run on the same clock.
+"""Whether the path of a target is free, given where everything was during the dry run on the same
+clock.
 
-The robot's sweep is known from the dry run, so the time at which a candidate motion would first be touched can be computed. Only
-motions whose first touch comes when the meeting is planned are accepted: a target must not run into an open finger early.
+The robot's sweep is known from the dry run, so the time at which a candidate motion would first be
+touched can be computed. Only motions whose first touch comes when the meeting is planned are
+accepted: a target must not run into an open finger early.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -23,7 +25,8 @@ MARGIN = 0.002
 """Distance (m) from the moving target that counts as a touch."""
 
 LATE = 0.4
-"""Time (s) before the meeting from which what does not grasp the target may come as near as NEAR: fingertips creep down on it."""
+"""Time (s) before the meeting from which what does not grasp the target may come as near as NEAR:
+fingertips creep down on it."""
 
 NEAR = 0.00025
 """Distance (m) that counts as a touch then."""
@@ -32,9 +35,12 @@ NEVER = frozenset({"table"})
 """Bodies that the target may always touch."""
 
 
-def beside(scene: Scene, dry: DryRun, name: str, moving: Mapping[str, TargetMotion]) -> Callable[[TargetMotion], bool]:
-    """The test for one candidate motion of a body that moves beside the target: nothing comes within 2 mm of it until the meeting,
-    neither what the dry run moved nor what is `moving`, by name."""
+def beside(
+    scene: Scene, dry: DryRun, name: str, moving: Mapping[str, TargetMotion]
+) -> Callable[[TargetMotion], bool]:
+    """The test for one candidate motion of a body that moves beside the target: nothing comes
+    within 2 mm of it until the meeting, neither what the dry run moved nor what is `moving`, by
+    name."""
     poses = dry.sweep[: int(dry.meeting * SWEEP_HZ) + 1].copy()
     times = np.arange(len(poses)) / SWEEP_HZ
     for other, motion in moving.items():
@@ -46,7 +52,8 @@ def beside(scene: Scene, dry: DryRun, name: str, moving: Mapping[str, TargetMoti
 
 
 class Clearance:
-    """The sweep of one dry run as moving collision pieces; `free(motion)` is the test for one candidate."""
+    """The sweep of one dry run as moving collision pieces; `free(motion)` is the test for one
+    candidate."""
 
     def __init__(self, scene: Scene, dry: DryRun) -> None:
         count = int((dry.meeting - EARLY) * SWEEP_HZ) + 1
@@ -56,27 +63,48 @@ class Clearance:
             _others(scene, dry, {scene.task.target, *scene.task.movers}),
         )
         parts = [(np.arange(late), MARGIN), (np.arange(late, count), NEAR)]
-        self._parts = [(k / SWEEP_HZ, Sweep(others, dry.sweep[k], target, margin)) for k, margin in parts if len(k)]
-        self._others, self._poses, self._times = others, dry.sweep[:count], np.arange(count) / SWEEP_HZ
+        self._parts = [
+            (k / SWEEP_HZ, Sweep(others, dry.sweep[k], target, margin))
+            for k, margin in parts
+            if len(k)
+        ]
+        self._others, self._poses, self._times = (
+            others,
+            dry.sweep[:count],
+            np.arange(count) / SWEEP_HZ,
+        )
 
     def free(self, motion: TargetMotion) -> bool:
-        """Whether nothing comes within 2 mm of the moving target, or of its solid scenery, until 0.08 s before the meeting.
+        """Whether nothing comes within 2 mm of the moving target, or of its solid scenery, until
+        0.08 s before the meeting.
 
         At the end the distance is 0.25 mm."""
         solid = [prop for prop in motion.scenery() if prop.solid]
-        return all(sweep.first_contact(motion.pose(times)) is None for times, sweep in self._parts) and all(
-            Sweep(self._others, self._poses, colliders_of(prop), MARGIN).first_contact(prop.pose(self._times)) is None
+        return all(
+            sweep.first_contact(motion.pose(times)) is None for times, sweep in self._parts
+        ) and all(
+            Sweep(self._others, self._poses, colliders_of(prop), MARGIN).first_contact(
+                prop.pose(self._times)
+            )
+            is None
             for prop in solid
         )
 
 
 def _others(scene: Scene, dry: DryRun, without: Collection[str]) -> list[tuple[int, Collider]]:
-    """(index in `dry.names`, collision piece) of all bodies and links that a moving body must not touch."""
-    links = {f"{side}_{link.name}": link.collision for side, arm in scene.embodiment.arms.items() for link in arm.links}
+    """(index in `dry.names`, collision piece) of all bodies and links that a moving body must not
+    touch."""
+    links = {
+        f"{side}_{link.name}": link.collision
+        for side, arm in scene.embodiment.arms.items()
+        for link in arm.links
+    }
     pieces: list[tuple[int, Collider]] = []
     for index, name in enumerate(dry.names):
         if name in NEVER or name in without or (name in scene.bodies and scene.bodies[name].rides):
             continue
-        collision = scene.bodies[name].instance.shape().collision if name in scene.bodies else links[name]
+        collision = (
+            scene.bodies[name].instance.shape().collision if name in scene.bodies else links[name]
+        )
         pieces += [(index, c) for c in collision]
     return pieces

@@ -1,4 +1,5 @@
-"""Stage 1: run the task's expert on a target that stands still, and measure when it meets it (paper, appendix D.3)."""
+"""Stage 1: run the task's expert on a target that stands still, and measure when it meets it
+(paper, appendix D.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +20,8 @@ STAGE = "dry_run"
 class Variation:
     """The difference of a dry run from the first one.
 
-    The target is grasped from other directions (3,) than those of `avoid`, if possible, and the robot waits `pause` s before skill
-    number `before` of `meet`.
+    The target is grasped from other directions (3,) than those of `avoid`, if possible, and the
+    robot waits `pause` s before skill number `before` of `meet`.
     """
 
     avoid: Sequence[NDArray[np.float64]] = ()
@@ -33,10 +34,11 @@ FIRST = Variation()
 
 @dataclass(eq=False)
 class DryRun:
-    """What the replay needs: the commands of the first half (M,A), when the meeting happened (s), what was in which hand then,
-    and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`. `approach` is the direction
-    (3,) from which the hand went in to grasp the target, None if the meeting is no grasp; `skills` counts those of `meet`, whose
-    `runs` are on the same clock as the commands."""
+    """What the replay needs: the commands of the first half (M,A), when the meeting happened (s),
+    what was in which hand then, and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first
+    half, in the order of `names`. `approach` is the direction (3,) from which the hand went in to
+    grasp the target, None if the meeting is no grasp; `skills` counts those of `meet`, whose `runs`
+    are on the same clock as the commands."""
 
     commands: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -53,8 +55,8 @@ class DryRun:
 def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
     """Plan and run the whole script in the still scene; accept it only if the task succeeds there.
 
-    Raises Failure: a planning reason, early_meeting (the target was touched before the last skill of `meet`), no_meeting, or
-    no_success.
+    Raises Failure: a planning reason, early_meeting (the target was touched before the last skill
+    of `meet`), no_meeting, or no_success.
     """
     task = scene.task
     end = scene.bodies[task.target].pose
@@ -67,7 +69,11 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
                 actor.wait(variation.pause)
             last_began = actor.simulation.time
             if actor.simulation.touched_by:
-                raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
+                raise Failure(
+                    STAGE,
+                    "early_meeting",
+                    f"{actor.simulation.touched_by} touched the target too soon",
+                )
             actor.perform(skill)
         half, runs = len(actor.stream.commands), actor.skills
         held, sweep, actor.sweeping = dict(actor.held), np.array(actor.sweep), False
@@ -77,7 +83,9 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         if meeting is None:
             raise Failure(STAGE, "no_meeting", f"nothing touched the {task.target}")
         if meeting < last_began:
-            raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
+            raise Failure(
+                STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon"
+            )
         actor.half = "finish"
         script = task.finish(actor)
         for skill in script:
@@ -86,5 +94,8 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         if conditions := failed(scene.conditions(actor.recorder.log())):
             raise no_success(STAGE, conditions)
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    first, names = (commands[:half], velocities[:half], meeting, held, sweep), actor.simulation.names
+    first, names = (
+        (commands[:half], velocities[:half], meeting, held, sweep),
+        actor.simulation.names,
+    )
     return DryRun(*first, names, actor.steps, approach, skills, runs)

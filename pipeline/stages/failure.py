@@ -10,14 +10,16 @@ from pipeline.planning.failure import PlanFailure
 
 
 class Failure(Exception):
-    """An attempt that ends without an episode: the stage it reached, a reason code in snake case, the physics steps it took.
+    """An attempt that ends without an episode: the stage it reached, a reason code in snake case,
+    the physics steps it took.
 
-    `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success;
-    `drawn` are the features of the target's motion, where one was drawn, `motion` that motion and `meeting` (s) when it was to be
-    met, where it was replayed; `log` is what was recorded until then, if anything was.
+    `detail` says more in words; `conditions` names the success conditions that did not hold, where
+    the reason is no_success; `drawn` are the features of the target's motion, where one was drawn,
+    `motion` that motion and `meeting` (s) when it was to be met, where it was replayed; `log` is
+    what was recorded until then, if anything was.
 
-    Raise it without giving it a name first: a frame that refers to an exception which refers to the frame stays, with all that its
-    callers hold, until garbage is collected: 150 MB of images.
+    Raise it without giving it a name first: a frame that refers to an exception which refers to the
+    frame stays, with all that its callers hold, until garbage is collected: 150 MB of images.
     """
 
     def __init__(
@@ -40,12 +42,15 @@ class Failure(Exception):
 
 def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:
     """The Failure of an attempt at whose end these success conditions do not hold."""
-    return Failure(stage, "no_success", f"does not hold at the end: {', '.join(conditions)}", conditions)
+    return Failure(
+        stage, "no_success", f"does not hold at the end: {', '.join(conditions)}", conditions
+    )
 
 
 @contextmanager
 def failing_as(stage: str, actor: Actor) -> Iterator[None]:
-    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure how many steps were simulated and what was recorded."""
+    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure how many steps were
+    simulated and what was recorded."""
     try:
         yield
     except PlanFailure as plan:

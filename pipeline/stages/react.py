@@ -1,4 +1,5 @@
-"""Stage 3 with the reactive expert: it sees the target move, plans, follows and meets it, then finishes the script live."""
+"""Stage 3 with the reactive expert: it sees the target move, plans, follows and meets it, then
+finishes the script live."""
 
 from pipeline.data.names import SIDES
 from pipeline.data.rules import Sight
@@ -14,7 +15,8 @@ STAGE = "react"
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
     """Meet the target without knowing its motion, then finish the script live.
 
-    Raises Failure: missed (nothing touched the target), early_meeting, a planning reason, no_success, or clutter_touched.
+    Raises Failure: missed (nothing touched the target), early_meeting, a planning reason,
+    no_success, or clutter_touched.
     """
     actor = scene.start(motion, fps, STAGE, ReactiveActor)
     actor.recorder.watched = SIDES

@@ -1,4 +1,5 @@
-"""Stage 3: the recorded plan against the moving target, on one clock; what follows the meeting is planned live."""
+"""Stage 3: the recorded plan against the moving target, on one clock; what follows the meeting is
+planned live."""
 
 from dataclasses import dataclass, replace
 
@@ -30,23 +31,30 @@ class Replay:
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     """Play the first half back while the target moves, then finish the script live.
 
-    Raises Failure: missed (nothing touched the target in the first half), a planning reason, no_success, or
-    clutter_touched.
+    Raises Failure: missed (nothing touched the target in the first half), a planning reason,
+    no_success, or clutter_touched.
     """
     actor = scene.start(motion, fps, STAGE)
     actor.recorder.watched = SIDES
     with failing_as(STAGE, actor):
         rows, velocities = commands(actor, dry, motion)
-        runs = [replace(run, end=len(rows)) if run.end == len(dry.commands) else run for run in dry.runs]
+        runs = [
+            replace(run, end=len(rows)) if run.end == len(dry.commands) else run for run in dry.runs
+        ]
         actor.play(rows, velocities, runs)
         if not actor.simulation.touched_by:
-            raise Failure(STAGE, "missed", f"nothing touched the {scene.task.target} at the meeting")
+            raise Failure(
+                STAGE, "missed", f"nothing touched the {scene.task.target} at the meeting"
+            )
         actor.held = dict(dry.held)
         return finish(scene, actor, STAGE)
 
 
-def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The commands of the dry run and their velocities; a hand that tracks the target moves along. Raises PlanFailure."""
+def commands(
+    actor: Actor, dry: DryRun, motion: TargetMotion
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The commands of the dry run and their velocities; a hand that tracks the target moves along.
+    Raises PlanFailure."""
     tracking = next((run for run in dry.runs if run.skill == TRACK), None)
     if tracking is None or not motion.level:
         return dry.commands, dry.velocities
@@ -55,9 +63,11 @@ def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[NDArray[n
 
 
 def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
-    """Finish the script live after the meeting, and judge the episode. Raises PlanFailure and Failure of `stage`."""
+    """Finish the script live after the meeting, and judge the episode. Raises PlanFailure and
+    Failure of `stage`."""
     actor.half = "finish"
-    script = scene.task.finish(actor)  # named: an error in a skill is reported at the line that yielded it
+    # named: an error in a skill is reported at the line that yielded it
+    script = scene.task.finish(actor)
     for skill in script:
         actor.perform(skill)
     rest(actor, scene.task)

@@ -33,7 +33,8 @@ FRAME_MARGIN = 4.0
 class Scene:
     """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms.
 
-    The last `bodies` are the distractors of the randomized domain, whose names `clutter` lists. `scenery` is only seen.
+    The last `bodies` are the distractors of the randomized domain, whose names `clutter` lists.
+    `scenery` is only seen.
     """
 
     spec: EpisodeSpec
@@ -50,13 +51,25 @@ class Scene:
         return replace(self, scenery=motion.scenery())
 
     def start[A: Actor](self, motion: Motion, fps: int, purpose: str, expert: type[A] = Actor) -> A:
-        """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies do not come to rest."""
+        """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies
+        do not come to rest."""
         contact = self.rules.after_touch(self.task.category)
         after = held_by(self.task, self.embodiment) if contact == "hold" else contact
         bodies = tuple(self.bodies.values())
-        simulation = Simulation(self.embodiment, bodies, self.task.target, motion, after_touch=after, clutter=self.clutter)
+        simulation = Simulation(
+            self.embodiment,
+            bodies,
+            self.task.target,
+            motion,
+            after_touch=after,
+            clutter=self.clutter,
+        )
         if not simulation.settle():
-            raise Failure(purpose, "unstable", f"a body still moves, or touches {self.task.target}, before the start")
+            raise Failure(
+                purpose,
+                "unstable",
+                f"a body still moves, or touches {self.task.target}, before the start",
+            )
         return expert(
             simulation,
             Recorder(simulation, fps),
@@ -67,22 +80,31 @@ class Scene:
         )
 
     def sees(self, points: NDArray[np.float64], camera: str = "D435") -> NDArray[np.bool_]:
-        """Which world points (..., 3) the head camera has in its image, with a margin, and no distractor before them."""
+        """Which world points (..., 3) the head camera has in its image, with a margin, and no
+        distractor before them."""
         head = cameras_of(self.embodiment, camera)[0]
         blockers = [self.bodies[name] for name in self.clutter]
-        return visible(head.type, head.pose, points, FRAME_MARGIN) & ~occluded(blockers, head.pose, points)
+        return visible(head.type, head.pose, points, FRAME_MARGIN) & ~occluded(
+            blockers, head.pose, points
+        )
 
     def outcome(self, log: StateLog) -> Outcome:
         """The log with the names and frames of this scene."""
         return Outcome(log, self.bodies, self.embodiment, self.task.target, self.rules)
 
     def wording(self) -> Wording:
-        """What the instructions are made from: the task's templates, the roles of the arms, the bodies without the distractors."""
-        words = {name: body.instance.words() for name, body in self.bodies.items() if name not in self.clutter}
+        """What the instructions are made from: the task's templates, the roles of the arms, the
+        bodies without the distractors."""
+        words = {
+            name: body.instance.words()
+            for name, body in self.bodies.items()
+            if name not in self.clutter
+        }
         return Wording(self.task.seen, self.task.unseen, words, self.arms, self.spec.moving)
 
     def touched_distractor(self, log: StateLog) -> str:
-        """The first distractor that anything but the table and other distractors touched, at any physics step; "" for none."""
+        """The first distractor that anything but the table and other distractors touched, at any
+        physics step; "" for none."""
         return next((event.by for event in log.events if event.name == "clutter_touched"), "")
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
@@ -90,9 +112,13 @@ class Scene:
         return self.task.conditions(self.outcome(log), self.arms)
 
     def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
-        """Which success conditions (T,) hold at the end of the log cut after each frame, by name."""
+        """Which success conditions (T,) hold at the end of the log cut after each frame, by
+        name."""
         outcome = self.outcome(log)
-        rows = [self.task.conditions(outcome.until(frames), self.arms) for frames in range(1, len(log) + 1)]
+        rows = [
+            self.task.conditions(outcome.until(frames), self.arms)
+            for frames in range(1, len(log) + 1)
+        ]
         return {name: np.array([row[name] for row in rows], bool) for name in rows[-1]}
 
     def succeeded(self, log: StateLog) -> bool:
@@ -101,7 +127,8 @@ class Scene:
 
 
 def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
-    """Lay out the scene of a spec; a pure function of it and of the rules. Raises Failure("layout") if the bodies do not fit."""
+    """Lay out the scene of a spec; a pure function of it and of the rules. Raises Failure("layout")
+    if the bodies do not fit."""
     task = TASKS[spec.task]
     embodiment = embodiment_of(spec, rules.layout)
     head = cameras_of(embodiment)[0]
@@ -119,7 +146,8 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
 
 
 def success_time(scene: Scene, log: StateLog) -> float | None:
-    """Time (s) from which all success conditions hold until the end of the log, or None if one fails at the end."""
+    """Time (s) from which all success conditions hold until the end of the log, or None if one
+    fails at the end."""
     outcome, since = scene.outcome(log), None
     for frames in range(len(log), 0, -1):
         if failed(scene.task.conditions(outcome.until(frames), scene.arms)):
@@ -129,7 +157,8 @@ def success_time(scene: Scene, log: StateLog) -> float | None:
 
 
 def rest(actor: Actor, task: Task, seconds: float = 0.4) -> None:
-    """Hold still at the end of a script so that released bodies come to rest; a target that is still on its motion stops."""
+    """Hold still at the end of a script so that released bodies come to rest; a target that is
+    still on its motion stops."""
     actor.simulation.release()
     actor.wait(seconds)
     actor.wait((-actor.simulation.steps % (PHYSICS_HZ // actor.recorder.fps)) / PHYSICS_HZ)

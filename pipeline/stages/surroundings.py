@@ -1,4 +1,5 @@
-"""What the randomized domain changes around a task, besides looks: table height, head camera and clutter.
+"""What the randomized domain changes around a task, besides looks: table height, head camera and
+clutter.
 
 Each draws from its own stream of the spec. The clean domain draws nothing.
 """
@@ -19,14 +20,38 @@ from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.varied import looking, raised
 
 TABLE_DROP = 0.03
-"""m; the table is lower by up to this much, as in the original. In the world frame the robot stands higher by as much."""
+"""m; the table is lower by up to this much, as in the original. In the world frame the robot stands
+higher by as much."""
 
 CAMERA_SHIFT, CAMERA_TURN = 0.006, np.radians(1.0)
 """m and rad; the head camera's largest offset along and about each of its axes."""
 
 CLUTTER_FAMILIES = (
-    *("alarm_clock", "bell", "bread", "can", "coaster", "coffee_box", "fan", "mouse", "phone", "phone_stand", "pill_bottle"),
-    *("playing_cards", "qr_sign", "remote", "rubiks_cube", "sauce_can", "scanner", "seal", "soap", "stapler", "tea_box"),
+    *(
+        "alarm_clock",
+        "bell",
+        "bread",
+        "can",
+        "coaster",
+        "coffee_box",
+        "fan",
+        "mouse",
+        "phone",
+        "phone_stand",
+        "pill_bottle",
+    ),
+    *(
+        "playing_cards",
+        "qr_sign",
+        "remote",
+        "rubiks_cube",
+        "sauce_can",
+        "scanner",
+        "seal",
+        "soap",
+        "stapler",
+        "tea_box",
+    ),
     *("toy_car", "wooden_block"),
 )
 """Small families of few collision pieces that stand where they are put."""
@@ -36,16 +61,20 @@ TASK_GAP = 0.08  # m kept from the bodies of the task, room for a hand
 CLUTTER_GAP = 0.02  # m kept between distractors, and from the table's edge
 ARM_GAP = 0.04  # m kept from the arms at home
 HANDS, LOW = ((-0.33, -0.35), (0.33, 0.0)), 0.06
-"""Corners (m) of where hands work, set things down and hand them over; what stands there is at most `LOW` m high."""
+"""Corners (m) of where hands work, set things down and hand them over; what stands there is at most
+`LOW` m high."""
 
 
 def table_drop(spec: EpisodeSpec) -> float:
     """How much lower (m) than usual the table is for the robot."""
-    return 0.0 if spec.domain == "clean" else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
+    return (
+        0.0 if spec.domain == "clean" else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
+    )
 
 
 def embodiment_of(spec: EpisodeSpec, layout: Layout = "ours") -> Embodiment:
-    """The robot of a spec, at its height above the table and with its head camera where it is in this attempt."""
+    """The robot of a spec, at its height above the table and with its head camera where it is in
+    this attempt."""
     embodiment = get_embodiment(spec.embodiment, layout)
     if spec.domain == "clean":
         return embodiment
@@ -53,11 +82,13 @@ def embodiment_of(spec: EpisodeSpec, layout: Layout = "ours") -> Embodiment:
     return looking(raised(embodiment, table_drop(spec)), shift, turn.tolist())
 
 
-def clutter(spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, rules: Rules = STRICT) -> dict[str, Body]:
+def clutter(
+    spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, rules: Rules = STRICT
+) -> dict[str, Body]:
     """Distractors on the table by name, as many as the rules ask for, or fewer if there is no room.
 
-    They are of other kinds than the task's `bodies`, apart from them, from each other and from the arms at home, and occlude none
-    of them from the head camera.
+    They are of other kinds than the task's `bodies`, apart from them, from each other and from the
+    arms at home, and occlude none of them from the head camera.
     """
     if spec.domain == "clean":
         return {}
@@ -74,23 +105,37 @@ def clutter(spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, 
         instance = drawn_kind(family, rules, rng).draw(rng)
         if used & _nouns(instance):
             continue
-        x, y, yaw = rng.uniform(-1, 1, (3, CLUTTER_TRIES)) * [[TABLE_HALF[0]], [TABLE_HALF[1]], [np.pi]]
+        x, y, yaw = rng.uniform(-1, 1, (3, CLUTTER_TRIES)) * [
+            [TABLE_HALF[0]],
+            [TABLE_HALF[1]],
+            [np.pi],
+        ]
         for k in range(CLUTTER_TRIES):
-            body = Body(f"clutter_{len(found) + 1}", name_of(instance), instance, yawed((x[k], y[k], TABLE_TOP), yaw[k]))
-            if _free(body, bodies, found, links) and not occluded([body], embodiment.head_camera, middles).any():
+            body = Body(
+                f"clutter_{len(found) + 1}",
+                name_of(instance),
+                instance,
+                yawed((x[k], y[k], TABLE_TOP), yaw[k]),
+            )
+            if (
+                _free(body, bodies, found, links)
+                and not occluded([body], embodiment.head_camera, middles).any()
+            ):
                 found[body.name] = body
                 break
     return found
 
 
 def occluded(blockers: list[Body], camera: Pose, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which world points (..., 3) a camera above the table cannot see because a body, taken as an upright cylinder, is in front."""
+    """Which world points (..., 3) a camera above the table cannot see because a body, taken as an
+    upright cylinder, is in front."""
     out = np.zeros(points.shape[:-1], bool)
     for body in blockers:
         shape = body.instance.shape()
         top = body.pose[2] + shape.aabb()[1, 2]
         rise = np.maximum(top - points[..., 2], 0.0) / (camera[2] - points[..., 2])
-        ray = rise[..., None] * (camera[:2] - points[..., :2])  # the part of the sight line that is no higher than the body
+        # the part of the sight line that is no higher than the body
+        ray = rise[..., None] * (camera[:2] - points[..., :2])
         to = body.pose[:2] - points[..., :2]
         along = np.clip((to * ray).sum(-1) / np.maximum((ray * ray).sum(-1), 1e-12), 0.0, 1.0)
         near = np.linalg.norm(to - along[..., None] * ray, axis=-1) < shape.footprint_radius()
@@ -103,19 +148,28 @@ def _nouns(instance: Family) -> set[str]:
     return {*family_of(instance).split("_"), *instance.words().noun.lower().split()}
 
 
-def _free(body: Body, bodies: dict[str, Body], found: dict[str, Body], links: NDArray[np.float64]) -> bool:
+def _free(
+    body: Body, bodies: dict[str, Body], found: dict[str, Body], links: NDArray[np.float64]
+) -> bool:
     shape, at = body.instance.shape(), body.pose[:2]
     radius, top = shape.footprint_radius(), body.pose[2] + shape.aabb()[1, 2]
     if (np.abs(at) + radius + CLUTTER_GAP > TABLE_HALF).any():
         return False
     if top > TABLE_TOP + LOW and _distance(at, np.array(HANDS)) < radius:
         return False
-    if any(np.linalg.norm(at - o.pose[:2]) < radius + o.instance.shape().footprint_radius() + CLUTTER_GAP for o in found.values()):
+    if any(
+        np.linalg.norm(at - o.pose[:2])
+        < radius + o.instance.shape().footprint_radius() + CLUTTER_GAP
+        for o in found.values()
+    ):
         return False
     low = links[links[:, 0, 2] < top + ARM_GAP]
     if any(_distance(at, box[:, :2]) < radius + ARM_GAP for box in low):
         return False
-    own = [(transform(inverse(b.pose), body.pose[:3])[:2], b.instance.shape().aabb()[:, :2]) for b in bodies.values()]
+    own = [
+        (transform(inverse(b.pose), body.pose[:3])[:2], b.instance.shape().aabb()[:, :2])
+        for b in bodies.values()
+    ]
     return all(_distance(local, box) >= radius + TASK_GAP for local, box in own)
 
 

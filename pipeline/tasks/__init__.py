@@ -1,5 +1,16 @@
 """What a task is, and all tasks by name."""
 
 from pipeline.tasks import library
-from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, middle, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    TASKS,
+    TRACKING,
+    Draw,
+    Placement,
+    Region,
+    Task,
+    middle,
+    register,
+    side_of,
+)
 from pipeline.tasks.layout import lay_out

@@ -1,7 +1,8 @@
-"""What a task is: a layout, a script in two halves and named success conditions. docs/add_a_task.md walks through one.
+"""What a task is: a layout, a script in two halves and named success conditions. docs/add_a_task.md
+walks through one.
 
-The sentences that ask for a task are in phrases/<name>.txt beside it: a line "seen", templates one per line, a line "unseen", more
-templates; how many there must be is said by `Task`.
+The sentences that ask for a task are in phrases/<name>.txt beside it: a line "seen", templates one
+per line, a line "unseen", more templates; how many there must be is said by `Task`.
 """
 
 import sys
@@ -34,8 +35,8 @@ TRACKING: Final = "tracking"
 class Limit[T]:
     """A number, or a tuple of numbers, under strict rules and under domino rules (None: the same).
 
-    `unit` is what it is counted in: "m", "rad" or "" for a plain number. A limit that decides only conditions which domino rules
-    do not ask for has no value under them.
+    `unit` is what it is counted in: "m", "rad" or "" for a plain number. A limit that decides only
+    conditions which domino rules do not ask for has no value under them.
     """
 
     strict: T
@@ -54,7 +55,8 @@ def by_name[T](**limits: Limit[T]) -> Mapping[str, Limit[T]]:
 
 @dataclass(frozen=True)
 class Region:
-    """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 and from the world's origin at least.
+    """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 and from
+    the world's origin at least.
 
     `z` (m) is the height of what it stands on: 0 for a bin on the floor beside the table.
     """
@@ -69,15 +71,18 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from those placed before.
+    """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from
+    those placed before.
 
-    `distances` gives least distances (m) of its origin, seen from above, from the origins of bodies placed before, by name.
+    `distances` gives least distances (m) of its origin, seen from above, from the origins of bodies
+    placed before, by name.
 
     A `fixed` body never moves, as a goal pad that is glued to the table. With a `slide` it runs in
     the body that it is `inside` like a drawer, along one axis and within limits. A `borne` body is
     held in the air at the region's `z`; see Body.
 
-    With `inside`, the name of a body placed before, the region is in that body's frame and no room is kept; see Body.
+    With `inside`, the name of a body placed before, the region is in that body's frame and no room
+    is kept; see Body.
     """
 
     name: str
@@ -94,17 +99,21 @@ class Placement:
 class Draw:
     """The random choices of a layout, each from its own stream."""
 
-    def __init__(self, objects: np.random.Generator, placement: np.random.Generator, rules: Rules = STRICT) -> None:
+    def __init__(
+        self, objects: np.random.Generator, placement: np.random.Generator, rules: Rules = STRICT
+    ) -> None:
         self._objects, self.placement, self.rules = objects, placement, rules
 
     def one_of(self, *families: str, **given: Any) -> Family:
-        """An instance of one of the named families, or an object that replaces it; `given` parameters are passed to it instead
-        of being drawn. Raises UndeclaredFamily if an object from files would have to take them."""
+        """An instance of one of the named families, or an object that replaces it; `given`
+        parameters are passed to it instead of being drawn. Raises UndeclaredFamily if an object
+        from files would have to take them."""
         family = families[int(self._objects.integers(len(families)))]
         kind = drawn_kind(family, self.rules, self._objects)
         if given and stands_for(kind):
             raise UndeclaredFamily(
-                f"objects: {family}: its {', '.join(given)} is given by the task; an object from a file has its own"
+                f"objects: {family}: its {', '.join(given)} is given by the task; an object from a"
+                " file has its own"
             )
         draw_one: Callable[..., Family] = kind.draw
         return draw_one(self._objects, **given)
@@ -123,16 +132,18 @@ class Task(ABC):
 
     A task keeps no state: everything it needs comes as an argument.
 
-    `target` is the body that moves on its own until the meeting; `manipulated` the one the arms handle (the same in interception
-    tasks). `motion` is the model of its motion if a recipe names none, and `workspace` bounds its path. `arms` names the acting
-    arms for script and language, e.g. {"arm": "left"}.
-    `limits` are the tolerances of the success conditions and `sizes` the sizes of goals, by name, under strict and domino rules; a
-    limit "lift" makes `conditions` ask that the manipulated body was once that much higher than where it began. `own_conditions`
-    names those which domino rules do not ask for, because the original does not.
-    `families` names the object families that it may ask for; without it they are found by `families_of`.
-    `seen` and `unseen` are read from phrases/<name>.txt beside the module unless the class gives them, or inherits them and has no
-    such file; there must be `least_seen` and `least_unseen` of them. `suite` is the set of tasks that it belongs to: its folder in
-    the library, or "own" for a task from outside.
+    `target` is the body that moves on its own until the meeting; `manipulated` the one the arms
+    handle (the same in interception tasks). `motion` is the model of its motion if a recipe names
+    none, and `workspace` bounds its path. `arms` names the acting arms for script and language,
+    e.g. {"arm": "left"}. `limits` are the tolerances of the success conditions and `sizes` the
+    sizes of goals, by name, under strict and domino rules; a limit "lift" makes `conditions` ask
+    that the manipulated body was once that much higher than where it began. `own_conditions` names
+    those which domino rules do not ask for, because the original does not. `families` names the
+    object families that it may ask for; without it they are found by `families_of`. `seen` and
+    `unseen` are read from phrases/<name>.txt beside the module unless the class gives them, or
+    inherits them and has no such file; there must be `least_seen` and `least_unseen` of them.
+    `suite` is the set of tasks that it belongs to: its folder in the library, or "own" for a task
+    from outside.
     """
 
     name: ClassVar[str] = ""
@@ -155,15 +166,18 @@ class Task(ABC):
 
     @abstractmethod
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        """The bodies of the scene, in the order they are placed. The target stands at its manipulation pose."""
+        """The bodies of the scene, in the order they are placed. The target stands at its
+        manipulation pose."""
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        """Roles of the arms, decided from the manipulation poses: one `arm`, on the side of the manipulated body."""
+        """Roles of the arms, decided from the manipulation poses: one `arm`, on the side of the
+        manipulated body."""
         return {"arm": side_of(bodies[self.manipulated])}
 
     @abstractmethod
     def meet(self, a: Actor) -> Iterator[Skill]:
-        """Planned once in the still scene; the meeting is the first touch of the target, inside its last skill."""
+        """Planned once in the still scene; the meeting is the first touch of the target, inside its
+        last skill."""
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         """Planned live from wherever things are after the meeting."""
@@ -171,11 +185,13 @@ class Task(ABC):
 
     @abstractmethod
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        """The success conditions by name; the episode did what the task asks where all of them hold at its last frame.
+        """The success conditions by name; the episode did what the task asks where all of them hold
+        at its last frame.
 
-        Names are stable identifiers in snake case, the same ones at every frame; one without the name of a body is about the
-        manipulated body ("held", beside "scanner_held"). No condition may raise where another one fails. The same conditions
-        serve data, verification and evaluation.
+        Names are stable identifiers in snake case, the same ones at every frame; one without the
+        name of a body is about the manipulated body ("held", beside "scanner_held"). No condition
+        may raise where another one fails. The same conditions serve data, verification and
+        evaluation.
         """
 
     def under(self, rules: Rules) -> dict[str, float]:
@@ -183,15 +199,19 @@ class Task(ABC):
         return {name: limit.under(rules) for name, limit in self.limits.items()}
 
     def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        """What the rules ask for: the success conditions, and that the manipulated body was lifted where the task has a "lift".
+        """What the rules ask for: the success conditions, and that the manipulated body was lifted
+        where the task has a "lift".
 
-        Domino rules leave out the conditions that only we ask for. Strict rules add, in a tracking task whose target is not the
-        body that is handled, that this body was what touched the target first: a gripper that taps the target and then acts as on
-        a still one has not tracked it.
+        Domino rules leave out the conditions that only we ask for. Strict rules add, in a tracking
+        task whose target is not the body that is handled, that this body was what touched the
+        target first: a gripper that taps the target and then acts as on a still one has not tracked
+        it.
         """
         found = self.success(o, arms)
         if "lift" in self.limits:
-            found["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(o.rules)
+            found["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(
+                o.rules
+            )
         if o.rules.name == "domino":
             return {name: holds for name, holds in found.items() if name not in self.own_conditions}
         if self.category == TRACKING and self.manipulated != self.target:
@@ -218,16 +238,23 @@ def suites() -> dict[str, tuple[str, ...]]:
 
 
 def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
-    """Tasks by name, with names of suites replaced by their tasks; none, or `all`, are those of the suite `domino`."""
+    """Tasks by name, with names of suites replaced by their tasks; none, or `all`, are those of the
+    suite `domino`."""
     known, wanted = suites(), tuple(names) or ("all",)
-    return tuple(dict.fromkeys(task for name in wanted for task in known.get(DOMINO if name == "all" else name, (name,))))
+    return tuple(
+        dict.fromkeys(
+            task
+            for name in wanted
+            for task in known.get(DOMINO if name == "all" else name, (name,))
+        )
+    )
 
 
 def register[T: Task](cls: type[T]) -> type[T]:
     """Class decorator: enter a task under its name in snake case, with its templates.
 
-    Raises OwnCodeError for a misspelt attribute, ValueError for a name that is taken and for templates that are missing, malformed
-    or too few, TypeError for a missing method.
+    Raises OwnCodeError for a misspelt attribute, ValueError for a name that is taken and for
+    templates that are missing, malformed or too few, TypeError for a missing method.
     """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     place_in(sys._getframemodulename(1), cls)
@@ -237,23 +264,38 @@ def register[T: Task](cls: type[T]) -> type[T]:
     cls.manipulated = cls.manipulated or cls.target
     folder = cls.__module__.removeprefix(LIBRARY).partition(".")[0]
     cls.suite = folder if cls.__module__.startswith(LIBRARY) else cls.suite or "own"
-    if "seen" not in vars(cls) and (has_templates(name, cls.__module__) or not hasattr(cls, "seen")):
+    if "seen" not in vars(cls) and (
+        has_templates(name, cls.__module__) or not hasattr(cls, "seen")
+    ):
         cls.seen, cls.unseen = read_templates(name, cls.__module__)
-    for split, templates, least in (("seen", cls.seen, cls.least_seen), ("unseen", cls.unseen, cls.least_unseen)):
+    for split, templates, least in (
+        ("seen", cls.seen, cls.least_seen),
+        ("unseen", cls.unseen, cls.least_unseen),
+    ):
         if len(templates) < least:
-            raise ValueError(f"task {name!r} has {len(templates)} {split} templates: write at least {least}")
+            raise ValueError(
+                f"task {name!r} has {len(templates)} {split} templates: write at least {least}"
+            )
     TASKS.add(name, cls())
     return cls
 
 
 def _check_names(cls: type[Task], task: str) -> None:
     """Raise OwnCodeError for an attribute that the contract does not have but for its spelling."""
-    own = {name for each in cls.__mro__ if is_outside(each) for name in vars(each) if not name.startswith("_")}
+    own = {
+        name
+        for each in cls.__mro__
+        if is_outside(each)
+        for name in vars(each)
+        if not name.startswith("_")
+    }
     known = {name for name in dir(Task) if not name.startswith("_")} | Task.__annotations__.keys()
     for name in sorted(own - known):
         if close := get_close_matches(name, known - own, 1, 0.8):
             fix = f"write {close[0]}, or _{name} for a name of your own"
-            raise OwnCodeError(f"{line_of_class(cls, name)}: task {task}: has no attribute {name}: {fix}")
+            raise OwnCodeError(
+                f"{line_of_class(cls, name)}: task {task}: has no attribute {name}: {fix}"
+            )
 
 
 def side_of(body: Body) -> str:
@@ -272,7 +314,8 @@ def family_of(instance: Family) -> str:
 
 
 def drawn_kind(family: str, rules: Rules, rng: np.random.Generator) -> type[Family]:
-    """What a layout gets where it asks for a family: the family, or one of the objects that stand for it."""
+    """What a layout gets where it asks for a family: the family, or one of the objects that stand
+    for it."""
     names = rules.standing_for(family)
     return FAMILIES[names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]]
 

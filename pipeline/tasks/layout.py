@@ -1,4 +1,5 @@
-"""Where the bodies of a scene stand: layouts drawn until all find room, and the object families that they may ask for."""
+"""Where the bodies of a scene stand: layouts drawn until all find room, and the object families
+that they may ask for."""
 
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -8,7 +9,16 @@ import numpy as np
 
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Pose, compose, yawed
-from pipeline.tasks.contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, middle, name_of
+from pipeline.tasks.contract import (
+    Draw,
+    Placement,
+    Region,
+    Task,
+    UndeclaredFamily,
+    family_of,
+    middle,
+    name_of,
+)
 from pipeline.world.objects.contract import Family
 from pipeline.world.physics.body import Body
 from pipeline.world.physics.footprints import apart, outline_of
@@ -27,7 +37,8 @@ _POSES = 20
 
 
 class _Recording(Draw):
-    """Records which families a layout may ask for: all that it chooses from, not only those that are drawn."""
+    """Records which families a layout may ask for: all that it chooses from, not only those that
+    are drawn."""
 
     def __init__(self, seed: int) -> None:
         super().__init__(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
@@ -40,8 +51,9 @@ class _Recording(Draw):
 
 @cache
 def families_of(task: Task) -> frozenset[str]:
-    """Object families that a task depends on, known before any of its scenes is made: those that its class declares, or all that
-    TRIALS of its layouts, drawn from fixed seeds, choose from and place. `lay_out` refuses any other."""
+    """Object families that a task depends on, known before any of its scenes is made: those that
+    its class declares, or all that TRIALS of its layouts, drawn from fixed seeds, choose from and
+    place. `lay_out` refuses any other."""
     if task.families:
         return frozenset(task.families)
     found = set[str]()
@@ -65,10 +77,11 @@ def lay_out(
 ) -> dict[str, Body]:
     """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
 
-    `in_view` is asked for the middle (3,) of the target, which the head camera must see at the manipulation pose.
+    `in_view` is asked for the middle (3,) of the target, which the head camera must see at the
+    manipulation pose.
 
-    A layout that leaves no room for its last bodies is drawn again, and so is one that `suits` refuses. Raises
-    PlanFailure("layout") after _LAYOUTS.
+    A layout that leaves no room for its last bodies is drawn again, and so is one that `suits`
+    refuses. Raises PlanFailure("layout") after _LAYOUTS.
     """
     why = ""
     for _ in range(_LAYOUTS):
@@ -78,7 +91,9 @@ def lay_out(
                 pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
             else:
                 others = [b for b in bodies.values() if not b.inside]
-                pose = _free_pose(p, others, draw.placement, in_view if p.name == task.target else None)
+                pose = _free_pose(
+                    p, others, draw.placement, in_view if p.name == task.target else None
+                )
             if pose is None:
                 why = f"no free place for {p.name}"
                 break
@@ -86,9 +101,12 @@ def lay_out(
             if family_of(p.instance) not in families_of(task):
                 declared = ", ".join(repr(name) for name in sorted({*families_of(task), family}))
                 raise UndeclaredFamily(
-                    f"task {task.name}: places a {family}, which its keys do not name: write families = ({declared})"
+                    f"task {task.name}: places a {family}, which its keys do not name: write"
+                    f" families = ({declared})"
                 )
-            bodies[p.name] = Body(p.name, family, p.instance, pose, p.fixed, p.inside, p.slide, p.borne)
+            bodies[p.name] = Body(
+                p.name, family, p.instance, pose, p.fixed, p.inside, p.slide, p.borne
+            )
         else:
             if suits(bodies):
                 return bodies
@@ -112,7 +130,10 @@ def _free_pose(
         pose = _drawn_pose(p.region, rng)
         if in_view is not None and not in_view(middle(pose, p.instance)):
             continue
-        if abs(pose[0]) < p.region.away_from_centre or np.hypot(*pose[:2]) < p.region.away_from_origin:
+        if (
+            abs(pose[0]) < p.region.away_from_centre
+            or np.hypot(*pose[:2]) < p.region.away_from_origin
+        ):
             continue
         if all(_far_enough(p, (pose, box), other) for other in others):
             return pose

@@ -1,4 +1,5 @@
-"""Which arms a task needs: the layouts of a robot with one arm are those that leave the work to this arm."""
+"""Which arms a task needs: the layouts of a robot with one arm are those that leave the work to
+this arm."""
 
 from collections.abc import Collection
 from functools import cache
@@ -19,7 +20,10 @@ def suits(task: Task, bodies: dict[str, Body], sides: Collection[str]) -> bool:
 @cache
 def _draw_arms(task: Task) -> frozenset[frozenset[str]]:
     """The sets of arms that TRIALS layouts of a task, drawn from fixed seeds, ask for."""
-    draws = (Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])) for seed in range(TRIALS))
+    draws = (
+        Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
+        for seed in range(TRIALS)
+    )
     return frozenset(frozenset(task.arms(lay_out(task, draw)).values()) for draw in draws)
 
 

@@ -1,6 +1,8 @@
-"""What happened, read from a state log: the vocabulary of success conditions, for data, verification and evaluation alike.
+"""What happened, read from a state log: the vocabulary of success conditions, for data,
+verification and evaluation alike.
 
-Every question can be asked of every frame of an episode and answers False if it does not apply yet (`at_rest` of one frame).
+Every question can be asked of every frame of an episode and answers False if it does not apply yet
+(`at_rest` of one frame).
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,21 +24,37 @@ OPEN, CLOSED = 0.8, 0.2
 
 
 class Outcome:
-    """A state log with the names and frames of its scene. Questions are about its last frame unless they say otherwise.
+    """A state log with the names and frames of its scene. Questions are about its last frame unless
+    they say otherwise.
 
-    Two answers depend on the rules. Strict rules measure the opening of a gripper and call a body held when both fingers touch it;
-    domino rules take the commanded opening, and one finger is enough, as in the original.
+    Two answers depend on the rules. Strict rules measure the opening of a gripper and call a body
+    held when both fingers touch it; domino rules take the commanded opening, and one finger is
+    enough, as in the original.
     """
 
     def __init__(
-        self, log: StateLog, bodies: Mapping[str, Body], embodiment: Embodiment, target: str, rules: Rules = STRICT
+        self,
+        log: StateLog,
+        bodies: Mapping[str, Body],
+        embodiment: Embodiment,
+        target: str,
+        rules: Rules = STRICT,
     ) -> None:
-        self.log, self.bodies, self.embodiment, self.target, self.rules = log, bodies, embodiment, target, rules
+        self.log, self.bodies, self.embodiment, self.target, self.rules = (
+            log,
+            bodies,
+            embodiment,
+            target,
+            rules,
+        )
         self._frames: dict[str, NamedFrames] = {}
 
     def until(self, frames: int) -> "Outcome":
         """The same episode cut after its first `frames` frames."""
-        log, rows = self.log, ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")
+        log, rows = (
+            self.log,
+            ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity"),
+        )
         spin = None if log.target_angular_velocity is None else log.target_angular_velocity[:frames]
         cut = replace(
             log,
@@ -47,7 +65,8 @@ class Outcome:
         )
         return Outcome(cut, self.bodies, self.embodiment, self.target, self.rules)
 
-    # --- where things are -----------------------------------------------------------------------------------------------
+    # --- where things are
+    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str, frame: int = -1) -> Pose:
         """World pose (7,) of a body at a frame."""
@@ -64,9 +83,12 @@ class Outcome:
         return a[:3] - b[:3]
 
     def _began(self, name: str) -> int:
-        """The frame from which a body's rise and turn count: the first, for the target the last one before the meeting."""
+        """The frame from which a body's rise and turn count: the first, for the target the last one
+        before the meeting."""
         met = self.log.time_of("meeting") if name == self.target else None
-        return 0 if met is None else max(0, int(np.searchsorted(self.log.times, met, side="left")) - 1)
+        return (
+            0 if met is None else max(0, int(np.searchsorted(self.log.times, met, side="left")) - 1)
+        )
 
     def rise(self, name: str) -> float:
         """How far (m) a body's origin is above where it began, a target above where it was met."""
@@ -90,19 +112,23 @@ class Outcome:
         return angle_between(self.pose(name)[3:], self.pose(name, self._began(name))[3:])
 
     def orientation_error(self, a: Pose, b: Pose, turns: int = 1) -> float:
-        """Angle (rad) between two orientations, b being as good after every 1/`turns` of a turn about its own z axis."""
-        goals = [quat_multiply(b[3:], quat_about((0, 0, 1), 2 * np.pi * k / turns)) for k in range(turns)]
+        """Angle (rad) between two orientations, b being as good after every 1/`turns` of a turn
+        about its own z axis."""
+        goals = [
+            quat_multiply(b[3:], quat_about((0, 0, 1), 2 * np.pi * k / turns)) for k in range(turns)
+        ]
         return min(angle_between(a[3:], goal) for goal in goals)
 
     def at_rest(self, name: str, speed: float = 0.03) -> bool:
-        """Whether a body moved slower than `speed` m/s over the last three frames: in the world, or relative to a target that is
-        still on its motion."""
+        """Whether a body moved slower than `speed` m/s over the last three frames: in the world, or
+        relative to a target that is still on its motion."""
         p, t = self.log.pose(name)[-4:, :3], self.log.times[-4:]
         if self.log.event("release") is None and name != self.target:
             p = p - self.log.pose(self.target)[-4:, :3]
         return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])
 
-    # --- grippers -------------------------------------------------------------------------------------------------------
+    # --- grippers
+    # ------------------------------------------------------------------------------------------
 
     def opening(self, side: str, frame: int = -1) -> float:
         """Measured normalised opening of a gripper at a frame, 0 closed to 1 open."""
@@ -122,21 +148,24 @@ class Outcome:
         return self._opening(side) > OPEN
 
     def closes(self, side: str) -> bool:
-        """Whether a gripper is commanded to be closed: what it holds decides how far it closes, so the measured one cannot say."""
+        """Whether a gripper is commanded to be closed: what it holds decides how far it closes, so
+        the measured one cannot say."""
         return self.commanded(side) < CLOSED
 
     def grippers_open(self) -> bool:
         """Whether all grippers are open."""
         return all(self.gripper_open(side) for side in self.log.sides)
 
-    # --- the meeting ----------------------------------------------------------------------------------------------------
+    # --- the meeting
+    # ------------------------------------------------------------------------------------------
 
     def met_by(self) -> str:
         """The body or link that touched the target first, "" if none did."""
         found = self.log.event("meeting")
         return found.by if found else ""
 
-    # --- contacts -------------------------------------------------------------------------------------------------------
+    # --- contacts
+    # ------------------------------------------------------------------------------------------
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -147,7 +176,8 @@ class Outcome:
         return tuple(f"{side}_{f}" for f in self.embodiment.arms[side].gripper.fingers)
 
     def contacts(self, a: str, b: str, last: int | None = None) -> NDArray[np.void]:
-        """Contact rows (state_log.CONTACT_DTYPE) between two bodies, over the episode or its last `last` frames."""
+        """Contact rows (state_log.CONTACT_DTYPE) between two bodies, over the episode or its last
+        `last` frames."""
         i, j = sorted((self._index[a], self._index[b]))
         rows = self.log.contacts
         found = rows[(rows["a"] == i) & (rows["b"] == j)]
@@ -168,7 +198,8 @@ class Outcome:
         return any(self.touching(link, name) for link in links)
 
     def resting(self, name: str, support: str) -> dict[str, bool]:
-        """The three conditions of a body that was set down: it touches `support`, it is at rest, no arm touches it."""
+        """The three conditions of a body that was set down: it touches `support`, it is at rest, no
+        arm touches it."""
         return {
             f"on_{support}": self.touching(name, support),
             "at_rest": self.at_rest(name),
@@ -183,10 +214,14 @@ class Outcome:
         """Whether a finger of an arm ever touched a body."""
         return any(True for _ in self._finger_contacts(side, name))
 
-    def press(self, side: str, name: str, point: str, limit: Mapping[str, float]) -> dict[str, bool]:
-        """The three conditions of a press: a finger of the arm touched the body, near the named frame, with a closed gripper.
+    def press(
+        self, side: str, name: str, point: str, limit: Mapping[str, float]
+    ) -> dict[str, bool]:
+        """The three conditions of a press: a finger of the arm touched the body, near the named
+        frame, with a closed gripper.
 
-        Near is within limit["plane"] m (x and y each) and limit["height"] m; the gripper was closed at such a touch."""
+        Near is within limit["plane"] m (x and y each) and limit["height"] m; the gripper was closed
+        at such a touch."""
         near = (limit["plane"], limit["plane"], limit["height"])
         frames = [
             int(row["frame"])
@@ -200,13 +235,15 @@ class Outcome:
         }
 
     def swings(self, name: str, angle: float) -> int:
-        """How many times a body's z axis swung from more than `angle` rad on one side of its mean tilt axis to the other."""
+        """How many times a body's z axis swung from more than `angle` rad on one side of its mean
+        tilt axis to the other."""
         tilt = quat_rotate(self.log.pose(name)[:, 3:], np.array([0, 0, 1.0]))[:, :2]
         axis = np.linalg.svd(tilt - tilt.mean(0), full_matrices=False)[2][0]
         return _swings(tilt @ axis, angle)
 
     def rocks(self, name: str, angle: float) -> int:
-        """How many times a body's z axis went from more than `angle` rad above the horizontal to as far below it, or back."""
+        """How many times a body's z axis went from more than `angle` rad above the horizontal to as
+        far below it, or back."""
         return _swings(quat_rotate(self.log.pose(name)[:, 3:], np.array([0, 0, 1.0]))[:, 2], angle)
 
 

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 OBSERVER_POSE = look((0.0, 0.85, 1.45), (0.0, -0.84, -0.54), (1.0, 0.0, 0.0))
 OBSERVER_FOVY = 62.0
-"""World pose and field of view (degrees) of the observer: across the table, looking down at it and at the robot behind it."""
+"""World pose and field of view (degrees) of the observer: across the table, looking down at it and
+at the robot behind it."""
 
 
 class CameraError(DominoError):
@@ -23,11 +24,17 @@ class CameraError(DominoError):
 
 
 def cameras_of(embodiment: "Embodiment", camera_type: str = "D435") -> tuple[Camera, ...]:
-    """Head and wrist cameras of an embodiment. Raises KeyError, naming the types, for an unknown camera type."""
+    """Head and wrist cameras of an embodiment. Raises KeyError, naming the types, for an unknown
+    camera type."""
     if camera_type not in CAMERA_TYPES:
-        raise KeyError(f"camera type {camera_type!r} is unknown: types are {', '.join(CAMERA_TYPES)}")
+        raise KeyError(
+            f"camera type {camera_type!r} is unknown: types are {', '.join(CAMERA_TYPES)}"
+        )
     kind = CAMERA_TYPES[camera_type]
-    wrists = [Camera(CAMERAS[side], kind, f"{side}_{arm.camera.link}", arm.camera.pose) for side, arm in embodiment.arms.items()]
+    wrists = [
+        Camera(CAMERAS[side], kind, f"{side}_{arm.camera.link}", arm.camera.pose)
+        for side, arm in embodiment.arms.items()
+    ]
     return (Camera(HEAD, kind, None, embodiment.head_camera), *wrists)
 
 
@@ -41,14 +48,18 @@ def setup_cameras(embodiment: "Embodiment", setup: Setup) -> tuple[Camera, ...]:
     return wanted_cameras(cameras_of(embodiment, setup.camera), setup, embodiment.sides)
 
 
-def wanted_cameras(mounted: Sequence[Camera], setup: Setup, sides: Collection[str] = SIDES) -> tuple[Camera, ...]:
+def wanted_cameras(
+    mounted: Sequence[Camera], setup: Setup, sides: Collection[str] = SIDES
+) -> tuple[Camera, ...]:
     """The cameras of a setup, in its order; with a `size` all images have that size.
 
-    They are those `mounted` on the robot (or stored with an episode), the observer, and those that the setup describes. The wrist
-    camera of an arm that is not among `sides` is left out.
-    Raises CameraError for a name that is not among them.
+    They are those `mounted` on the robot (or stored with an episode), the observer, and those that
+    the setup describes. The wrist camera of an arm that is not among `sides` is left out. Raises
+    CameraError for a name that is not among them.
     """
-    known = {OBSERVER: observer(CAMERA_TYPES[setup.camera])} | {camera.name: camera for camera in mounted}
+    known = {OBSERVER: observer(CAMERA_TYPES[setup.camera])} | {
+        camera.name: camera for camera in mounted
+    }
     cameras = []
     for each in setup.cameras_on(sides):
         if isinstance(each, NamedCamera):
@@ -56,7 +67,9 @@ def wanted_cameras(mounted: Sequence[Camera], setup: Setup, sides: Collection[st
         elif camera_name(each) in known:
             cameras.append(known[camera_name(each)])
         else:
-            raise CameraError(f"there is no camera {each} to draw from: there are {', '.join(sorted(known))}")
+            raise CameraError(
+                f"there is no camera {each} to draw from: there are {', '.join(sorted(known))}"
+            )
     if setup.size is None:
         return tuple(cameras)
     width, height = setup.size
@@ -67,4 +80,7 @@ def check_links(cameras: Sequence[Camera], bodies: Sequence[str]) -> None:
     """Raise CameraError for a camera on a link that is none of the bodies of an episode."""
     for camera in cameras:
         if camera.link is not None and camera.link not in bodies:
-            raise CameraError(f"camera {camera.name} is mounted on {camera.link!r}: the bodies are {', '.join(bodies)}")
+            raise CameraError(
+                f"camera {camera.name} is mounted on {camera.link!r}: the bodies are"
+                f" {', '.join(bodies)}"
+            )

@@ -1,6 +1,8 @@
-"""Drawn surfaces as a binary glTF file: one mesh, a primitive per material, float32 arrays, textures as PNG.
+"""Drawn surfaces as a binary glTF file: one mesh, a primitive per material, float32 arrays,
+textures as PNG.
 
-What `write_glb` writes is what `read_glb` reads, value for value. Files of other programs are for `world/meshes`.
+What `write_glb` writes is what `read_glb` reads, value for value. Files of other programs are for
+`world/meshes`.
 """
 
 import json
@@ -29,7 +31,13 @@ class GlbError(DominoError):
 
 def write_glb(parts: Parts) -> bytes:
     """The GLB of meshes with their materials; the same parts give the same bytes."""
-    blob, views, accessors, primitives, materials = bytearray(), list[Any](), list[Any](), list[Any](), list[Any]()
+    blob, views, accessors, primitives, materials = (
+        bytearray(),
+        list[Any](),
+        list[Any](),
+        list[Any](),
+        list[Any](),
+    )
     images = list[Any]()
 
     def view(data: bytes) -> int:
@@ -38,27 +46,55 @@ def write_glb(parts: Parts) -> bytes:
         return len(views) - 1
 
     def put(array: NDArray[Any], kind: str, component: int) -> int:
-        bounds = {"min": array.min(0).tolist(), "max": array.max(0).tolist()} if kind == "VEC3" else {}
+        bounds = (
+            {"min": array.min(0).tolist(), "max": array.max(0).tolist()} if kind == "VEC3" else {}
+        )
         where = view(np.ascontiguousarray(array).tobytes())
         accessors.append(
-            {"bufferView": where, "componentType": component, "count": array.size // _WIDTHS[kind], "type": kind} | bounds
+            {
+                "bufferView": where,
+                "componentType": component,
+                "count": array.size // _WIDTHS[kind],
+                "type": kind,
+            }
+            | bounds
         )
         return len(accessors) - 1
 
     for mesh, material in parts:
-        attributes = {"POSITION": put(mesh.vertices, "VEC3", _FLOAT), "NORMAL": put(mesh.normals, "VEC3", _FLOAT)}
+        attributes = {
+            "POSITION": put(mesh.vertices, "VEC3", _FLOAT),
+            "NORMAL": put(mesh.normals, "VEC3", _FLOAT),
+        }
         if mesh.uvs is not None:
             attributes["TEXCOORD_0"] = put(mesh.uvs, "VEC2", _FLOAT)
         primitives.append(
-            {"attributes": attributes, "indices": put(mesh.triangles.ravel(), "SCALAR", _UINT), "material": len(materials)}
+            {
+                "attributes": attributes,
+                "indices": put(mesh.triangles.ravel(), "SCALAR", _UINT),
+                "material": len(materials),
+            }
         )
         color = [round(_linear(c), _DIGITS) for c in material.color]
-        surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": material.metallic, "roughnessFactor": material.roughness}
+        surface = {
+            "baseColorFactor": [*color, 1.0],
+            "metallicFactor": material.metallic,
+            "roughnessFactor": material.roughness,
+        }
         if material.texture is not None:
-            surface |= {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "baseColorTexture": {"index": len(images)}}
-            images.append({"bufferView": view(write_png(material.texture)), "mimeType": "image/png"})
+            surface |= {
+                "baseColorFactor": [1.0, 1.0, 1.0, 1.0],
+                "baseColorTexture": {"index": len(images)},
+            }
+            images.append(
+                {"bufferView": view(write_png(material.texture)), "mimeType": "image/png"}
+            )
         materials.append({"pbrMetallicRoughness": surface})
-    drawn = {"images": images, "textures": [{"source": i} for i in range(len(images))]} if images else {}
+    drawn = (
+        {"images": images, "textures": [{"source": i} for i in range(len(images))]}
+        if images
+        else {}
+    )
     text = json.dumps(
         {
             "asset": {"version": "2.0", "generator": GENERATOR},
@@ -80,7 +116,8 @@ def write_glb(parts: Parts) -> bytes:
 
 
 def read_glb(path: Path) -> Parts:
-    """The parts of a file of `write_glb`; their arrays are read when the first of them is used. Raises GlbError."""
+    """The parts of a file of `write_glb`; their arrays are read when the first of them is used.
+    Raises GlbError."""
     try:
         with open_regular(path) as file:
             magic, version, _, length, kind = struct.unpack("<5I", file.read(20))
@@ -89,14 +126,34 @@ def read_glb(path: Path) -> Parts:
             document = json.loads(file.read(length))
         if document["asset"].get("generator") != GENERATOR:
             raise ValueError("written by another program")
-        surfaces = [document["materials"][p["material"]]["pbrMetallicRoughness"] for p in document["meshes"][0]["primitives"]]
-        return tuple((_mesh(path, i), _material(surface, _texture(path, document, surface))) for i, surface in enumerate(surfaces))
-    except (OSError, struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError) as error:
-        raise GlbError(f"{path}: not readable as a GLB of this project ({' '.join(str(error).split())})") from error
+        surfaces = [
+            document["materials"][p["material"]]["pbrMetallicRoughness"]
+            for p in document["meshes"][0]["primitives"]
+        ]
+        return tuple(
+            (_mesh(path, i), _material(surface, _texture(path, document, surface)))
+            for i, surface in enumerate(surfaces)
+        )
+    except (
+        OSError,
+        struct.error,
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
+        raise GlbError(
+            f"{path}: not readable as a GLB of this project ({' '.join(str(error).split())})"
+        ) from error
 
 
-def _texture(path: Path, document: dict[str, Any], surface: dict[str, Any]) -> NDArray[np.uint8] | None:
-    """The image (H,W,4) of a surface, None without one. Raises ValueError for one that is damaged."""
+def _texture(
+    path: Path, document: dict[str, Any], surface: dict[str, Any]
+) -> NDArray[np.uint8] | None:
+    """The image (H,W,4) of a surface, None without one. Raises ValueError for one that is
+    damaged."""
     if "baseColorTexture" not in surface:
         return None
     image = document["images"][document["textures"][surface["baseColorTexture"]["index"]]["source"]]
@@ -109,7 +166,9 @@ def _texture(path: Path, document: dict[str, Any], surface: dict[str, Any]) -> N
 
 def _material(surface: dict[str, Any], texture: NDArray[np.uint8] | None) -> Material:
     r, g, b = (round(_srgb(c), 6) for c in surface["baseColorFactor"][:3])
-    return Material((r, g, b), float(surface["roughnessFactor"]), float(surface["metallicFactor"]), texture)
+    return Material(
+        (r, g, b), float(surface["roughnessFactor"]), float(surface["metallicFactor"]), texture
+    )
 
 
 @deferred
@@ -130,8 +189,15 @@ def _mesh(path: Path, index: int) -> Mesh:
         primitive = document["meshes"][0]["primitives"][index]
         at = primitive["attributes"]
         uvs = array(at["TEXCOORD_0"]) if "TEXCOORD_0" in at else None
-        mesh = Mesh(array(at["POSITION"]), array(primitive["indices"]).reshape(-1, 3), array(at["NORMAL"]), uvs)
-        if not np.isfinite(mesh.vertices).all() or mesh.triangles.max(initial=0) >= len(mesh.vertices):
+        mesh = Mesh(
+            array(at["POSITION"]),
+            array(primitive["indices"]).reshape(-1, 3),
+            array(at["NORMAL"]),
+            uvs,
+        )
+        if not np.isfinite(mesh.vertices).all() or mesh.triangles.max(initial=0) >= len(
+            mesh.vertices
+        ):
             raise ValueError("a vertex is not finite, or a triangle names one that is not there")
     except (ValueError, KeyError, IndexError, TypeError) as error:
         raise GlbError(f"{path}: is damaged ({error})") from error

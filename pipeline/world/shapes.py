@@ -1,6 +1,7 @@
 """What a rigid body looks like and how it collides: plain data, no simulator.
 
-Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1, as a person would pick them.
+Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1, as
+a person would pick them.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +17,8 @@ from pipeline.poses import IDENTITY, Pose, quat_rotate, transform
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles with per-vertex normals: vertices (N,3) m, triangles (M,3) int, normals (N,3) unit, uvs (N,2) or None."""
+    """Triangles with per-vertex normals: vertices (N,3) m, triangles (M,3) int, normals (N,3) unit,
+    uvs (N,2) or None."""
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.uint32]
@@ -45,7 +47,8 @@ class _Deferred(Mesh):
         made = self.__dict__["_make"]()
         self.__dict__.update({array: getattr(made, array) for array in Mesh.__dataclass_fields__})
         del self.__dict__["_make"]
-        object.__setattr__(self, "__class__", Mesh)  # what takes it apart, as dataclasses.replace does, finds a Mesh
+        # what takes it apart, as dataclasses.replace does, finds a Mesh
+        object.__setattr__(self, "__class__", Mesh)
         return self.__dict__[name]
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[Any, ...]]:
@@ -56,9 +59,11 @@ class _Deferred(Mesh):
 
 
 def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
-    """Function decorator: the mesh that is returned is computed when one of its arrays is first read.
+    """Function decorator: the mesh that is returned is computed when one of its arrays is first
+    read.
 
-    Layouts, plans and simulations look at the collision pieces alone, and the arrays take longer than a layout.
+    Layouts, plans and simulations look at the collision pieces alone, and the arrays take longer
+    than a layout.
     """
 
     @wraps(make)
@@ -75,7 +80,9 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     uvs = [np.zeros((len(m.vertices), 2), np.float32) if m.uvs is None else m.uvs for m in meshes]
     return Mesh(
         np.concatenate([m.vertices for m in meshes]).astype(np.float32),
-        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(np.uint32),
+        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(
+            np.uint32
+        ),
         np.concatenate([m.normals for m in meshes]).astype(np.float32),
         np.concatenate(uvs).astype(np.float32) if textured else None,
     )
@@ -83,7 +90,8 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 
 @dataclass(frozen=True)
 class TextureSource:
-    """How a procedural texture is made: a kind of `materials.TEXTURES` and the arguments of its function, plain values."""
+    """How a procedural texture is made: a kind of `materials.TEXTURES` and the arguments of its
+    function, plain values."""
 
     kind: str
     arguments: tuple[str | int | float | tuple[float, ...], ...]
@@ -91,7 +99,8 @@ class TextureSource:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Surface: sRGB colour 0-1, roughness and metallic 0-1, optional texture (H,W,4) uint8 sRGB which replaces the colour.
+    """Surface: sRGB colour 0-1, roughness and metallic 0-1, optional texture (H,W,4) uint8 sRGB
+    which replaces the colour.
 
     `source` says how the texture was made, where a function made it.
     """
@@ -107,11 +116,16 @@ class Material:
 def seen_along(mesh: Mesh, axes: NDArray[np.float64], tile: ArrayLike) -> Mesh:
     """The mesh with uvs projected along one direction.
 
-    `axes` (2,3) are the directions of u and v. `tile` is the size (m) of an image, or of its two sides. The image begins at the
-    mesh's smallest corner.
+    `axes` (2,3) are the directions of u and v. `tile` is the size (m) of an image, or of its two
+    sides. The image begins at the mesh's smallest corner.
     """
     across = mesh.vertices @ np.asarray(axes, np.float32).T
-    return Mesh(mesh.vertices, mesh.triangles, mesh.normals, ((across - across.min(0)) / np.asarray(tile)).astype(np.float32))
+    return Mesh(
+        mesh.vertices,
+        mesh.triangles,
+        mesh.normals,
+        ((across - across.min(0)) / np.asarray(tile)).astype(np.float32),
+    )
 
 
 type Parts = Sequence[tuple[Mesh, Material]]
@@ -122,9 +136,10 @@ type Parts = Sequence[tuple[Mesh, Material]]
 class Collider:
     """One convex collision piece.
 
-    kind and size: box (hx, hy, hz half extents), sphere (r,), cylinder and capsule (r, half length) along local z, convex ()
-    with `vertices` (N,3). `pose` places it in the body frame, `weight` is its density relative to the other pieces. `measured` is
-    the volume (m^3) of a convex piece where it is known.
+    kind and size: box (hx, hy, hz half extents), sphere (r,), cylinder and capsule (r, half length)
+    along local z, convex () with `vertices` (N,3). `pose` places it in the body frame, `weight` is
+    its density relative to the other pieces. `measured` is the volume (m^3) of a convex piece where
+    it is known.
     """
 
     kind: str
@@ -176,7 +191,8 @@ class Shape:
     friction: float = 0.6
 
     def aabb(self) -> NDArray[np.float64]:
-        """Axis-aligned bounds of the collision pieces in the body frame, (2,3): lower, upper; read-only."""
+        """Axis-aligned bounds of the collision pieces in the body frame, (2,3): lower, upper;
+        read-only."""
         return self._bounds
 
     @cached_property

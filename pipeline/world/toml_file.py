@@ -17,7 +17,8 @@ class Table(BaseModel):
 
 
 def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:
-    """The settings in a file. Raises `wrong`, one line that names the file, the key and what is wrong."""
+    """The settings in a file. Raises `wrong`, one line that names the file, the key and what is
+    wrong."""
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise wrong(f"{file}: is larger than {LARGEST_FILE} bytes")
@@ -25,7 +26,10 @@ def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> 
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])[:80]
-        raise wrong(f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})") from error
+        raise wrong(
+            f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got"
+            f" {show_value(first['input'])})"
+        ) from error
     except RecursionError as error:
         raise wrong(f"{file}: is nested too deeply") from error
     except (OSError, ValueError) as error:

@@ -1,6 +1,8 @@
-"""How an ARX-5 arm looks: 57 mm motor housings joined by plates and box beams, a flat two-jaw gripper, a camera above it.
+"""How an ARX-5 arm looks: 57 mm motor housings joined by plates and box beams, a flat two-jaw
+gripper, a camera above it.
 
-Parts are placed from the joint origins of the variant, so both variants fit their own kinematics. Frames: see arx_family.py.
+Parts are placed from the joint origins of the variant, so both variants fit their own kinematics.
+Frames: see arx_family.py.
 """
 
 from collections.abc import Sequence
@@ -28,7 +30,8 @@ from scripts.robot_looks.kit import (
     ring,
 )
 
-# a plate drawn in (x, z) of the link: its xy plane is the link's xz plane, its thickness runs along -y
+# a plate drawn in (x, z) of the link: its xy plane is the link's xz plane, its thickness runs along
+# -y
 SIDEWAYS = pose((0, 0, 0), (np.sqrt(0.5), np.sqrt(0.5), 0, 0))
 
 
@@ -43,9 +46,14 @@ class ColorScheme:
 
 
 def arx_visuals(
-    origins: Sequence[Triple], jaws: Sequence[Triple], finger_end: float, camera: Pose, scheme: ColorScheme
+    origins: Sequence[Triple],
+    jaws: Sequence[Triple],
+    finger_end: float,
+    camera: Pose,
+    scheme: ColorScheme,
 ) -> dict[str, Parts]:
-    """Visuals by link name: six joint origins (m), two jaw origins in link6, finger end along link6 x, camera in link6."""
+    """Visuals by link name: six joint origins (m), two jaw origins in link6, finger end along link6
+    x, camera in link6."""
     shoulder, elbow, wrist, yaw, roll = origins[1:]
     x, y, z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
     return {
@@ -69,14 +77,29 @@ def arx_visuals(
             ),
             (
                 scheme.shell,
-                [_cheek((shoulder[0] - 0.002, 0.012), (shoulder[0], shoulder[2]), 0.026, 0.029, s * 0.0385) for s in (-1, 1)],
+                [
+                    _cheek(
+                        (shoulder[0] - 0.002, 0.012),
+                        (shoulder[0], shoulder[2]),
+                        0.026,
+                        0.029,
+                        s * 0.0385,
+                    )
+                    for s in (-1, 1)
+                ],
             ),
-            (scheme.ring, [ring((shoulder[0], s * 0.042, shoulder[2]), y, 0.014, 0.004, 14) for s in (-1, 1)]),
+            (
+                scheme.ring,
+                [ring((shoulder[0], s * 0.042, shoulder[2]), y, 0.014, 0.004, 14) for s in (-1, 1)],
+            ),
         ),
         "link2": painted(
             (
                 scheme.housing,
-                [housing((0, -0.034, 0), (0, 0.034, 0), 0.0292), housing((elbow[0], -0.034, 0), (elbow[0], 0.034, 0), 0.0302)],
+                [
+                    housing((0, -0.034, 0), (0, 0.034, 0), 0.0292),
+                    housing((elbow[0], -0.034, 0), (elbow[0], 0.034, 0), 0.0302),
+                ],
             ),
             (
                 scheme.shell,
@@ -94,10 +117,19 @@ def arx_visuals(
                     )
                 ],
             ),
-            (scheme.ring, [ring((0, 0, 0), y, 0.0297, 0.012), ring((elbow[0], elbow[1], 0), y, 0.0307, 0.012)]),
+            (
+                scheme.ring,
+                [
+                    ring((0, 0, 0), y, 0.0297, 0.012),
+                    ring((elbow[0], elbow[1], 0), y, 0.0307, 0.012),
+                ],
+            ),
         ),
         "link3": painted(
-            (scheme.housing, [housing((wrist[0], -0.026, wrist[2]), (wrist[0], 0.026, wrist[2]), 0.0265)]),
+            (
+                scheme.housing,
+                [housing((wrist[0], -0.026, wrist[2]), (wrist[0], 0.026, wrist[2]), 0.0265)],
+            ),
             (
                 scheme.shell,
                 [
@@ -115,18 +147,34 @@ def arx_visuals(
                     ),
                 ],
             ),
-            (scheme.stripe, [block((0.055, s * 0.0285 - 0.002, -0.068), (0.165, s * 0.0285 + 0.002, -0.052)) for s in (-1, 1)]),
+            (
+                scheme.stripe,
+                [
+                    block((0.055, s * 0.0285 - 0.002, -0.068), (0.165, s * 0.0285 + 0.002, -0.052))
+                    for s in (-1, 1)
+                ],
+            ),
             (scheme.ring, [ring((0, s * 0.043, 0), y, 0.015, 0.004, 14) for s in (-1, 1)]),
         ),
         "link4": painted(
             (
                 scheme.shell,
                 [
-                    *(_cheek((0, 0), (0.018, yaw[2] + 0.018), 0.025, 0.02, s * 0.031) for s in (-1, 1)),
-                    block((-0.002, -0.034, yaw[2] - 0.003), (yaw[0] + 0.004, 0.034, yaw[2] + 0.012), 0.003),
+                    *(
+                        _cheek((0, 0), (0.018, yaw[2] + 0.018), 0.025, 0.02, s * 0.031)
+                        for s in (-1, 1)
+                    ),
+                    block(
+                        (-0.002, -0.034, yaw[2] - 0.003),
+                        (yaw[0] + 0.004, 0.034, yaw[2] + 0.012),
+                        0.003,
+                    ),
                 ],
             ),
-            (scheme.housing, [housing((yaw[0], yaw[1], yaw[2] - 0.008), (yaw[0], yaw[1], yaw[2] + 0.036), 0.03)]),
+            (
+                scheme.housing,
+                [housing((yaw[0], yaw[1], yaw[2] - 0.008), (yaw[0], yaw[1], yaw[2] + 0.036), 0.03)],
+            ),
             (
                 scheme.ring,
                 [
@@ -143,7 +191,10 @@ def arx_visuals(
                     block((-0.03, -0.024, 0.05), (0.012, 0.024, roll[2] + 0.02), 0.006),
                 ],
             ),
-            (scheme.housing, [housing((-0.034, 0, roll[2]), (roll[0] - 0.002, 0, roll[2]), 0.0288)]),
+            (
+                scheme.housing,
+                [housing((-0.034, 0, roll[2]), (roll[0] - 0.002, 0, roll[2]), 0.0288)],
+            ),
             (scheme.ring, [ring((roll[0] - 0.006, 0, roll[2]), x, 0.0293, 0.006)]),
         ),
         "link6": (
@@ -151,7 +202,10 @@ def arx_visuals(
                 (scheme.ring, [housing((0, 0, 0), (0.012, 0, 0), 0.024, 0.002)]),
                 (
                     scheme.housing,
-                    [lathe((0.01, 0, 0), x, _stub(0.03, 0.027, 0.03)), block((0.036, -0.062, -0.021), (0.07, 0.062, 0.021), 0.005)],
+                    [
+                        lathe((0.01, 0, 0), x, _stub(0.03, 0.027, 0.03)),
+                        block((0.036, -0.062, -0.021), (0.07, 0.062, 0.021), 0.005),
+                    ],
                 ),
                 (
                     scheme.shell,
@@ -178,21 +232,35 @@ def arx_visuals(
 
 
 def _finger(origin: Triple, end: float, side: float, scheme: ColorScheme) -> Parts:
-    """Carriage, a finger that tapers towards its end, and a rubber pad whose face is the collision pad's."""
+    """Carriage, a finger that tapers towards its end, and a rubber pad whose face is the collision
+    pad's."""
     base, tip = -0.007, end - origin[0]
 
     def along(x: float, y: float) -> tuple[float, float]:
         return (x, -origin[1] + side * y)
 
-    outline = [along(base, 0.002), along(0.012, 0.002), along(0.03, 0.003), along(tip - 0.001, 0.003), along(tip - 0.001, 0.008)]
-    outline += [along(tip - 0.02, 0.014), along(0.026, 0.02), along(0.012, 0.033), along(base, 0.033)]
+    outline = [
+        along(base, 0.002),
+        along(0.012, 0.002),
+        along(0.03, 0.003),
+        along(tip - 0.001, 0.003),
+        along(tip - 0.001, 0.008),
+    ]
+    outline += [
+        along(tip - 0.02, 0.014),
+        along(0.026, 0.02),
+        along(0.012, 0.033),
+        along(base, 0.033),
+    ]
     ordered = outline if side > 0 else outline[::-1]
     height = -origin[2]
     body = plate(ordered, 0.022, pose((0, 0, height - 0.011)), 0.0015)
     y = sorted((-origin[1], -origin[1] + side * 0.0032))
     pad = block((0.02, y[0], height - 0.0105), (tip, y[1], height + 0.0105), 0.0008)
     slide_y = sorted((along(0, 0.006)[1], along(0, 0.03)[1]))
-    slide = block((base - 0.004, slide_y[0], height - 0.017), (0.009, slide_y[1], height + 0.017), 0.002)
+    slide = block(
+        (base - 0.004, slide_y[0], height - 0.017), (0.009, slide_y[1], height + 0.017), 0.002
+    )
     return painted((scheme.shell, [slide]), (scheme.housing, [body]), (RUBBER, [pad]))
 
 
@@ -202,4 +270,12 @@ def _cheek(a: Sequence[float], b: Sequence[float], ra: float, rb: float, y: floa
 
 
 def _stub(r0: float, r1: float, height: float) -> list[tuple[float, float]]:
-    return [(0, 0), (r0, 0), (r0, 0.3 * height), (r1, 0.6 * height), (r1, height - 0.003), (r1 - 0.003, height), (0, height)]
+    return [
+        (0, 0),
+        (r0, 0),
+        (r0, 0.3 * height),
+        (r1, 0.6 * height),
+        (r1, height - 0.003),
+        (r1 - 0.003, height),
+        (0, height),
+    ]

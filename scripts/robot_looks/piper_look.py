@@ -39,7 +39,13 @@ def piper_visuals(camera: Pose) -> dict[str, Parts]:
                     lathe((0, 0, 0.045), Z, [(0, 0), (0.04, 0), (0.038, 0.034), (0, 0.036)]),
                 ],
             ),
-            (CHARCOAL, [block((-0.06, -0.05, 0), (0.05, 0.05, 0.007), 0.002), ring((0, 0, 0.081), Z, 0.0365, 0.008)]),
+            (
+                CHARCOAL,
+                [
+                    block((-0.06, -0.05, 0), (0.05, 0.05, 0.007), 0.002),
+                    ring((0, 0, 0.081), Z, 0.0365, 0.008),
+                ],
+            ),
         ),
         "link1": painted(
             (WHITE, [housing((0, 0, -0.037), (0, 0, 0.012), 0.0365, 0.01)]),
@@ -68,10 +74,19 @@ def piper_visuals(camera: Pose) -> dict[str, Parts]:
                 CHARCOAL,
                 [
                     housing((0, 0, -0.0475), (0, 0, 0.0475), 0.031),
-                    housing(elbow - np.array((0, 0, 0.0475)), elbow + np.array((0, 0, 0.0475)), 0.031),
+                    housing(
+                        elbow - np.array((0, 0, 0.0475)), elbow + np.array((0, 0, 0.0475)), 0.031
+                    ),
                 ],
             ),
-            (SILVER, [ring(p + np.array((0, 0, s * 0.0475)), Z, 0.014, 0.003, 14) for p in (np.zeros(3), elbow) for s in (-1, 1)]),
+            (
+                SILVER,
+                [
+                    ring(p + np.array((0, 0, s * 0.0475)), Z, 0.014, 0.003, 14)
+                    for p in (np.zeros(3), elbow)
+                    for s in (-1, 1)
+                ],
+            ),
         ),
         "link3": painted(
             (
@@ -92,7 +107,10 @@ def piper_visuals(camera: Pose) -> dict[str, Parts]:
             ),
             (
                 CHARCOAL,
-                [housing((0, 0, -0.0385), (0, 0, 0.0385), 0.0295), ring((-0.212, 0.0628, 0), (-0.9823, 0.187, 0), 0.0275, 0.01)],
+                [
+                    housing((0, 0, -0.0385), (0, 0, 0.0385), 0.0295),
+                    ring((-0.212, 0.0628, 0), (-0.9823, 0.187, 0), 0.0275, 0.01),
+                ],
             ),
             (GREY, [block((-0.14, 0.03, -0.0315), (-0.06, 0.046, 0.0315), 0.004)]),
         ),
@@ -101,13 +119,38 @@ def piper_visuals(camera: Pose) -> dict[str, Parts]:
             (CHARCOAL, [housing((0, -0.033, 0), (0, 0.0285, 0), 0.0255)]),
         ),
         "link5": painted(
-            (WHITE, [lathe((0, -0.018, 0), Y, [(0, 0), (0.018, 0), (0.027, 0.012), (0.028, 0.05), (0.0255, 0.094), (0, 0.096)])]),
+            (
+                WHITE,
+                [
+                    lathe(
+                        (0, -0.018, 0),
+                        Y,
+                        [
+                            (0, 0),
+                            (0.018, 0),
+                            (0.027, 0.012),
+                            (0.028, 0.05),
+                            (0.0255, 0.094),
+                            (0, 0.096),
+                        ],
+                    )
+                ],
+            ),
             (CHARCOAL, [ring((0, 0.082, 0), Y, 0.0285, 0.016)]),
         ),
         "link6": (
             *painted(
                 (SILVER, [housing((0, 0, 0), (0, 0, 0.01), 0.0265, 0.002)]),
-                (WHITE, [lathe((0, 0, 0.01), Z, [(0, 0), (0.029, 0), (0.03, 0.02), (0.026, 0.03), (0, 0.03)])]),
+                (
+                    WHITE,
+                    [
+                        lathe(
+                            (0, 0, 0.01),
+                            Z,
+                            [(0, 0), (0.029, 0), (0.03, 0.02), (0.026, 0.03), (0, 0.03)],
+                        )
+                    ],
+                ),
                 (
                     BLACK,
                     [
@@ -125,7 +168,8 @@ def piper_visuals(camera: Pose) -> dict[str, Parts]:
 
 
 def _finger(side: float) -> Parts:
-    """Jaw in its own frame: y along the finger (from -0.0695 to 0.005 for link7), pad face at z = 0, body towards -z."""
+    """Jaw in its own frame: y along the finger (from -0.0695 to 0.005 for link7), pad face at z =
+    0, body towards -z."""
 
     def drawn(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
         turned = [(side * y, z) for y, z in points]

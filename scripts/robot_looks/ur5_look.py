@@ -1,4 +1,5 @@
-"""How a UR5 with a WSG-50 looks: light grey tubes and housings with blue caps, a silver box of a gripper with dark fingers."""
+"""How a UR5 with a WSG-50 looks: light grey tubes and housings with blue caps, a silver box of a
+gripper with dark fingers."""
 
 from pipeline.poses import Pose, pose
 from pipeline.world.shapes import Material, Mesh
@@ -31,11 +32,33 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
     """Visuals by link name; `camera` is the wrist camera's pose in wsg_50_base_link."""
     return {
         "base_link": painted(
-            (TUBE, [lathe((0, 0, 0), Z, [(0, 0), (0.0745, 0), (0.0745, 0.012), (0.062, 0.02), (0.06, 0.024), (0, 0.024)])]),
+            (
+                TUBE,
+                [
+                    lathe(
+                        (0, 0, 0),
+                        Z,
+                        [
+                            (0, 0),
+                            (0.0745, 0),
+                            (0.0745, 0.012),
+                            (0.062, 0.02),
+                            (0.06, 0.024),
+                            (0, 0.024),
+                        ],
+                    )
+                ],
+            ),
             (SEAM, [housing((0, -0.06, 0.01), (0, -0.1, 0.01), 0.009, 0.001, 10)]),
         ),
         "shoulder_link": painted(
-            (TUBE, [housing((0, 0, -0.063), (0, 0, 0.055), 0.0595, 0.004), housing((0, 0, 0), (0, 0.07, 0), 0.0595, 0.002)]),
+            (
+                TUBE,
+                [
+                    housing((0, 0, -0.063), (0, 0, 0.055), 0.0595, 0.004),
+                    housing((0, 0, 0), (0, 0.07, 0), 0.0595, 0.002),
+                ],
+            ),
             (BLUE, [_cap((0, 0, 0.054), Z, 0.057)]),
             (SEAM, [ring((0, 0, -0.064), Z, 0.0575, 0.004), ring((0, 0.0705, 0), Y, 0.058, 0.004)]),
         ),
@@ -47,7 +70,16 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
                     lathe(
                         (0, 0, 0.03),
                         Z,
-                        [(0, 0), (0.054, 0), (0.054, 0.06), (0.0495, 0.08), (0.0495, 0.28), (0.052, 0.3), (0.052, 0.37), (0, 0.37)],
+                        [
+                            (0, 0),
+                            (0.054, 0),
+                            (0.054, 0.06),
+                            (0.0495, 0.08),
+                            (0.0495, 0.28),
+                            (0.052, 0.3),
+                            (0.052, 0.37),
+                            (0, 0.37),
+                        ],
                     ),
                     housing((0, -0.06, 0.425), (0, 0.05, 0.425), 0.0595, 0.004),
                 ],
@@ -63,7 +95,15 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
                     lathe(
                         (0, 0, 0.03),
                         Z,
-                        [(0, 0), (0.044, 0), (0.042, 0.07), (0.0375, 0.09), (0.0375, 0.27), (0.038, 0.34), (0, 0.34)],
+                        [
+                            (0, 0),
+                            (0.044, 0),
+                            (0.042, 0.07),
+                            (0.0375, 0.09),
+                            (0.0375, 0.27),
+                            (0.038, 0.34),
+                            (0, 0.34),
+                        ],
                     ),
                     housing((0, -0.03, 0.39225), (0, 0.046, 0.39225), 0.039, 0.003),
                 ],
@@ -94,7 +134,8 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
             (SEAM, [ring((0, 0, 0.048), Z, 0.0375, 0.004)]),
         ),
         "wrist_3_link": painted(
-            (SEAM, [ring((0, 0.049, 0), Y, 0.036, 0.004)]), (TUBE, [housing((0, 0.05, 0), (0, 0.082, 0), 0.0375, 0.003)])
+            (SEAM, [ring((0, 0.049, 0), Y, 0.036, 0.004)]),
+            (TUBE, [housing((0, 0.05, 0), (0, 0.082, 0), 0.0375, 0.003)]),
         ),
         "wsg_50_base_link": (
             *painted(
@@ -106,7 +147,13 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
                         camera_rod(camera, (0, 0.02, 0.03)),
                     ],
                 ),
-                (BLACK, [block((-0.06, -0.008, 0.067), (0.06, 0.008, 0.0725)), block((-0.05, 0.0245, 0.02), (0.05, 0.0256, 0.04))]),
+                (
+                    BLACK,
+                    [
+                        block((-0.06, -0.008, 0.067), (0.06, 0.008, 0.0725)),
+                        block((-0.05, 0.0245, 0.02), (0.05, 0.0256, 0.04)),
+                    ],
+                ),
             ),
             *depth_camera(camera),
         ),
@@ -118,7 +165,9 @@ def ur5_visuals(camera: Pose) -> dict[str, Parts]:
 
 
 def _cap(start, axis, radius: float) -> Mesh:
-    return lathe(start, axis, [(0, 0), (radius, 0), (radius, 0.005), (0.86 * radius, 0.0115), (0, 0.013)])
+    return lathe(
+        start, axis, [(0, 0), (radius, 0), (radius, 0.005), (0.86 * radius, 0.0115), (0, 0.013)]
+    )
 
 
 def _carriage() -> Parts:
@@ -126,8 +175,22 @@ def _carriage() -> Parts:
 
 
 def _finger() -> Parts:
-    """An L of aluminium and a rubber pad whose face is the collision pad's; both jaws use it, the right one turned by pi."""
-    outline = [(-0.02, 0.0575), (0.0, 0.0575), (0.0015, 0.08), (0.0015, 0.1305), (-0.005, 0.1305), (-0.011, 0.095), (-0.02, 0.08)]
+    """An L of aluminium and a rubber pad whose face is the collision pad's; both jaws use it, the
+    right one turned by pi."""
+    outline = [
+        (-0.02, 0.0575),
+        (0.0, 0.0575),
+        (0.0015, 0.08),
+        (0.0015, 0.1305),
+        (-0.005, 0.1305),
+        (-0.011, 0.095),
+        (-0.02, 0.08),
+    ]
     # drawn in (x, z): a quarter turn about x carries the outline's y to z and the thickness to -y
-    body = plate(outline, 0.03, pose((0, 0.015, 0), (0.7071067811865476, 0.7071067811865476, 0, 0)), 0.0015)
-    return painted((CHARCOAL, [body]), (RUBBER, [block((-0.001, -0.014, 0.086), (0.0027, 0.014, 0.13), 0.0006)]))
+    body = plate(
+        outline, 0.03, pose((0, 0.015, 0), (0.7071067811865476, 0.7071067811865476, 0, 0)), 0.0015
+    )
+    return painted(
+        (CHARCOAL, [body]),
+        (RUBBER, [block((-0.001, -0.014, 0.086), (0.0027, 0.014, 0.13), 0.0006)]),
+    )

@@ -1,4 +1,5 @@
-"""Flow: the original's image, the frame pairs, the scales, and the same bytes under other CPU features."""
+"""Flow: the original's image, the frame pairs, the scales, and the same bytes under other CPU
+features."""
 
 import itertools
 import json
@@ -13,12 +14,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.annotate.flow import Colour, Farneback, colour_flow, farneback, flow_of, previous_frames, shrink_grey
+from pipeline.annotate.flow import (
+    Colour,
+    Farneback,
+    colour_flow,
+    farneback,
+    flow_of,
+    previous_frames,
+    shrink_grey,
+)
 from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage_key import AnnotateError
 
 
-def texture(height: int, width: int, dx: float = 0.0, dy: float = 0.0, seed: int = 0) -> NDArray[np.uint8]:
+def texture(
+    height: int, width: int, dx: float = 0.0, dy: float = 0.0, seed: int = 0
+) -> NDArray[np.uint8]:
     """A smooth coloured image moved by (dx, dy) px: a sum of waves, so that any shift is exact."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:height, :width].astype(float)
@@ -30,8 +41,12 @@ def texture(height: int, width: int, dx: float = 0.0, dy: float = 0.0, seed: int
 
 
 def original_map(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The paper's pipeline spelled out with plain calls (per-map 99th percentile, baseline kernels)."""
-    grey = [cv2.cvtColor(cv2.resize(f, (64, 64), interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY) for f in (before, after)]
+    """The paper's pipeline spelled out with plain calls (per-map 99th percentile, baseline
+    kernels)."""
+    grey = [
+        cv2.cvtColor(cv2.resize(f, (64, 64), interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+        for f in (before, after)
+    ]
     flow = cv2.calcOpticalFlowFarneback(grey[0], grey[1], None, 0.5, 3, 15, 3, 5, 1.2, 0)
     magnitude, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
     p99 = np.percentile(magnitude, 99)
@@ -65,14 +80,22 @@ def test_pairs_are_absolute_clamped_and_computed_once(monkeypatch: pytest.Monkey
     grey = np.stack([shrink_grey(texture(64, 64, dx=d), (64, 64)) for d in range(7)])
     calls: list[tuple[int, int]] = []
 
-    def counted(before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback) -> NDArray[np.float32]:
-        calls.append(tuple(next(i for i, g in enumerate(grey) if g is f or (g == f).all()) for f in (before, after)))
+    def counted(
+        before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback
+    ) -> NDArray[np.float32]:
+        calls.append(
+            tuple(
+                next(i for i, g in enumerate(grey) if g is f or (g == f).all())
+                for f in (before, after)
+            )
+        )
         return farneback(before, after, options)
 
     monkeypatch.setattr("pipeline.annotate.flow.farneback", counted)
     flow = flow_of(grey, 4, Farneback())
     assert calls == [(0, 1), (0, 2), (0, 3), (0, 4), (1, 5), (2, 6)]
-    # the four pairs that the original takes at step s, clamped frames s-16, s-12, ..., s, are rows of the one array
+    # the four pairs that the original takes at step s, clamped frames s-16, s-12, ..., s, are rows
+    # of the one array
     for s in range(7):
         steps = [max(0, s + o) for o in (-16, -12, -8, -4, 0)]
         for a, b in itertools.pairwise(steps):
@@ -83,7 +106,9 @@ def test_pairs_are_absolute_clamped_and_computed_once(monkeypatch: pytest.Monkey
 def test_normalisations_keep_or_lose_speed():
     flow = np.zeros((3, 64, 64, 2), np.float32)
     flow[1, ..., 0], flow[2, ..., 0] = 0.5, 1.0
-    bright = {n: colour_flow(flow, Colour(n, full_scale=2.0)) for n in ("per_map", "shared", "fixed")}
+    bright = {
+        n: colour_flow(flow, Colour(n, full_scale=2.0)) for n in ("per_map", "shared", "fixed")
+    }
     value = {n: rgb.max(-1)[:, 0, 0].tolist() for n, (rgb, _) in bright.items()}
     assert value == {"per_map": [0, 255, 255], "shared": [0, 127, 255], "fixed": [0, 63, 127]}
     assert bright["fixed"][1].tolist() == [0, 2, 2]
@@ -127,16 +152,25 @@ grey = np.stack([shrink_grey(texture(240, 320, dx=1.3 * t, dy=-0.7 * t), (64, 64
 flow = flow_of(grey, 2, Farneback())
 rgb, scale = colour_flow(flow, Colour())
 print(json.dumps([hashlib.sha256(a.tobytes()).hexdigest() for a in (grey, flow, rgb, scale)]))
-"""
+"""  # noqa: E501
 
 
 def test_bytes_do_not_depend_on_cpu_features_ipp_threads_or_libm():
-    baseline = {"OPENCV_CPU_DISABLE": "AVX2,AVX512-SKX,AVX", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F"}
-    variants = [{}, baseline, {"OPENCV_IPP": "disabled", "OPENCV_FOR_THREADS_NUM": "2", "OMP_NUM_THREADS": "2"}]
+    baseline = {
+        "OPENCV_CPU_DISABLE": "AVX2,AVX512-SKX,AVX",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F",
+    }
+    variants = [
+        {},
+        baseline,
+        {"OPENCV_IPP": "disabled", "OPENCV_FOR_THREADS_NUM": "2", "OMP_NUM_THREADS": "2"},
+    ]
 
     def run(extra: dict[str, str]) -> list[str]:
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **extra}
-        done = subprocess.run([sys.executable, "-c", HASHES], env=env, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", HASHES], env=env, capture_output=True, text=True, check=True
+        )
         return json.loads(done.stdout.splitlines()[-1])
 
     with ThreadPoolExecutor(3) as pool:
@@ -166,7 +200,8 @@ def test_stable_switch_nests_across_threads_and_restores():
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
 def test_flow_of_every_thread_has_the_same_bytes(threads: int):
-    """IPP's switch belongs to a thread: one that enters while another is inside must set its own."""
+    """IPP's switch belongs to a thread: one that enters while another is inside must set its
+    own."""
     still = texture(64, 64)[..., 0]
     # IPP's results differ in the last bits where something small moves before what is still
     grey = np.stack([cv2.circle(still.copy(), (20 + 2 * t, 30), 6, 200, -1) for t in range(8)])

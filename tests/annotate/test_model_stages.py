@@ -1,4 +1,5 @@
-"""Masks and features through `annotate`: keys chain from frames to masks to features; nothing found stays marked."""
+"""Masks and features through `annotate`: keys chain from frames to masks to features; nothing found
+stays marked."""
 
 import dataclasses
 import shutil
@@ -32,7 +33,10 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> AnnotateOptions:
         objects=("target", "other"),
         max_area=1.0,
     )
-    return AnnotateOptions(masks=masks, features=FeatureOptions(encoder=str(tiny.save_encoder(root / "encoder")), size=56))
+    return AnnotateOptions(
+        masks=masks,
+        features=FeatureOptions(encoder=str(tiny.save_encoder(root / "encoder")), size=56),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +44,9 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("dataset")
     for slot in range(2):
         path = episode_path(root, slot=slot)
-        make_episode(path, slot=slot, seed=slot, frames=5, cameras=("head_camera",), segmentation=True)
+        make_episode(
+            path, slot=slot, seed=slot, frames=5, cameras=("head_camera",), segmentation=True
+        )
     return root
 
 
@@ -50,7 +56,9 @@ def dataset(source: Path, tmp_path: Path) -> Path:
 
 
 def sim(options: AnnotateOptions, **changes: object) -> AnnotateOptions:
-    return dataclasses.replace(options, masks=dataclasses.replace(options.masks, source="sim", **changes))
+    return dataclasses.replace(
+        options, masks=dataclasses.replace(options.masks, source="sim", **changes)
+    )
 
 
 def counts(report: dict) -> dict[str, tuple[int, int]]:
@@ -58,45 +66,77 @@ def counts(report: dict) -> dict[str, tuple[int, int]]:
 
 
 def tree(root: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(root)): p.read_bytes() for p in sorted((root / "annotations").rglob("*.h5"))}
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted((root / "annotations").rglob("*.h5"))
+    }
 
 
 def entry(dataset: Path, stage: str, slot: int = 0, **parameters: object):
-    return read_entry(annotation_path(dataset, find_stage(dataset, stage, **parameters), episode_paths(dataset)[slot]))
+    return read_entry(
+        annotation_path(
+            dataset, find_stage(dataset, stage, **parameters), episode_paths(dataset)[slot]
+        )
+    )
 
 
 def test_model_masks_and_features_then_nothing(dataset: Path, options: AnnotateOptions):
     plan = annotate(dataset, STAGES, options=options, execution=Execution(dry_run=True))
     assert counts(plan) == {"masks": (2, 0), "features": (2, 0)}
     assert plan["stages"][1]["plan"][0]["reason"] == "after its masks"
-    assert counts(annotate(dataset, STAGES, options=options)) == {"masks": (2, 0), "features": (2, 0)}
+    assert counts(annotate(dataset, STAGES, options=options)) == {
+        "masks": (2, 0),
+        "features": (2, 0),
+    }
     masks, features = entry(dataset, "masks"), entry(dataset, "features")
     assert masks.attributes["objects"] == ["target", "other"]
     assert masks.attributes["prompts"] == ["bell.", "block."]
     assert masks.attributes["inputs"]["prompts"] == ["bell.", "block."]
     assert [len(p) for p in masks.attributes["phrases"]] == [5, 5]
     shapes = {k: v.shape for k, v in masks.arrays.items()}
-    assert shapes == {"mask": (5, 2, 9600), "box": (5, 2, 4), "score": (5, 2), "area": (5, 2), "valid": (5, 2)}
+    assert shapes == {
+        "mask": (5, 2, 9600),
+        "box": (5, 2, 4),
+        "score": (5, 2),
+        "area": (5, 2),
+        "valid": (5, 2),
+    }
     mask = unpack(masks.arrays["mask"], 240, 320)
     np.testing.assert_array_equal(mask.sum((2, 3)), masks.arrays["area"])
     np.testing.assert_array_equal(masks.arrays["valid"], mask.any((2, 3)))
-    assert features.arrays["feature"].shape == (5, 2, 32) and features.arrays["feature"].dtype == np.float16
+    assert (
+        features.arrays["feature"].shape == (5, 2, 32)
+        and features.arrays["feature"].dtype == np.float16
+    )
     np.testing.assert_array_equal(features.arrays["valid"], masks.arrays["valid"])
-    assert counts(annotate(dataset, STAGES, options=options)) == {"masks": (0, 2), "features": (0, 2)}
+    assert counts(annotate(dataset, STAGES, options=options)) == {
+        "masks": (0, 2),
+        "features": (0, 2),
+    }
 
 
-def test_changing_a_feature_parameter_leaves_masks_alone_and_the_other_way_round(dataset: Path, options: AnnotateOptions):
+def test_changing_a_feature_parameter_leaves_masks_alone_and_the_other_way_round(
+    dataset: Path, options: AnnotateOptions
+):
     options = sim(options)
     annotate(dataset, STAGES, options=options)
     bigger = dataclasses.replace(options, features=dataclasses.replace(options.features, size=84))
-    assert counts(annotate(dataset, STAGES, options=bigger)) == {"masks": (0, 2), "features": (2, 0)}
+    assert counts(annotate(dataset, STAGES, options=bigger)) == {
+        "masks": (0, 2),
+        "features": (2, 0),
+    }
     fewer = sim(options, objects=("target",))
     assert counts(annotate(dataset, STAGES, options=fewer)) == {"masks": (2, 0), "features": (2, 0)}
     batched = dataclasses.replace(options, features=dataclasses.replace(options.features, batch=2))
-    assert counts(annotate(dataset, STAGES, options=batched)) == {"masks": (0, 2), "features": (0, 2)}
+    assert counts(annotate(dataset, STAGES, options=batched)) == {
+        "masks": (0, 2),
+        "features": (0, 2),
+    }
 
 
-def test_features_survive_when_masks_are_made_again_with_the_same_content(dataset: Path, options: AnnotateOptions):
+def test_features_survive_when_masks_are_made_again_with_the_same_content(
+    dataset: Path, options: AnnotateOptions
+):
     options = sim(options)
     annotate(dataset, STAGES, options=options)
     before = tree(dataset)
@@ -104,21 +144,35 @@ def test_features_survive_when_masks_are_made_again_with_the_same_content(datase
     alone = annotate(dataset, ["features"], options=options)["stages"][0]
     assert (alone["reused"], alone["waiting"], alone["failed"]) == (1, 1, 0)
     assert "masks are missing: annotate stage masks first" in alone["problems"][0]
-    assert counts(annotate(dataset, STAGES, options=options)) == {"masks": (1, 1), "features": (0, 2)}
+    assert counts(annotate(dataset, STAGES, options=options)) == {
+        "masks": (1, 1),
+        "features": (0, 2),
+    }
     assert tree(dataset) == before
 
 
 def test_features_wait_for_stale_masks(dataset: Path, options: AnnotateOptions):
     options = sim(options)
     annotate(dataset, STAGES, options=options)
-    make_episode(episode_path(dataset, slot=1), slot=1, seed=7, frames=5, cameras=("head_camera",), segmentation=True)
+    make_episode(
+        episode_path(dataset, slot=1),
+        slot=1,
+        seed=7,
+        frames=5,
+        cameras=("head_camera",),
+        segmentation=True,
+    )
     alone = annotate(dataset, ["features"], options=options)["stages"][0]
-    assert (alone["reused"], alone["waiting"]) == (1, 1) and "masks are stale" in alone["problems"][0]
+    assert (alone["reused"], alone["waiting"]) == (1, 1) and "masks are stale" in alone["problems"][
+        0
+    ]
     again = annotate(dataset, STAGES, options=options)
     assert [(s["computed"], s["invalid"]) for s in again["stages"]] == [(1, 1), (1, 1)]
 
 
-def test_sim_masks_are_the_square_and_never_the_whole_picture(dataset: Path, options: AnnotateOptions):
+def test_sim_masks_are_the_square_and_never_the_whole_picture(
+    dataset: Path, options: AnnotateOptions
+):
     annotate(dataset, ["masks"], options=sim(options))
     masks = entry(dataset, "masks")
     assert masks.arrays["area"].tolist() == [[(2 * HALF) ** 2, 0]] * 5
@@ -147,7 +201,9 @@ def test_nothing_detected_is_stored_as_invalid(dataset: Path, options: AnnotateO
 
 
 def test_instruction_prompt(dataset: Path, options: AnnotateOptions):
-    paper = dataclasses.replace(options, masks=dataclasses.replace(options.masks, prompt="instruction"))
+    paper = dataclasses.replace(
+        options, masks=dataclasses.replace(options.masks, prompt="instruction")
+    )
     annotate(dataset, ["masks"], options=paper)
     masks = entry(dataset, "masks")
     assert masks.attributes["objects"] == ["instruction"]
@@ -169,7 +225,8 @@ def test_missing_weights_stop_before_anything_and_sim_needs_no_detector(
 
 
 def test_flow_agreement_of_known_fields(dataset: Path):
-    """Farneback that sees half the motion, turned by 90 degrees, with noise of 0.25 px where nothing moves."""
+    """Farneback that sees half the motion, turned by 90 degrees, with noise of 0.25 px where
+    nothing moves."""
     height, width, frames = 240, 320, 5
     previous = np.array([0, 0, 0, 0, 0])
     exact = np.zeros((frames, 64, 64, 2), np.float16)
@@ -181,17 +238,36 @@ def test_flow_agreement_of_known_fields(dataset: Path):
     mask[:, 0, 60:120, 80:160] = True
     about = {"objects": ["target"], "roles": {"target": 0}, "height": height, "width": width}
     written = {
-        "flow@00000001": ({"flow": measured, "previous": previous}, {}, {"source": "farneback", "camera": "head_camera"}),
-        "flow@00000002": ({"flow": exact, "previous": previous}, {}, {"source": "sim", "camera": "head_camera"}),
+        "flow@00000001": (
+            {"flow": measured, "previous": previous},
+            {},
+            {"source": "farneback", "camera": "head_camera"},
+        ),
+        "flow@00000002": (
+            {"flow": exact, "previous": previous},
+            {},
+            {"source": "sim", "camera": "head_camera"},
+        ),
         "masks@00000003": ({"mask": pack(mask)}, about, {"source": "sim", "camera": "head_camera"}),
     }
     episode = episode_paths(dataset)[0]
     for directory, (arrays, attributes, parameters) in written.items():
-        write_stage(dataset, directory, {"stage": directory.split("@")[0], "version": 1, "parameters": parameters})
+        write_stage(
+            dataset,
+            directory,
+            {"stage": directory.split("@")[0], "version": 1, "parameters": parameters},
+        )
         write_entry(annotation_path(dataset, directory, episode), "k", arrays, attributes)
     row = flow_agreement(dataset, episode_paths(dataset))["levels"]["L1"]
     # frames 1 and 2 lie before the meeting at frame 2; frame 0 has no motion
-    assert row == {"pairs": 2, "exact": 2.0, "measured": 1.0, "error": round(5**0.5, 4), "angle": 90.0, "error_still": 0.25}
+    assert row == {
+        "pairs": 2,
+        "exact": 2.0,
+        "measured": 1.0,
+        "error": round(5**0.5, 4),
+        "angle": 90.0,
+        "error_still": 0.25,
+    }
 
 
 def test_sheet_shows_masks_and_flows(dataset: Path, options: AnnotateOptions):
@@ -199,7 +275,11 @@ def test_sheet_shows_masks_and_flows(dataset: Path, options: AnnotateOptions):
     assert annotation_sheet(dataset, episode) is None
     annotate(dataset, ["flow", "masks"], options=sim(options))
     sheet = annotation_sheet(dataset, episode, frames=[1, 4])
-    assert sheet is not None and sheet.shape == (2 * (150 + 18), 2 * 200, 3) and sheet.dtype == np.uint8
+    assert (
+        sheet is not None
+        and sheet.shape == (2 * (150 + 18), 2 * 200, 3)
+        and sheet.dtype == np.uint8
+    )
     frame = np.full((40, 60, 3), 100, np.uint8)
     mask = np.zeros((1, 40, 60), bool)
     mask[0, 10:30, 20:40] = True

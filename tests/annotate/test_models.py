@@ -1,4 +1,5 @@
-"""Masks and features by the real model classes with tiny random weights, against the libraries' own processors and plain loops."""
+"""Masks and features by the real model classes with tiny random weights, against the libraries' own
+processors and plain loops."""
 
 import shutil
 from pathlib import Path
@@ -10,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.annotate.networks.features import area_weights, features_of, load_encoder, overlap, patch_tokens, pool
+from pipeline.annotate.networks.features import (
+    area_weights,
+    features_of,
+    load_encoder,
+    overlap,
+    patch_tokens,
+    pool,
+)
 from pipeline.annotate.networks.masks import (
     Detector,
     Segmenter,
@@ -65,12 +73,16 @@ def test_digest_follows_content_not_path(models: dict[str, Path], tmp_path: Path
     assert resolve(str(tmp_path / "elsewhere")).digest != here.digest
 
 
-def test_missing_weights_get_one_line_that_says_how(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_missing_weights_get_one_line_that_says_how(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     import huggingface_hub.constants
 
     monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_OFFLINE", True)
     monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_CACHE", str(tmp_path))
-    with pytest.raises(AnnotateError, match=r"run `hf download IDEA-Research/grounding-dino-tiny --revision abc`") as caught:
+    with pytest.raises(
+        AnnotateError, match=r"run `hf download IDEA-Research/grounding-dino-tiny --revision abc`"
+    ) as caught:
         resolve("grounding-dino-tiny", "abc")
     assert "\n" not in str(caught.value) and "sim" in str(caught.value)
     with pytest.raises(AnnotateError, match="does not exist"):
@@ -89,19 +101,28 @@ def test_wrong_weights_are_refused_not_filled_with_noise(models: dict[str, Path]
 
 
 @pytest.mark.parametrize("shape", [(240, 320), (480, 640), (180, 320), (320, 100), (64, 64)])
-def test_detector_sees_what_the_library_would_show_it(shape: tuple[int, int], models: dict[str, Path]):
+def test_detector_sees_what_the_library_would_show_it(
+    shape: tuple[int, int], models: dict[str, Path]
+):
     from transformers import GroundingDinoImageProcessor
 
     processor = GroundingDinoImageProcessor.from_pretrained(models["detector"])
     frame = np.random.default_rng(1).integers(0, 256, (1, *shape, 3), dtype=np.uint8)
     expected = processor(images=[frame[0]], return_tensors="pt")["pixel_values"]
-    ours = pixels(frame, detector_size(*shape, 64, 100), image_settings(resolve(str(models["detector"]))), "cpu")
+    ours = pixels(
+        frame,
+        detector_size(*shape, 64, 100),
+        image_settings(resolve(str(models["detector"]))),
+        "cpu",
+    )
     assert ours.shape == expected.shape
     # half a grey level or one, from integer against float interpolation
     assert (ours - expected).abs().max() < 2.1 / 255 / 0.224
 
 
-def test_best_box_is_the_librarys_best_box(detector: Detector, models: dict[str, Path], frames: np.ndarray):
+def test_best_box_is_the_librarys_best_box(
+    detector: Detector, models: dict[str, Path], frames: np.ndarray
+):
     from transformers import GroundingDinoProcessor
 
     processor = GroundingDinoProcessor.from_pretrained(models["detector"])
@@ -119,11 +140,15 @@ def test_best_box_is_the_librarys_best_box(detector: Detector, models: dict[str,
         expected = np.clip(found["boxes"][best].numpy(), 0, [80, 60, 80, 60])
         np.testing.assert_allclose(boxes[i], expected, atol=1e-3)
         # the library leaves the closing mark in where it passes the threshold
-        assert phrases[i] == found["text_labels"][best].replace("[SEP]", "").replace(".", "").strip()
+        assert (
+            phrases[i] == found["text_labels"][best].replace("[SEP]", "").replace(".", "").strip()
+        )
         assert set(phrases[i].split()) <= {"red", "bell"}
 
 
-def test_nothing_above_the_threshold_is_nothing(detector: Detector, segmenter: Segmenter, frames: np.ndarray):
+def test_nothing_above_the_threshold_is_nothing(
+    detector: Detector, segmenter: Segmenter, frames: np.ndarray
+):
     boxes, scores, phrases = detect(detector, frames, "bell.", 1.0, 0.25)
     assert (boxes == 0).all() and (scores == 0).all() and phrases == [""] * 5
     masks = model_masks(detector, segmenter, frames, ("bell.", "block."), 1.0, 0.25, 0.9, 2)
@@ -140,13 +165,24 @@ def test_masks_are_the_librarys_masks(segmenter: Segmenter, frames: np.ndarray):
     for i in range(5):
         inputs = processor(images=frames[i], input_boxes=[boxes[i].tolist()], return_tensors="pt")
         with torch.no_grad():
-            out = segmenter.model(pixel_values=inputs["pixel_values"], input_boxes=inputs["input_boxes"], multimask_output=False)
-        expected = processor.post_process_masks(out.pred_masks, inputs["original_sizes"])[0][:, 0].numpy()
+            out = segmenter.model(
+                pixel_values=inputs["pixel_values"],
+                input_boxes=inputs["input_boxes"],
+                multimask_output=False,
+            )
+        expected = processor.post_process_masks(out.pred_masks, inputs["original_sizes"])[0][
+            :, 0
+        ].numpy()
         assert (ours[i] == expected).mean() > 0.995
 
 
-def test_batching_does_not_change_masks(detector: Detector, segmenter: Segmenter, frames: np.ndarray):
-    one, four = (model_masks(detector, segmenter, frames, ("bell.", "block."), 0.35, 0.25, 0.99, n) for n in (1, 4))
+def test_batching_does_not_change_masks(
+    detector: Detector, segmenter: Segmenter, frames: np.ndarray
+):
+    one, four = (
+        model_masks(detector, segmenter, frames, ("bell.", "block."), 0.35, 0.25, 0.99, n)
+        for n in (1, 4)
+    )
     np.testing.assert_allclose(one.box, four.box, atol=1e-3)
     np.testing.assert_allclose(one.score, four.score, atol=1e-5)
     assert (one.mask == four.mask).mean() > 0.999 and (one.valid == four.valid).all()
@@ -155,7 +191,9 @@ def test_batching_does_not_change_masks(detector: Detector, segmenter: Segmenter
     assert (one.area[one.valid] > 0).all()
 
 
-def test_a_mask_of_nearly_everything_is_refused(detector: Detector, segmenter: Segmenter, frames: np.ndarray):
+def test_a_mask_of_nearly_everything_is_refused(
+    detector: Detector, segmenter: Segmenter, frames: np.ndarray
+):
     free = model_masks(detector, segmenter, frames, ("bell.",), 0.35, 0.25, 1.0, 4)
     limit = float(np.median(free.mask.mean((2, 3))))
     strict = model_masks(detector, segmenter, frames, ("bell.",), 0.35, 0.25, limit, 4)
@@ -180,7 +218,9 @@ def test_packing_and_tight_boxes(mask: np.ndarray):
 def test_exact_masks_by_body_name():
     seg = np.random.default_rng(0).integers(0, 5, (4, 6, 8)).astype(np.uint8)
     seg[3] = 4
-    masks = exact_masks(seg, ["cabinet", "cabinet/drawer", "cabinet2", "table"], ("cabinet", "cabinet2", "ghost"))
+    masks = exact_masks(
+        seg, ["cabinet", "cabinet/drawer", "cabinet2", "table"], ("cabinet", "cabinet2", "ghost")
+    )
     np.testing.assert_array_equal(masks.mask[:, 0], (seg == 1) | (seg == 2))
     np.testing.assert_array_equal(masks.mask[:, 1], seg == 3)
     assert masks.valid.tolist() == [[True, True, False]] * 3 + [[False] * 3]
@@ -200,7 +240,8 @@ def test_pooling_against_a_slow_loop_over_a_fine_mesh(shape: tuple[int, int], gr
     mask[1, 2] = False
     tokens = rng.normal(size=(2, grid, grid, 5)).astype(np.float32)
     feature, coverage = pool(tokens, mask)
-    # nearest repeat to a common multiple of pixels and patches: there every cell lies in one pixel and in one patch
+    # nearest repeat to a common multiple of pixels and patches: there every cell lies in one pixel
+    # and in one patch
     fine = np.repeat(np.repeat(mask, grid, 2), grid, 3)
     for n in range(2):
         for k in range(3):
@@ -212,7 +253,9 @@ def test_pooling_against_a_slow_loop_over_a_fine_mesh(shape: tuple[int, int], gr
                     total += w_ij * tokens[n, i, j]
                     weight += w_ij
             np.testing.assert_allclose(coverage[n, k], weight, atol=1e-4)
-            np.testing.assert_allclose(feature[n, k], total / weight if weight else np.zeros(5), atol=1e-4)
+            np.testing.assert_allclose(
+                feature[n, k], total / weight if weight else np.zeros(5), atol=1e-4
+            )
 
 
 def test_one_pixel_is_enough_where_nearest_would_lose_it():
@@ -224,7 +267,9 @@ def test_one_pixel_is_enough_where_nearest_would_lose_it():
 
 
 @pytest.mark.parametrize(("kind", "grid", "prefix"), [("dinov2", 16, 1), ("dinov3", 14, 5)])
-def test_features_of_the_real_encoders(kind: str, grid: int, prefix: int, models: dict[str, Path], frames: np.ndarray):
+def test_features_of_the_real_encoders(
+    kind: str, grid: int, prefix: int, models: dict[str, Path], frames: np.ndarray
+):
     encoder = load_encoder(resolve(str(models[kind])), 224, "cpu", "auto")
     assert (encoder.grid, encoder.prefix) == (grid, prefix)
     tokens = patch_tokens(encoder, frames[:2])
@@ -246,7 +291,9 @@ def test_features_of_the_real_encoders(kind: str, grid: int, prefix: int, models
 
 
 def test_half_precision_is_close(models: dict[str, Path], frames: np.ndarray):
-    full, half = (load_encoder(resolve(str(models["dinov2"])), 224, "cpu", p) for p in ("float32", "bfloat16"))
+    full, half = (
+        load_encoder(resolve(str(models["dinov2"])), 224, "cpu", p) for p in ("float32", "bfloat16")
+    )
     a, b = patch_tokens(full, frames[:1]), patch_tokens(half, frames[:1])
     assert a.dtype == b.dtype == np.float32
     assert 0 < np.abs(a - b).max() < 0.2

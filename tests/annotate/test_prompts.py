@@ -45,13 +45,23 @@ def test_metadata_names_target_and_manipulated_separately():
 
 
 def test_same_object_in_both_roles_is_asked_once():
-    asked = ask(META.model_copy(update={"manipulated": "block"}), "x", ("target", "manipulated", "hammer"), "metadata")
+    asked = ask(
+        META.model_copy(update={"manipulated": "block"}),
+        "x",
+        ("target", "manipulated", "hammer"),
+        "metadata",
+    )
     assert asked.objects == ("block", "hammer")
     assert asked.roles == {"target": 0, "manipulated": 0}
 
 
 def test_instruction_source_and_unknown_object():
     asked = ask(META, "Beat the block with the hammer", ("target",), "instruction")
-    assert (asked.objects, asked.prompts) == (("instruction",), ("beat the block with the hammer.",))
-    with pytest.raises(AnnotateError, match="no object 'cup' in this episode: it has block, hammer"):
+    assert (asked.objects, asked.prompts) == (
+        ("instruction",),
+        ("beat the block with the hammer.",),
+    )
+    with pytest.raises(
+        AnnotateError, match="no object 'cup' in this episode: it has block, hammer"
+    ):
         ask(META, "x", ("cup",), "metadata")

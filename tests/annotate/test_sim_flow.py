@@ -33,11 +33,14 @@ def test_camera_motion_over_a_still_world_with_and_without_depth():
     flow = exact_flow(depth, seg, K, body_motions(still, still, DOWN, moved))
     np.testing.assert_allclose(flow[30:], np.broadcast_to([-F * 0.02, 0.0], (30, 80, 2)), atol=1e-5)
     assert np.abs(flow[:30]).max() < 1e-9  # at infinity a translation is not seen
-    turned = compose(DOWN, pose((0, 0, 0), quat_about((1, 0, 0), 0.1)))  # roll about the viewing axis
+    # roll about the viewing axis
+    turned = compose(DOWN, pose((0, 0, 0), quat_about((1, 0, 0), 0.1)))
     flow = exact_flow(depth, seg, K, body_motions(still, still, DOWN, turned))
     u, v = np.meshgrid(np.arange(80) + 0.5 - 40, np.arange(60) + 0.5 - 30)
     angle = -0.1
-    expected = np.stack([np.cos(angle) * u - np.sin(angle) * v - u, np.sin(angle) * u + np.cos(angle) * v - v], -1)
+    expected = np.stack(
+        [np.cos(angle) * u - np.sin(angle) * v - u, np.sin(angle) * u + np.cos(angle) * v - v], -1
+    )
     np.testing.assert_allclose(flow, expected, atol=1e-4)
 
 
@@ -48,7 +51,9 @@ def test_against_each_point_projected_by_itself(seed: int):
     depth = rng.integers(600, 1500, (60, 80)).astype(np.uint16)
 
     def wobble(p: np.ndarray, size: float) -> np.ndarray:
-        return compose(p, pose(rng.normal(0, size, 3), quat_about(rng.normal(size=3), rng.normal(0, size * 3))))
+        return compose(
+            p, pose(rng.normal(0, size, 3), quat_about(rng.normal(size=3), rng.normal(0, size * 3)))
+        )
 
     bodies_a = np.stack([wobble(pose(rng.normal(0, 0.3, 3)), 0.1) for _ in range(3)])
     bodies_b = np.stack([wobble(p, 0.02) for p in bodies_a])

@@ -13,7 +13,10 @@ from pipeline.annotate.store import check_entry, find_stage, write_entry, write_
 from pipeline.data.annotations import CorruptAnnotation, read_entry, stages_of
 from pipeline.data.keys import arrays_digest, frames_digest
 
-ARRAYS = {"flow": np.arange(24, dtype=np.float16).reshape(3, 2, 2, 2), "mask": np.eye(64, dtype=np.uint8)[None].repeat(3, 0)}
+ARRAYS = {
+    "flow": np.arange(24, dtype=np.float16).reshape(3, 2, 2, 2),
+    "mask": np.eye(64, dtype=np.uint8)[None].repeat(3, 0),
+}
 
 
 def test_key_is_sha256_of_canonical_json_and_every_part_enters():
@@ -44,7 +47,18 @@ def test_arrays_digest_sees_name_type_shape_and_value_but_not_layout():
     assert arrays_digest({"x": a.astype(">f4")}) == base
     changed = a.copy()
     changed[1, 2] += 1
-    assert len({base, *map(arrays_digest, ({"y": a}, {"x": a.reshape(3, 2)}, {"x": a.view(np.int32)}, {"x": changed}))}) == 5
+    assert (
+        len(
+            {
+                base,
+                *map(
+                    arrays_digest,
+                    ({"y": a}, {"x": a.reshape(3, 2)}, {"x": a.view(np.int32)}, {"x": changed}),
+                ),
+            }
+        )
+        == 5
+    )
 
 
 def test_write_read_and_states(tmp_path: Path):
@@ -52,7 +66,11 @@ def test_write_read_and_states(tmp_path: Path):
     assert check_entry(path, "k") == "missing"
     written = write_entry(path, "k", ARRAYS, {"prompts": ["bell"]}, compressed=("mask",))
     entry = read_entry(path)
-    assert (entry.key, entry.attributes, entry.checksum) == ("k", {"prompts": ["bell"]}, written.checksum)
+    assert (entry.key, entry.attributes, entry.checksum) == (
+        "k",
+        {"prompts": ["bell"]},
+        written.checksum,
+    )
     for name, array in ARRAYS.items():
         np.testing.assert_array_equal(entry.arrays[name], array)
         assert entry.arrays[name].dtype == array.dtype
@@ -67,7 +85,9 @@ def test_same_content_gives_same_bytes(tmp_path: Path):
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(place=st.floats(0, 1, exclude_max=True), flip=st.integers(1, 255), cut=st.booleans())
 def test_any_damage_is_found_or_harmless(tmp_path: Path, place: float, flip: int, cut: bool):
     path = tmp_path / "e.h5"
@@ -113,7 +133,9 @@ def test_failed_write_leaves_nothing(tmp_path: Path):
 
 def test_find_stage_by_parameters(tmp_path: Path):
     for directory, stride in (("flow@aaaaaaaa", 4), ("flow@bbbbbbbb", 2)):
-        write_stage(tmp_path, directory, {"stage": "flow", "version": 1, "parameters": {"stride": stride}})
+        write_stage(
+            tmp_path, directory, {"stage": "flow", "version": 1, "parameters": {"stride": stride}}
+        )
     assert set(stages_of(tmp_path)) == {"flow@aaaaaaaa", "flow@bbbbbbbb"}
     assert find_stage(tmp_path, "flow", stride=2) == "flow@bbbbbbbb"
     with pytest.raises(AnnotateError, match="several flow"):

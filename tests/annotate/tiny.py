@@ -1,6 +1,8 @@
-"""The real model classes with tiny random weights, saved as their maintainers save them; no network.
+"""The real model classes with tiny random weights, saved as their maintainers save them; no
+network.
 
-`transformers` loads a class when it is first named: every test process imports this module, few make a model.
+`transformers` loads a class when it is first named: every test process imports this module, few
+make a model.
 """
 
 from pathlib import Path
@@ -16,18 +18,29 @@ SIDE = 128  # of the segmenter's image
 def vocabulary() -> dict[str, int]:
     """Token ids with BERT's own marks where GroundingDINO's phrase splitting looks for them."""
     table = {f"[unused{i}]": i for i in range(VOCABULARY)}
-    fixed = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
+    fixed = {
+        "[PAD]": 0,
+        "[UNK]": 100,
+        "[CLS]": 101,
+        "[SEP]": 102,
+        "[MASK]": 103,
+        ".": 1012,
+        "?": 1029,
+    }
     fixed |= {w: 200 + i for i, w in enumerate(WORDS)}
     taken = {i: w for w, i in fixed.items()}
     return {taken.get(i, name): i for name, i in table.items()}
 
 
 def save_detector(path: Path, seed: int = 0) -> Path:
-    """GroundingDINO (0.5 M weights) with its processor; images are shrunk to 64 px on the short side."""
+    """GroundingDINO (0.5 M weights) with its processor; images are shrunk to 64 px on the short
+    side."""
     torch.manual_seed(seed)
     path.mkdir(parents=True, exist_ok=True)
     tokenizer = transformers.BertTokenizer(vocab=vocabulary(), do_lower_case=True)
-    images = transformers.GroundingDinoImageProcessor(size={"shortest_edge": 64, "longest_edge": 100})
+    images = transformers.GroundingDinoImageProcessor(
+        size={"shortest_edge": 64, "longest_edge": 100}
+    )
     transformers.GroundingDinoProcessor(images, tokenizer).save_pretrained(path)
     config = transformers.GroundingDinoConfig(
         backbone_config=transformers.SwinConfig(
@@ -91,7 +104,11 @@ def save_segmenter(path: Path, seed: int = 0) -> Path:
             hidden_size=32, image_size=SIDE, patch_size=16, mask_input_channels=8
         ),
         mask_decoder_config=transformers.Sam2MaskDecoderConfig(
-            hidden_size=32, num_attention_heads=2, mlp_dim=64, iou_head_hidden_dim=32, num_hidden_layers=2
+            hidden_size=32,
+            num_attention_heads=2,
+            mlp_dim=64,
+            iou_head_hidden_dim=32,
+            num_hidden_layers=2,
         ),
     )
     transformers.Sam2Model(config).save_pretrained(path)
@@ -104,7 +121,12 @@ def save_encoder(path: Path, kind: str = "dinov2", seed: int = 0) -> Path:
     if kind == "dinov2":
         model = transformers.Dinov2Model(
             transformers.Dinov2Config(
-                hidden_size=32, num_hidden_layers=2, num_attention_heads=2, mlp_ratio=2, image_size=56, patch_size=14
+                hidden_size=32,
+                num_hidden_layers=2,
+                num_attention_heads=2,
+                mlp_ratio=2,
+                image_size=56,
+                patch_size=14,
             )
         )
     else:

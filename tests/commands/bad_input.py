@@ -1,4 +1,5 @@
-"""Bad input, one command line a case, with the words that the one line of its message must hold; and how a case is tried."""
+"""Bad input, one command line a case, with the words that the one line of its message must hold;
+and how a case is tried."""
 
 import contextlib
 import hashlib
@@ -35,7 +36,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command did: exit code, what it printed, seconds, megabytes that the process grew, whether a file changed."""
+    """What a command did: exit code, what it printed, seconds, megabytes that the process grew,
+    whether a file changed."""
 
     code: int
     out: str
@@ -49,8 +51,9 @@ class Outcome:
         checks = {
             f"exit code {self.code}": self.code == 2,
             f"{self.err.count(chr(10))} lines: {self.err[-300:]!r}": self.err.count("\n") == 1,
-            f"{self.err[:200]!r} is not about {case.said!r}": case.said in self.err
-            and self.err.startswith(("domino-data: ", "puma: ")),
+            f"{self.err[:200]!r} is not about {case.said!r}": (
+                case.said in self.err and self.err.startswith(("domino-data: ", "puma: "))
+            ),
             f"a message of {len(self.err)} characters": len(self.err) <= LONGEST,
             "prints to standard output": not self.out,
             "changes files": not self.changed,
@@ -94,7 +97,14 @@ def attempt(case: Case, root: Path) -> Outcome:
         for number, handler in handlers.items():
             signal.signal(number, handler)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) / 1024
-    return Outcome(code, out.getvalue(), err.getvalue(), time.perf_counter() - began, grown, state_of(root) != before)
+    return Outcome(
+        code,
+        out.getvalue(),
+        err.getvalue(),
+        time.perf_counter() - began,
+        grown,
+        state_of(root) != before,
+    )
 
 
 def cases(verb: str, *pairs: tuple[str, str]) -> list[Case]:
@@ -158,16 +168,31 @@ CASES = [
         ("--executor inline --out foreign", "foreign"),
         ("--executor inline --seed 5 --out data", "data"),
     ),
-    *(Case(("plan", "--manifest", f"recipes/{name}.yaml"), name) for name in (*RECIPES, "binary", "utf16", "large", "directory")),
+    *(
+        Case(("plan", "--manifest", f"recipes/{name}.yaml"), name)
+        for name in (*RECIPES, "binary", "utf16", "large", "directory")
+    ),
     *(
         Case((*verb.split(), place), place)
-        for verb in ("status", "verify", "export --format parquet", "annotate --stages flow", "render --out OUT")
+        for verb in (
+            "status",
+            "verify",
+            "export --format parquet",
+            "annotate --stages flow",
+            "render --out OUT",
+        )
         for place in ("missing", "file", "foreign")
     ),
     *(
         Case((*verb.split(), place), "manifest.yaml")
         for verb in ("status", "verify", "export --format aloha", "render --out OUT")
-        for place in ("no-manifest", "bad-manifest", "bomb-manifest", "huge-manifest", "binary-manifest")
+        for place in (
+            "no-manifest",
+            "bad-manifest",
+            "bomb-manifest",
+            "huge-manifest",
+            "binary-manifest",
+        )
     ),
     *(
         Case(("export", "--format", format, place), place)
@@ -199,7 +224,13 @@ CASES = [
         ('--out OUT --cameras {"name":"top"}', "pose"),
         ('--out OUT --cameras {"name":"top"}', "fovy"),
         ('--out OUT --cameras {"name":', "--cameras"),
-        ('--out OUT --cameras {"name":"top","link":"tail","pose":[0,0,0,1,0,0,0],"width":64,"height":48,"fovy":40}', "--cameras"),
+        (
+            (
+                "--out OUT --cameras"
+                ' {"name":"top","link":"tail","pose":[0,0,0,1,0,0,0],"width":64,"height":48,"fovy":40}'  # noqa: E501
+            ),
+            "--cameras",
+        ),
         ("--out OUT --executor mars", "--executor"),
         ("--out OUT --workers -1", "--workers"),
     ),
@@ -261,9 +292,18 @@ CASES = [
     ),
     Case(("export", "unbuilt", "--format", "parquet"), "unbuilt"),
     *cases(
-        "diff", ("data missing", "missing"), ("data foreign", "foreign"), ("data", "'B'"), ("data bad-manifest", "bad-manifest")
+        "diff",
+        ("data missing", "missing"),
+        ("data foreign", "foreign"),
+        ("data", "'B'"),
+        ("data bad-manifest", "bad-manifest"),
     ),
-    *cases("regenerate", ("data", "--episode"), ("data --episode 7", "has no such slot"), ("missing --episode x", "missing")),
+    *cases(
+        "regenerate",
+        ("data", "--episode"),
+        ("data --episode 7", "has no such slot"),
+        ("missing --episode x", "missing"),
+    ),
     *cases(
         "merge",
         ("data", "--out"),
@@ -319,10 +359,24 @@ CASES = [
         ("random --protocol smoke", "--protocol"),
         ("random --embodiment r2d2", "--embodiment"),
     ),
-    *cases("check-task", ("nothing", "nothing"), ("click_bell --embodiment r2d2", "r2d2"), ("click_bell --levels 9", "--levels")),
-    *cases("objects", ("--families ghost", "ghost"), ("--gallery file/page.html --families ball", "file")),
     *cases(
-        "show", ("missing.hdf5", "missing.hdf5"), ("file", "file"), ("data", "data"), (f"cut/{EPISODE}", "cut"), ("", "EPISODE")
+        "check-task",
+        ("nothing", "nothing"),
+        ("click_bell --embodiment r2d2", "r2d2"),
+        ("click_bell --levels 9", "--levels"),
+    ),
+    *cases(
+        "objects",
+        ("--families ghost", "ghost"),
+        ("--gallery file/page.html --families ball", "file"),
+    ),
+    *cases(
+        "show",
+        ("missing.hdf5", "missing.hdf5"),
+        ("file", "file"),
+        ("data", "data"),
+        (f"cut/{EPISODE}", "cut"),
+        ("", "EPISODE"),
     ),
     *cases("check-object", ("nothing", "nothing"), ("", "NAME")),
     *cases(
@@ -350,10 +404,20 @@ CASES = [
         ("--out sftp://a/b", "sftp"),
     ),
     *cases(
-        "export data --format aloha", ("--size 100000x100000", "--size"), ("--size 1_00x100", "--size"), ("--size 15x15", "--size")
+        "export data --format aloha",
+        ("--size 100000x100000", "--size"),
+        ("--size 1_00x100", "--size"),
+        ("--size 15x15", "--size"),
     ),
-    *cases("export data --format lerobot", ("--gop 1_0", "--gop"), (f"--crf {10**30}", "--crf"), ("--preset=", "--preset")),
-    Case(("export", "data", "--format", "parquet", "--camera-names", "head=a\nb"), "--camera-names"),
+    *cases(
+        "export data --format lerobot",
+        ("--gop 1_0", "--gop"),
+        (f"--crf {10**30}", "--crf"),
+        ("--preset=", "--preset"),
+    ),
+    Case(
+        ("export", "data", "--format", "parquet", "--camera-names", "head=a\nb"), "--camera-names"
+    ),
     *cases(
         "annotate data --stages flow",
         ("--where level=1_0", "--where"),
@@ -374,24 +438,55 @@ CASES = [
         ("lerobot:missing?n=[", "--policy"),
     ),
     Case(("evaluate", "--out", "OUT", "--policy", f"lerobot:missing?n={'[' * 5000}"), "--policy"),
-    *cases("ladder --out OUT", ("--rungs ,", "--rungs"), ("--chunks 1_0:1", "--chunks"), ("--levels 1_0", "--levels")),
+    *cases(
+        "ladder --out OUT",
+        ("--rungs ,", "--rungs"),
+        ("--chunks 1_0:1", "--chunks"),
+        ("--levels 1_0", "--levels"),
+    ),
     *(
         Case((*words.split(), f"odd/{name}"), name)
         for name in ODD
         for words in (
             ("export data --format parquet --ladder",)
             if name.endswith(".json")
-            else ("plan --manifest", "puma bench --config", "build --out OUT --address 127.0.0.1:1 --runtime-env")
+            else (
+                "plan --manifest",
+                "puma bench --config",
+                "build --out OUT --address 127.0.0.1:1 --runtime-env",
+            )
         )
     ),
     *(
-        Case(("evaluate", "--policy", "random", "--out", "OUT", "--clock", f"latency:trace:odd/{name}"), name)
+        Case(
+            (
+                "evaluate",
+                "--policy",
+                "random",
+                "--out",
+                "OUT",
+                "--clock",
+                f"latency:trace:odd/{name}",
+            ),
+            name,
+        )
         for name in ODD
         if name != "list.yaml"
     ),
     Case(("build", "--out", "OUT", "--seed", "3"), "--yes"),
     *(
-        Case(("build", "--out", "OUT", "--address", "127.0.0.1:1", "--runtime-env", f"odd/env-{name}.yaml"), name)
+        Case(
+            (
+                "build",
+                "--out",
+                "OUT",
+                "--address",
+                "127.0.0.1:1",
+                "--runtime-env",
+                f"odd/env-{name}.yaml",
+            ),
+            name,
+        )
         for name in VARIABLES
     ),
     *(
@@ -415,5 +510,8 @@ CASES = [
         )
     ),
     *(Case((verb,), verb) for verb in ("dance", "--nonsense")),
-    *(Case((verb, "--nonsense"), "--nonsense") for verb in ("tasks", "embodiments", "status", "verify", "doctor")),
+    *(
+        Case((verb, "--nonsense"), "--nonsense")
+        for verb in ("tasks", "embodiments", "status", "verify", "doctor")
+    ),
 ]

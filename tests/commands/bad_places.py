@@ -1,4 +1,5 @@
-"""What the cases of bad input are about: recipes, datasets, exports and vendors' robots, most of them bad."""
+"""What the cases of bad input are about: recipes, datasets, exports and vendors' robots, most of
+them bad."""
 
 import shutil
 from pathlib import Path
@@ -11,7 +12,9 @@ from pipeline.run.names import recipe_from
 from tests.recording import record_file
 from tests.synthetic import make_episode
 
-BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+BOMB = "a: &a [x, x]\n" + "".join(
+    f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
 """A few lines that stand for 9^8 values."""
 
 RECIPES = {
@@ -52,7 +55,10 @@ RECIPES = {
     "tiny-alpha": "alpha: 1.0e-300",
     "long-task": f"tasks: {'a' * 100_000}",
     "base-60": "episodes: 1:30",
-    "tail-camera": "cameras: [{name: s, link: nolink, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
+    "tail-camera": (
+        "cameras: [{name: s, link: nolink, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48,"
+        " fovy: 40}]"
+    ),
     "no-levels": "levels: []",
     "no-embodiments": "embodiments: []",
     "no-alpha": "alpha: []",
@@ -67,9 +73,15 @@ RECIPES = {
     "nose": "cameras: nose",
     "camera-twice": "cameras: [head, head]",
     "camera-bare": "cameras: [{name: top}]",
-    "camera-nan": "cameras: [{name: top, pose: [.nan, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
-    "camera-turn": "cameras: [{name: top, pose: [0, 0, 0, 0, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
-    "camera-path": "cameras: [{name: ../top, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
+    "camera-nan": (
+        "cameras: [{name: top, pose: [.nan, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
+    ),
+    "camera-turn": (
+        "cameras: [{name: top, pose: [0, 0, 0, 0, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
+    ),
+    "camera-path": (
+        "cameras: [{name: ../top, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
+    ),
     "variants": "variants: 3",
     "cloud": "pointcloud: true\ncameras: left",
     "attempts": "attempts: 100000",
@@ -78,9 +90,15 @@ RECIPES = {
     "no-name": "name: ''",
     "quoted-number": "episodes: '1_0'",
     "underscore": "episodes: 1_0",
-    "far-camera": "cameras: [{name: s, pose: [1.0e+300, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
-    "far-turn": "cameras: [{name: s, pose: [0, 0, 0, 1.0e+300, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
-    "big-camera": "cameras: [{name: s, pose: [0, 0, 0, 1, 0, 0, 0], width: 100000, height: 48, fovy: 40}]",
+    "far-camera": (
+        "cameras: [{name: s, pose: [1.0e+300, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
+    ),
+    "far-turn": (
+        "cameras: [{name: s, pose: [0, 0, 0, 1.0e+300, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
+    ),
+    "big-camera": (
+        "cameras: [{name: s, pose: [0, 0, 0, 1, 0, 0, 0], width: 100000, height: 48, fovy: 40}]"
+    ),
     "big": "size: [100000, 100000]",
     "large-seed": f"seed: {10**30}",
     "lead": "lead: -1",
@@ -111,7 +129,12 @@ ODD = {
 }
 """Files that no JSON or YAML is read from, wherever one is given."""
 
-VARIABLES = {"null": "env_vars: ~", "lists": "env_vars: [a]", "numbers": "env_vars: {A: 1}", "no-map": "~"}
+VARIABLES = {
+    "null": "env_vars: ~",
+    "lists": "env_vars: [a]",
+    "numbers": "env_vars: {A: 1}",
+    "no-map": "~",
+}
 """Runtime environments that Ray is not given."""
 
 
@@ -146,7 +169,19 @@ def _datasets(root: Path) -> None:
     for slot in recipe.slots():
         make_episode(dataset.episode(slot), frames=3)
         keys = SlotKeys(Key({"core": "x"}), Key({"looks": "x"}), Key({"phrases": "x"}))
-        record_file(dataset, slot, keys, [{"attempt": 0, "seed": recipe.spec(slot, 0).seed, "outcome": "accepted", "seconds": 1.0}])
+        record_file(
+            dataset,
+            slot,
+            keys,
+            [
+                {
+                    "attempt": 0,
+                    "seed": recipe.spec(slot, 0).seed,
+                    "outcome": "accepted",
+                    "seconds": 1.0,
+                }
+            ],
+        )
     for name, text in {
         "no-manifest": None,
         "bad-manifest": "levels: [9]\n",

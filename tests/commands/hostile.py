@@ -19,7 +19,10 @@ HOSTILE = {int: (*NUMBERS, "1.5", "1e3"), float: NUMBERS, str: TEXTS, Path: TEXT
 
 def commands() -> Iterator[tuple[tuple[str, ...], TyperCommand]]:
     """Every command, with the words that call it."""
-    todo: list[tuple[tuple[str, ...], Any]] = [(("domino-data",), get_command(app)), (("puma",), get_command(puma))]
+    todo: list[tuple[tuple[str, ...], Any]] = [
+        (("domino-data",), get_command(app)),
+        (("puma",), get_command(puma)),
+    ]
     while todo:
         words, command = todo.pop()
         if isinstance(command, TyperCommand):
@@ -49,4 +52,7 @@ def refused() -> Iterator[tuple[tuple[str, ...], Any, str]]:
     """The words of a command, one of its options, and a value that the option must refuse."""
     for words, command in COMMANDS.items():
         for param in command.params:
-            yield from ((words, param, text) for text in (HOSTILE[kind_of(param)] if check_of(param) is not None else ()))
+            yield from (
+                (words, param, text)
+                for text in (HOSTILE[kind_of(param)] if check_of(param) is not None else ())
+            )

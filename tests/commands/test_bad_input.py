@@ -1,4 +1,5 @@
-"""Bad input ends with one line that names the thing, exit code 2 and no change on disk, in bounded time and memory."""
+"""Bad input ends with one line that names the thing, exit code 2 and no change on disk, in bounded
+time and memory."""
 
 import subprocess
 import sys
@@ -29,7 +30,16 @@ def test_there_are_at_least_150_cases():
 
 
 def test_a_process_ends_with_exit_code_2_and_one_line(place):
-    command = [sys.executable, "-m", "pipeline.cli", "plan", "--manifest", place / "recipes" / "bomb.yaml"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=120)
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.cli",
+        "plan",
+        "--manifest",
+        place / "recipes" / "bomb.yaml",
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=120
+    )
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "bomb.yaml" in done.stderr and "Traceback" not in done.stderr

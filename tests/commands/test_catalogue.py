@@ -43,7 +43,12 @@ def test_robots_have_headers_with_units():
 @pytest.mark.parametrize("verb", ["build", "plan"])
 def test_help_says_the_defaults_of_a_recipe(verb):
     text = " ".join(re.sub("[│╭╮╰╯─]", " ", shown(verb, "--help")).split())
-    for name, key in (("--levels", "levels"), ("--episodes", "episodes"), ("--render", "render"), ("--attempts", "attempts")):
+    for name, key in (
+        ("--levels", "levels"),
+        ("--episodes", "episodes"),
+        ("--render", "render"),
+        ("--attempts", "attempts"),
+    ):
         default = Recipe.model_fields[key].default
         words = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
         assert re.search(rf"{name}\b.*?\[default: \(?([^\])]*)", text)[1] == words
@@ -65,7 +70,10 @@ def test_every_option_with_a_default_shows_it():
 def test_motions_are_listed_by_model_and_level_and_drawn(tmp_path):
     rows = shown("motions", "--paths", str(tmp_path / "paths.png")).splitlines()[1:]
     assert {row.split()[0] for row in rows} == set(MODELS) and len(rows) == 3 * len(MODELS)
-    assert any(row.startswith("conveyor") and row.endswith("load_belt_plate, pick_from_belt") for row in rows)
+    assert any(
+        row.startswith("conveyor") and row.endswith("load_belt_plate, pick_from_belt")
+        for row in rows
+    )
     assert (tmp_path / "paths.png").read_bytes().startswith(b"\x89PNG")
     refused = CliRunner().invoke(app, ["motions", "--paths", str(tmp_path / "paths.txt")])
     assert refused.exit_code != 0 and not (tmp_path / "paths.txt").exists()

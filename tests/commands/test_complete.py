@@ -1,4 +1,5 @@
-"""Shell completion: the command itself answers what a shell asks it, and the names are those of the registries."""
+"""Shell completion: the command itself answers what a shell asks it, and the names are those of the
+registries."""
 
 import os
 import subprocess
@@ -16,8 +17,19 @@ COMMAND = Path(sys.executable).with_name("domino-data")
 
 def completed(line: str) -> list[str]:
     """What a bash with this line offers for its last word."""
-    environment = {"_DOMINO_DATA_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))}
-    done = subprocess.run([COMMAND], env=os.environ | environment, capture_output=True, text=True, check=False, timeout=120)
+    environment = {
+        "_DOMINO_DATA_COMPLETE": "complete_bash",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(line.count(" ")),
+    }
+    done = subprocess.run(
+        [COMMAND],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout.split()
 
@@ -38,7 +50,9 @@ def test_the_command_completes(line, wanted):
 
 def test_names_are_those_of_the_registries(tmp_path, monkeypatch):
     assert set(complete.task("")) == set(TASKS) and set(complete.tasks("")) == {*TASKS, "all"}
-    assert set(MODELS) <= set(complete.robot("")) and complete.robots("piper,ur5-") == ["piper,ur5-wsg"]
+    assert set(MODELS) <= set(complete.robot("")) and complete.robots("piper,ur5-") == [
+        "piper,ur5-wsg"
+    ]
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.yaml").touch()
     (tmp_path / "smaller").mkdir()

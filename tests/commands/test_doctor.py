@@ -13,7 +13,9 @@ WEAK = Result("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")
 BAD = Result("vulkan", "FAIL", "no device", "make setup")
 
 
-@pytest.mark.parametrize(("results", "code"), [((GOOD,), 0), ((GOOD, WEAK), 0), ((GOOD, WEAK, BAD), 1)])
+@pytest.mark.parametrize(
+    ("results", "code"), [((GOOD,), 0), ((GOOD, WEAK), 0), ((GOOD, WEAK, BAD), 1)]
+)
 def test_only_what_keeps_from_building_is_an_exit_code(monkeypatch, results, code):
     monkeypatch.setattr("pipeline.run.doctor.diagnose", lambda place: iter(results))
     text = CliRunner().invoke(app, ["doctor"])

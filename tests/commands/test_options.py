@@ -1,4 +1,5 @@
-"""Every option of every command refuses what its type cannot be, in one line that names it, before anything happens."""
+"""Every option of every command refuses what its type cannot be, in one line that names it, before
+anything happens."""
 
 import math
 
@@ -16,7 +17,9 @@ def test_every_option_refuses_what_its_type_cannot_be(words):
             with pytest.raises(TyperException) as error:
                 COMMANDS[words].main(words_of(words, param, text), standalone_mode=False)
             said = error.value.message
-            assert said.startswith(f"{name_of(param)} ") and said.isprintable() and len(said) < 400, said[:300]
+            assert (
+                said.startswith(f"{name_of(param)} ") and said.isprintable() and len(said) < 400
+            ), said[:300]
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
@@ -24,5 +27,12 @@ def test_every_number_has_bounds_and_nothing_escapes_the_check(words):
     for param in COMMANDS[words].params:
         kind, info = kind_of(param), param.type_descriptor.parameter_info
         if kind in (int, float):
-            assert math.isfinite(info.min) and math.isfinite(info.max) and info.min < info.max, param.name
-        assert check_of(param) is not None or kind is bool or param.type_descriptor.is_choice or param.default == "", param.name
+            assert math.isfinite(info.min) and math.isfinite(info.max) and info.min < info.max, (
+                param.name
+            )
+        assert (
+            check_of(param) is not None
+            or kind is bool
+            or param.type_descriptor.is_choice
+            or param.default == ""
+        ), param.name

@@ -10,7 +10,13 @@ from pipeline.data.recipe.model import Recipe
 
 def test_names_and_descriptions_of_cameras_may_be_mixed():
     top = '{"name": "top", "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48, "fovy": 40}'
-    described = {"name": "top", "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48, "fovy": 40}
+    described = {
+        "name": "top",
+        "pose": [0, 0, 2, 1, 0, 0, 0],
+        "width": 64,
+        "height": 48,
+        "fovy": 40,
+    }
     assert cameras_of(f"head, {top},observer") == ["head", described, "observer"]
     assert cameras_of(top) == [described]
     assert cameras_of("left") == ["left"]
@@ -20,19 +26,35 @@ def test_names_and_descriptions_of_cameras_may_be_mixed():
 
 
 def test_options_become_keys_of_the_recipe():
-    assert {key: parse_value(key, text) for key, text in (("levels", "1,3"), ("alpha", "0.1"), ("clutter", "0,4"))} == {
+    assert {
+        key: parse_value(key, text)
+        for key, text in (("levels", "1,3"), ("alpha", "0.1"), ("clutter", "0,4"))
+    } == {
         "levels": [1, 3],
         "alpha": [0.1],
         "clutter": [0, 4],
     }
-    assert (parse_value("size", "640x480"), parse_value("tasks", "a, b"), parse_value("fps", 30)) == ((640, 480), ["a", "b"], 30)
+    assert (
+        parse_value("size", "640x480"),
+        parse_value("tasks", "a, b"),
+        parse_value("fps", 30),
+    ) == ((640, 480), ["a", "b"], 30)
     assert set(EVERY) == set(Recipe.model_fields) - {"name", "keep_failures"}
 
 
 def test_looks_that_are_not_named_stay():
     assert with_looks({}, "keep") == {}
-    assert with_looks({"variants": 3}, "randomized") == {"visuals": "randomized", "variants": 3, "visual_seed": 0}
-    assert with_looks({"size": (64, 48)}, "clean") == {"size": (64, 48), "visuals": "clean", "variants": 1, "visual_seed": 0}
+    assert with_looks({"variants": 3}, "randomized") == {
+        "visuals": "randomized",
+        "variants": 3,
+        "visual_seed": 0,
+    }
+    assert with_looks({"size": (64, 48)}, "clean") == {
+        "size": (64, 48),
+        "visuals": "clean",
+        "variants": 1,
+        "visual_seed": 0,
+    }
     with pytest.raises(UsageError, match="--visuals randomized"):
         with_looks({"visual_seed": 3}, "keep")
 

@@ -37,7 +37,9 @@ def count_jobs() -> Callable[[int], tuple[int, int]]:
     return work
 
 
-def signal_itself(folder: Path, number: int, times: int) -> Callable[[], Callable[[int], Steps[int]]]:
+def signal_itself(
+    folder: Path, number: int, times: int
+) -> Callable[[], Callable[[int], Steps[int]]]:
     """Work in three steps that sends its process a signal in step 1 of job 3, so many times."""
 
     def make() -> Callable[[int], Steps[int]]:
@@ -101,7 +103,9 @@ class Unlucky:
         yield Lost(task, reason, trying, 1.5) if reason else Done(task.job, -task.job)
 
 
-def run_unlucky(monkeypatch: pytest.MonkeyPatch, jobs: list[int], *reasons: tuple[str, Hashable]) -> tuple[list[Any], list[int]]:
+def run_unlucky(
+    monkeypatch: pytest.MonkeyPatch, jobs: list[int], *reasons: tuple[str, Hashable]
+) -> tuple[list[Any], list[int]]:
     """The ends of a run, and the jobs in the order in which they were given to workers."""
     workers = Unlucky(iter(reasons))
     monkeypatch.setattr("pipeline.crew.loop._hire", lambda *_: nullcontext(workers))

@@ -7,12 +7,19 @@ pytest.importorskip("ray")
 from pipeline.crew.contract import Crew
 from pipeline.crew.progress import COUNTERS, Metrics
 
-CELL = {"task": "click_bell", "embodiment": "aloha-agilex", "level": "2", "alpha": "0.1", "domain": "clean"}
+CELL = {
+    "task": "click_bell",
+    "embodiment": "aloha-agilex",
+    "level": "2",
+    "alpha": "0.1",
+    "domain": "clean",
+}
 
 
 @pytest.fixture
 def counted(monkeypatch):
-    """What counters of Ray are told: name, value and labels, which must be those that they were made with."""
+    """What counters of Ray are told: name, value and labels, which must be those that they were
+    made with."""
     told = []
 
     class Counter:

@@ -1,4 +1,5 @@
-"""A hub on this machine from which files can be listed, read and deleted, too: what HfFileSystem asks for."""
+"""A hub on this machine from which files can be listed, read and deleted, too: what HfFileSystem
+asks for."""
 
 import hashlib
 import json
@@ -29,16 +30,28 @@ class FileHub(Hub):
         if "/commit/" in path:
             for line in body.decode().splitlines():
                 entry = json.loads(line)
-                if entry["key"] == "deletedFile" and self.files.pop(entry["value"]["path"], None) is None:
+                if (
+                    entry["key"] == "deletedFile"
+                    and self.files.pop(entry["value"]["path"], None) is None
+                ):
                     return MISSING
         return super().answer(method, path, body)
 
     def _file(self, name):
-        return {"type": "file", "path": name, "size": len(self.files[name]), "oid": hashlib.sha1(self.files[name]).hexdigest()}
+        return {
+            "type": "file",
+            "path": name,
+            "size": len(self.files[name]),
+            "oid": hashlib.sha1(self.files[name]).hexdigest(),
+        }
 
     def _tree(self, folder, recursive):
         start = f"{folder}/" if folder else ""
         inside = [name for name in sorted(self.files) if name.startswith(start)]
-        deeper = sorted({name[: name.index("/", len(start))] for name in inside if "/" in name[len(start) :]})
+        deeper = sorted(
+            {name[: name.index("/", len(start))] for name in inside if "/" in name[len(start) :]}
+        )
         folders = [{"type": "directory", "path": each, "size": 0, "oid": "0"} for each in deeper]
-        return folders + [self._file(name) for name in inside if recursive or "/" not in name[len(start) :]]
+        return folders + [
+            self._file(name) for name in inside if recursive or "/" not in name[len(start) :]
+        ]

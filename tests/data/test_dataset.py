@@ -21,9 +21,30 @@ KEYS = SlotKeys(Key({"code": "1"}), Key({"code": "2"}), Key({"code": "3"}))
 
 
 def attempt_row(number, outcome="accepted"):
-    cell = {"task": "click_bell", "embodiment": "aloha-agilex", "level": 1, "alpha": 0.1, "domain": "clean"}
-    reason = {"stage": "", "reason": ""} if outcome == "accepted" else {"stage": "replay", "reason": "missed"}
-    return cell | reason | {"slot": 0, "attempt": number, "seed": 9, "outcome": outcome, "sim_steps": 800, "seconds": 1.5}
+    cell = {
+        "task": "click_bell",
+        "embodiment": "aloha-agilex",
+        "level": 1,
+        "alpha": 0.1,
+        "domain": "clean",
+    }
+    reason = (
+        {"stage": "", "reason": ""}
+        if outcome == "accepted"
+        else {"stage": "replay", "reason": "missed"}
+    )
+    return (
+        cell
+        | reason
+        | {
+            "slot": 0,
+            "attempt": number,
+            "seed": 9,
+            "outcome": outcome,
+            "sim_steps": 800,
+            "seconds": 1.5,
+        }
+    )
 
 
 def finish(dataset, slot, accepted=True):
@@ -35,7 +56,8 @@ def everything(root):
     return sorted(p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file())
 
 
-# --- the directory ----------------------------------------------------------------------------------------------------------
+# --- the directory
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_directory_keeps_its_recipe_and_refuses_another(tmp_path):
@@ -96,7 +118,10 @@ def test_a_manifest_of_robots_that_wore_vendor_meshes_is_read(tmp_path):
         ({"contact": "continue"}, r"contact is what the rules say \(stop\) there, not 'continue'"),
         (
             {"rules": "domino", "contact": "stop"},
-            r"rules is 'strict' there, not 'domino'; contact is what the rules say \(stop\) there, not 'stop'",
+            (
+                r"rules is 'strict' there, not 'domino'; contact is what the rules say \(stop\)"
+                r" there, not 'stop'"
+            ),
         ),
     ],
 )
@@ -113,14 +138,18 @@ def test_a_contact_that_the_rules_imply_is_named_where_it_is_refused(tmp_path):
     dataset = Dataset(tmp_path)
     domino = RECIPE.model_copy(update={"rules": "domino"})
     dataset.create(domino)
-    with pytest.raises(DatasetError, match=r"contact is what the rules say \(continue\) there, not 'continue'"):
+    with pytest.raises(
+        DatasetError, match=r"contact is what the rules say \(continue\) there, not 'continue'"
+    ):
         dataset.create(domino.model_copy(update={"contact": "continue"}))
     dataset.create(domino)
 
 
 def test_a_directory_grows_by_variants(tmp_path):
     dataset = Dataset(tmp_path / "out")
-    two, three = (RECIPE.model_copy(update={"visuals": "randomized", "variants": n}) for n in (2, 3))
+    two, three = (
+        RECIPE.model_copy(update={"visuals": "randomized", "variants": n}) for n in (2, 3)
+    )
     dataset.create(two)
     dataset.create(three)
     assert dataset.recipe() == three
@@ -132,7 +161,11 @@ def test_a_directory_grows_by_variants(tmp_path):
 
 def test_a_manifest_of_a_version_with_fewer_keys_is_the_same_recipe(tmp_path):
     dataset = Dataset(tmp_path / "out")
-    old = "".join(line for line in RECIPE.to_yaml().splitlines(True) if not line.startswith(("variants", "visual")))
+    old = "".join(
+        line
+        for line in RECIPE.to_yaml().splitlines(True)
+        if not line.startswith(("variants", "visual"))
+    )
     write_atomic(dataset.manifest, old.encode())
     dataset.create(RECIPE)
     assert dataset.manifest.read_text() == old
@@ -165,17 +198,29 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
         finish(dataset, slot, accepted=slot is not slots[-1])
     table = dataset.write_attempts(RECIPE)
     assert table.schema == ATTEMPTS
-    assert table.column("outcome").to_pylist() == ["failed", "accepted", "failed", "accepted", "failed"]
+    assert table.column("outcome").to_pylist() == [
+        "failed",
+        "accepted",
+        "failed",
+        "accepted",
+        "failed",
+    ]
     assert not [p for p in everything(tmp_path) if p.endswith(".tmp")]
     record = dataset.record(RECIPE, slots[1])
     assert record is not None and sum(record.phases.values()) == 1.0
 
 
-# --- what stands in its place -------------------------------------------------------------------------------------------------
+# --- what stands in its place
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [('{"a": 1, "a": 2}', "twice"), ("[" * 20_000 + "]" * 20_000, "deeply"), ("{", "property name")]
+    ("text", "said"),
+    [
+        ('{"a": 1, "a": 2}', "twice"),
+        ("[" * 20_000 + "]" * 20_000, "deeply"),
+        ("{", "property name"),
+    ],
 )
 def test_json_that_is_refused(text, said):
     with pytest.raises(ValueError, match=said):
@@ -221,10 +266,16 @@ def test_finished_episodes_that_are_missing_are_counted_and_the_first_is_named(t
     assert dataset.missing(RECIPE) == [] and len(intact_episodes(dataset, RECIPE)) == 3
     dataset.episode(slots[2]).unlink()
     with pytest.raises(
-        DatasetError, match=rf"^1 episode is missing that .*, first {dataset.episode(slots[2])}; rerun the build command"
+        DatasetError,
+        match=(
+            rf"^1 episode is missing that .*, first {dataset.episode(slots[2])}; rerun the build"
+            r" command"
+        ),
     ):
         intact_episodes(dataset, RECIPE)
     dataset.episode(slots[0]).unlink()
-    with pytest.raises(DatasetError, match=rf"^2 episodes are missing that .*, first {dataset.episode(slots[0])};"):
+    with pytest.raises(
+        DatasetError, match=rf"^2 episodes are missing that .*, first {dataset.episode(slots[0])};"
+    ):
         intact_episodes(dataset, RECIPE)
     assert dataset.missing(RECIPE) == [dataset.episode(slots[0]), dataset.episode(slots[2])]

@@ -1,4 +1,5 @@
-"""The index: what is written comes back, what a file says is what was written, and nothing that happens to it loses a slot."""
+"""The index: what is written comes back, what a file says is what was written, and nothing that
+happens to it loses a slot."""
 
 import json
 import multiprocessing
@@ -22,13 +23,27 @@ from pipeline.data.given_up import write_given_up
 from pipeline.data.index import FULL, DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.records import ATTEMPTS, FileFacts, SlotRecord, pack_keys, retimed, slot_part, unpack_keys, untimed
+from pipeline.data.records import (
+    ATTEMPTS,
+    FileFacts,
+    SlotRecord,
+    pack_keys,
+    retimed,
+    slot_part,
+    unpack_keys,
+    untimed,
+)
 from pipeline.data.reread import IndexWriter, rebuild_index
 from tests.recording import record_all
 from tests.synthetic import make_episode
 
 RECIPE = parse_recipe(
-    {"tasks": ["click_bell", "grab_roller"], "levels": [1, 3], "alpha": [0.1, 0.123456789], "episodes": 3}
+    {
+        "tasks": ["click_bell", "grab_roller"],
+        "levels": [1, 3],
+        "alpha": [0.1, 0.123456789],
+        "episodes": 3,
+    }
     | {"visuals": "randomized", "variants": 2, "attempts": 4}
 )
 SLOTS = list(RECIPE.slots())
@@ -40,7 +55,9 @@ NUMBER = st.floats(0, 1e6)
 
 def keys_of(slot, core="c"):
     physics = Key({"slot": slot_part(slot), "core": core})
-    return SlotKeys(physics, Key({"physics": physics.digest, "shaders": "s"}), Key({"physics": physics.digest}))
+    return SlotKeys(
+        physics, Key({"physics": physics.digest, "shaders": "s"}), Key({"physics": physics.digest})
+    )
 
 
 @st.composite
@@ -51,19 +68,46 @@ def entries(draw):
         accepted = draw(st.booleans())
         rows = []
         for number in range(0 if slot.variant else draw(st.integers(1, 3))):
-            row = {"attempt": number, "seed": draw(st.integers(0, 2**63 - 1)), "outcome": "failed", "stage": draw(TEXT)}
-            row |= {"reason": draw(TEXT), "detail": draw(TEXT), "conditions": draw(st.lists(TEXT, max_size=2))}
-            row |= draw(st.sampled_from([{}, {"kept": "ab" * 32}, {"average_speed": 0.25, "displacement": 0.5}]))
+            row = {
+                "attempt": number,
+                "seed": draw(st.integers(0, 2**63 - 1)),
+                "outcome": "failed",
+                "stage": draw(TEXT),
+            }
+            row |= {
+                "reason": draw(TEXT),
+                "detail": draw(TEXT),
+                "conditions": draw(st.lists(TEXT, max_size=2)),
+            }
+            row |= draw(
+                st.sampled_from(
+                    [{}, {"kept": "ab" * 32}, {"average_speed": 0.25, "displacement": 0.5}]
+                )
+            )
             rows.append(row | {"sim_steps": draw(st.integers(0, 2**40)), "seconds": draw(NUMBER)})
         if rows and accepted:
             rows[-1]["outcome"] = "accepted"
         rows = [vars(slot.cell) | {"slot": slot.index} | row for row in rows]
-        file = FileFacts(draw(st.integers(0, 2**50)), draw(st.integers(0, 2**62)), draw(st.integers(0, 9999)))
+        file = FileFacts(
+            draw(st.integers(0, 2**50)), draw(st.integers(0, 2**62)), draw(st.integers(0, 9999))
+        )
         if accepted:
-            file = replace(file, physics_id=draw(NAME), assets=tuple(sorted(draw(st.sets(NAME, max_size=3)))))
+            file = replace(
+                file, physics_id=draw(NAME), assets=tuple(sorted(draw(st.sets(NAME, max_size=3))))
+            )
         phases = {"all": draw(NUMBER), "all.cpu": draw(NUMBER)}
         found.append(
-            (slot, SlotRecord(keys_of(slot, draw(st.sampled_from("cd"))), accepted, draw(HASH), tuple(rows), phases, file))
+            (
+                slot,
+                SlotRecord(
+                    keys_of(slot, draw(st.sampled_from("cd"))),
+                    accepted,
+                    draw(HASH),
+                    tuple(rows),
+                    phases,
+                    file,
+                ),
+            )
         )
     return found
 
@@ -74,7 +118,9 @@ def in_order(found):
 
 
 @given(entries(), entries())
-def test_what_is_written_comes_back_in_the_order_of_the_recipe_and_the_last_record_of_a_slot_is_the_one(first, second):
+def test_what_is_written_comes_back_in_the_order_of_the_recipe_and_the_last_record_of_a_slot_is_the_one(  # noqa: E501
+    first, second
+):
     with Index(Path(":memory:"), new=True) as index:
         index.add(first)
         for each in second:
@@ -91,7 +137,10 @@ def test_what_a_file_holds_of_attempts_is_all_but_the_seconds(found):
     for slot, record in found:
         stored = json.loads(json.dumps(untimed(record.attempts)))
         assert "seconds" not in {name for row in stored for name in row}
-        assert retimed(slot, stored, {row["attempt"]: row["seconds"] for row in record.attempts}) == record.attempts
+        assert (
+            retimed(slot, stored, {row["attempt"]: row["seconds"] for row in record.attempts})
+            == record.attempts
+        )
 
 
 def test_keys_of_a_cell_are_one_text():
@@ -101,7 +150,14 @@ def test_keys_of_a_cell_are_one_text():
 
 
 @pytest.mark.parametrize(
-    "change", [{"sim_steps": 2**70}, {"seed": "nine"}, {"detail": b"x"}, {"conditions": b"x"}, {"attempt": None}]
+    "change",
+    [
+        {"sim_steps": 2**70},
+        {"seed": "nine"},
+        {"detail": b"x"},
+        {"conditions": b"x"},
+        {"attempt": None},
+    ],
 )
 def test_values_of_another_kind_are_refused_and_leave_nothing(tmp_path, change):
     row = {"attempt": 0, "seed": 1, "outcome": "accepted"} | change
@@ -114,19 +170,32 @@ def test_values_of_another_kind_are_refused_and_leave_nothing(tmp_path, change):
         assert index.rows(RECIPE).slots == SLOTS[1:2]
 
 
-# --- from the files ---------------------------------------------------------------------------------------------------------
+# --- from the files
+# ------------------------------------------------------------------------------------------
 
 
 def made(root):
-    """A dataset with real files of four slots: accepted, accepted after a failure, one of its variants, given up."""
+    """A dataset with real files of four slots: accepted, accepted after a failure, one of its
+    variants, given up."""
     dataset = Dataset(root)
     dataset.create(RECIPE)
     found = {}
     for number, slot in enumerate((SLOTS[0], SLOTS[2], SLOTS[3], SLOTS[4])):
         place = vars(slot.cell) | {"slot": slot.index}
         rows = [
-            {"attempt": n, "seed": RECIPE.spec(slot, n).seed, "outcome": "failed", "stage": "replay", "reason": "missed"}
-            | {"detail": f"attempt {n}", "conditions": ["held"], "sim_steps": 80 + n, "seconds": 1.5 + n}
+            {
+                "attempt": n,
+                "seed": RECIPE.spec(slot, n).seed,
+                "outcome": "failed",
+                "stage": "replay",
+                "reason": "missed",
+            }
+            | {
+                "detail": f"attempt {n}",
+                "conditions": ["held"],
+                "sim_steps": 80 + n,
+                "seconds": 1.5 + n,
+            }
             for n in range(0 if slot.variant else number + 1)
         ]
         rows = [place | row for row in rows]
@@ -135,14 +204,26 @@ def made(root):
             record = write_given_up(dataset, slot, keys, rows)
         else:
             if rows:
-                rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "conditions": []}
+                rows[-1] |= {
+                    "outcome": "accepted",
+                    "stage": "",
+                    "reason": "",
+                    "detail": "",
+                    "conditions": [],
+                }
             c, seed = slot.cell, RECIPE.spec(slot.physical, max(len(rows) - 1, 0)).seed
             meta = keys.header() | {"variant": slot.variant, "physics_id": f"{number:032x}"}
             path = make_episode(
-                dataset.episode(slot), task=c.task, level=c.level, alpha=c.alpha, slot=slot.index, seed=seed,
+                dataset.episode(slot), task=c.task, level=c.level, alpha=c.alpha, slot=slot.index, seed=seed,  # noqa: E501
                 frames=3, cameras=("head_camera",), meta=meta, attempts=untimed(rows),
             )  # fmt: skip
-            record = SlotRecord(keys, True, file_hash(path), tuple(rows), file=FileFacts.of(path.stat(), 3, f"{number:032x}"))
+            record = SlotRecord(
+                keys,
+                True,
+                file_hash(path),
+                tuple(rows),
+                file=FileFacts.of(path.stat(), 3, f"{number:032x}"),
+            )
         found[slot] = record
     record_all(dataset, found.items())
     return dataset, found
@@ -165,7 +246,10 @@ def known(dataset):
 def untold(records):
     """Records without what only the clock said."""
     return {
-        slot: replace(r, attempts=tuple({k: v for k, v in row.items() if k != "seconds"} for row in r.attempts))
+        slot: replace(
+            r,
+            attempts=tuple({k: v for k, v in row.items() if k != "seconds"} for row in r.attempts),
+        )
         for slot, r in records.items()
     }
 
@@ -270,8 +354,12 @@ def write_until_killed(root):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_a_killed_driver_loses_nothing_that_it_wrote_and_the_next_one_finds_what_it_did_not(mine, whole):
-    driver = multiprocessing.get_context("fork").Process(target=write_until_killed, args=(mine.root,))
+def test_a_killed_driver_loses_nothing_that_it_wrote_and_the_next_one_finds_what_it_did_not(
+    mine, whole
+):
+    driver = multiprocessing.get_context("fork").Process(
+        target=write_until_killed, args=(mine.root,)
+    )
     driver.start()
     driver.join()
     assert driver.exitcode == -signal.SIGKILL
@@ -281,7 +369,8 @@ def test_a_killed_driver_loses_nothing_that_it_wrote_and_the_next_one_finds_what
     assert set(known(mine)) == {*whole[1], *SLOTS[5:13], SLOTS[-1]}
 
 
-# --- files that change --------------------------------------------------------------------------------------------------------
+# --- files that change
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_file_that_was_touched_is_read_once_and_one_with_other_bytes_is_named(mine, monkeypatch):
@@ -290,11 +379,15 @@ def test_a_file_that_was_touched_is_read_once_and_one_with_other_bytes_is_named(
     data[-1] ^= 1
     mine.episode(SLOTS[2]).write_bytes(data)
     reads = []
-    monkeypatch.setattr("pipeline.data.reread.file_hash", lambda path: reads.append(path) or file_hash(path))
+    monkeypatch.setattr(
+        "pipeline.data.reread.file_hash", lambda path: reads.append(path) or file_hash(path)
+    )
     for _ in range(2):
         with IndexWriter(mine, RECIPE) as writer:
             assert writer.catch_up() == {SLOTS[2]}
-    assert sorted(reads) == sorted([mine.episode(SLOTS[0]), mine.episode(SLOTS[2]), mine.episode(SLOTS[2])])
+    assert sorted(reads) == sorted(
+        [mine.episode(SLOTS[0]), mine.episode(SLOTS[2]), mine.episode(SLOTS[2])]
+    )
 
 
 def test_a_file_without_a_row_counts_if_it_is_whole_and_of_its_slot(mine, whole):
@@ -305,15 +398,20 @@ def test_a_file_without_a_row_counts_if_it_is_whole_and_of_its_slot(mine, whole)
     assert known(mine) == {}
     mine.episode(SLOTS[6]).parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(mine.episode(SLOTS[0]), mine.episode(SLOTS[6]))  # of another slot
-    write_atomic(mine.file(SLOTS[8], False), b'{"slot": "' + SLOTS[4].path.encode() + b'", "attempts": []}')
+    write_atomic(
+        mine.file(SLOTS[8], False), b'{"slot": "' + SLOTS[4].path.encode() + b'", "attempts": []}'
+    )
     write_atomic(mine.file(SLOTS[10], False), b"[1, 2")
     with mine.episode(SLOTS[2]).open("r+b") as file:
         file.seek(-40, 2)
         file.write(b"\1" * 40)
-    write_atomic(mine.file(SLOTS[0], False), mine.file(SLOTS[4], False).read_bytes())  # older than the episode
+    # older than the episode
+    write_atomic(mine.file(SLOTS[0], False), mine.file(SLOTS[4], False).read_bytes())
     with IndexWriter(mine, RECIPE) as writer:
         writer.catch_up()
-    assert known(mine) == untold({slot: record for slot, record in wanted.items() if slot != SLOTS[2]})
+    assert known(mine) == untold(
+        {slot: record for slot, record in wanted.items() if slot != SLOTS[2]}
+    )
 
 
 def test_episodes_of_version_0_1_have_their_attempts_from_its_table(tmp_path):
@@ -325,8 +423,22 @@ def test_episodes_of_version_0_1_have_their_attempts_from_its_table(tmp_path):
     rows = []
     for slot, outcomes in ((first, ("failed", "accepted")), (third, ("failed", "failed"))):
         for n, outcome in enumerate(outcomes):
-            place = vars(slot.cell) | {"slot": slot.index, "attempt": n, "seed": RECIPE.spec(slot, n).seed}
-            rows.append(place | {"outcome": outcome, "stage": "", "reason": "", "detail": "", "conditions": [], "seconds": 1.0})
+            place = vars(slot.cell) | {
+                "slot": slot.index,
+                "attempt": n,
+                "seed": RECIPE.spec(slot, n).seed,
+            }
+            rows.append(
+                place
+                | {
+                    "outcome": outcome,
+                    "stage": "",
+                    "reason": "",
+                    "detail": "",
+                    "conditions": [],
+                    "seconds": 1.0,
+                }
+            )
     assert first.cell == third.cell
     pq.write_table(pa.Table.from_pylist(rows, ATTEMPTS), dataset.attempts)
     for slot in (first, second):
@@ -334,13 +446,18 @@ def test_episodes_of_version_0_1_have_their_attempts_from_its_table(tmp_path):
         seed = RECIPE.spec(slot, 1).seed
         meta = keys_of(slot).header() | {"average_speed": 0.5, "maximum_speed": 0.75}
         make_episode(
-            dataset.episode(slot), task=c.task, level=c.level, alpha=c.alpha, slot=slot.index, seed=seed, frames=2,
+            dataset.episode(slot), task=c.task, level=c.level, alpha=c.alpha, slot=slot.index, seed=seed, frames=2,  # noqa: E501
             cameras=("head_camera",), meta=meta,
         )  # fmt: skip
     found = known(dataset)
     assert [row["outcome"] for row in found[first].attempts] == ["failed", "accepted"]
-    assert [(row["attempt"], row["average_speed"]) for row in found[second].attempts] == [(1, 0.5)]  # what the episode says
-    assert not found[third].accepted and found[third].keys == keys_of(third) and len(found[third].attempts) == 2
+    # what the episode says
+    assert [(row["attempt"], row["average_speed"]) for row in found[second].attempts] == [(1, 0.5)]
+    assert (
+        not found[third].accepted
+        and found[third].keys == keys_of(third)
+        and len(found[third].attempts) == 2
+    )
     assert dataset.file(third, False).exists()
     shutil.rmtree(dataset.root / "ledger")
     rebuild_index(dataset, RECIPE).close()

@@ -10,7 +10,12 @@ from pipeline.data.select import WhereError, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
 
 SPEC = EpisodeSpec("click_bell", "aloha-agilex", 3, 0.1, "clean", 7, 42)
-FIELDS = asdict(SPEC) | {"average_speed": 0.08, "maximum_speed": 0.15, "T_meet": 2.5, "split": "validation"}
+FIELDS = asdict(SPEC) | {
+    "average_speed": 0.08,
+    "maximum_speed": 0.15,
+    "T_meet": 2.5,
+    "split": "validation",
+}
 
 
 @pytest.mark.parametrize(
@@ -85,7 +90,9 @@ def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():
         parse_where("not " * 990 + "level=3")
 
 
-@given(st.text(st.sampled_from("level=3 task in(click_bell,)'\"<!x[]{}.:;\n\\#@lambda"), max_size=40))
+@given(
+    st.text(st.sampled_from("level=3 task in(click_bell,)'\"<!x[]{}.:;\n\\#@lambda"), max_size=40)
+)
 def test_any_text_is_an_expression_or_one_line(text: str):
     try:
         select_rows([FIELDS], parse_where(text))
@@ -94,14 +101,24 @@ def test_any_text_is_an_expression_or_one_line(text: str):
 
 
 ATOMS = st.tuples(
-    st.sampled_from(["level", "slot", "seed"]), st.sampled_from(["==", "!=", "<", "<=", ">", ">="]), st.integers(0, 4)
+    st.sampled_from(["level", "slot", "seed"]),
+    st.sampled_from(["==", "!=", "<", "<=", ">", ">="]),
+    st.integers(0, 4),
 )
 
 
-@given(st.recursive(ATOMS, lambda x: st.tuples(x, st.sampled_from(["and", "or"]), x)), st.integers(0, 3), st.integers(0, 4))
+@given(
+    st.recursive(ATOMS, lambda x: st.tuples(x, st.sampled_from(["and", "or"]), x)),
+    st.integers(0, 3),
+    st.integers(0, 4),
+)
 def test_agrees_with_python(tree: tuple, level: int, slot: int):
     def text(node: tuple) -> str:
-        return f"({text(node[0])} {node[1]} {text(node[2])})" if node[1] in ("and", "or") else f"{node[0]} {node[1]} {node[2]}"
+        return (
+            f"({text(node[0])} {node[1]} {text(node[2])})"
+            if node[1] in ("and", "or")
+            else f"{node[0]} {node[1]} {node[2]}"
+        )
 
     spec = EpisodeSpec("t", "e", level, 0.1, "clean", slot, 2)
     expected = eval(text(tree), {"level": level, "slot": slot, "seed": 2})

@@ -13,7 +13,9 @@ TOP = {"name": "top", "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48, 
 
 
 def test_a_recipe_is_a_setup_and_the_choice_of_episodes():
-    recipe = parse_recipe({"tasks": "click_bell", "fps": 30, "cameras": ["head_camera", TOP], "lead": 0.5})
+    recipe = parse_recipe(
+        {"tasks": "click_bell", "fps": 30, "cameras": ["head_camera", TOP], "lead": 0.5}
+    )
     assert recipe.setup == Setup(fps=30, cameras=("head", TOP), lead=0.5)
     assert type(recipe.setup) is Setup and recipe.camera_names == ("head_camera", "top")
     assert set(KEYS) == set(Recipe.model_fields) and len(KEYS) == len(set(KEYS))
@@ -35,7 +37,10 @@ def test_setups_of_the_same_physics_differ_in_images_only():
         ({}, "strict"),
         ({"fps": 30, "size": (64, 48)}, "strict-30hz"),
         ({"rules": "domino", "lead": 0.5, "camera": "L515"}, "domino-L515-lead0.5"),
-        ({"contact": "continue", "layout": "original", "speed_bound": "maximum"}, "strict-continue-original-maximum"),
+        (
+            {"contact": "continue", "layout": "original", "speed_bound": "maximum"},
+            "strict-continue-original-maximum",
+        ),
     ],
 )
 def test_a_label_names_what_the_physics_has_of_its_own(changes, label):

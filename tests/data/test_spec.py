@@ -61,7 +61,12 @@ def test_a_stream_depends_on_task_embodiment_slot_seed_and_purpose():
 
 
 def test_paired_cells_share_their_scene():
-    for paired in (changed(level=0), changed(level=3), changed(alpha=0.3), changed(domain="randomized")):
+    for paired in (
+        changed(level=0),
+        changed(level=3),
+        changed(alpha=0.3),
+        changed(domain="randomized"),
+    ):
         assert draws(paired, "placement") == draws(SPEC, "placement")
 
 
@@ -72,14 +77,22 @@ def test_drawing_from_one_stream_does_not_shift_another():
 
 
 def test_streams_are_uncorrelated_and_uniform():
-    rows = np.stack([changed(seed=s).rng(p).random(500) for s in range(8) for p in ("placement", "target_motion")])
+    rows = np.stack(
+        [
+            changed(seed=s).rng(p).random(500)
+            for s in range(8)
+            for p in ("placement", "target_motion")
+        ]
+    )
     correlation = np.corrcoef(rows) - np.eye(len(rows))
     assert np.abs(correlation).max() < 5 / math.sqrt(500)
     assert abs(rows.mean() - 0.5) < 5 * math.sqrt(1 / 12 / rows.size)
 
 
 def test_level_0_and_alpha_0_do_not_move():
-    assert [changed(level=level, alpha=alpha).moving for level, alpha in ((0, 0.1), (3, 0.0), (1, 0.1))] == [False, False, True]
+    assert [
+        changed(level=level, alpha=alpha).moving for level, alpha in ((0, 0.1), (3, 0.0), (1, 0.1))
+    ] == [False, False, True]
 
 
 @pytest.mark.parametrize(
@@ -101,5 +114,18 @@ def test_bad_fields_are_named(field, value):
 def test_attempt_seeds_fit_63_bits_and_differ_from_their_neighbours(seed, slot, attempt):
     here = attempt_seed(seed, "cell", slot, attempt)
     assert 0 <= here < 2**63
-    near = {attempt_seed(seed, "cell", slot, attempt + 1), attempt_seed(seed, "cell", slot + 1, attempt)}
-    assert len({here, attempt_seed(seed + 1, "cell", slot, attempt), attempt_seed(seed, "other", slot, attempt)} | near) == 5
+    near = {
+        attempt_seed(seed, "cell", slot, attempt + 1),
+        attempt_seed(seed, "cell", slot + 1, attempt),
+    }
+    assert (
+        len(
+            {
+                here,
+                attempt_seed(seed + 1, "cell", slot, attempt),
+                attempt_seed(seed, "other", slot, attempt),
+            }
+            | near
+        )
+        == 5
+    )

@@ -1,4 +1,5 @@
-"""The public package: what its page shows runs as written, its import is cheap, and foreign packages are refused."""
+"""The public package: what its page shows runs as written, its import is cheap, and foreign
+packages are refused."""
 
 import importlib.util
 import inspect
@@ -27,7 +28,9 @@ def python(code: str, *paths: Path, cwd: Path = ROOT) -> subprocess.CompletedPro
     """Run code in a process of its own, with these directories first on the path."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, [*paths, ROOT]))}
     command = [sys.executable, "-c", code]
-    return subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(
+        command, env=environment, cwd=cwd, capture_output=True, text=True, check=False, timeout=120
+    )
 
 
 def test_the_page_runs_as_written(tmp_path, monkeypatch, capsys):
@@ -40,8 +43,14 @@ def test_the_page_runs_as_written(tmp_path, monkeypatch, capsys):
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, "example", module)
     spec.loader.exec_module(module)
-    assert module.result.accepted == 1 and module.state.shape[1] == len(module.observation["agent_pos"]) == 14
-    assert module.summary["format"] == "parquet" and (tmp_path / "bells/exports/parquet/export.json").exists()
+    assert (
+        module.result.accepted == 1
+        and module.state.shape[1] == len(module.observation["agent_pos"]) == 14
+    )
+    assert (
+        module.summary["format"] == "parquet"
+        and (tmp_path / "bells/exports/parquet/export.json").exists()
+    )
     assert module.outcome.cells[0]["success_rate"] == 0 and module.outcome.page.exists()
     assert module.outcome.cells[0]["faults"] == {}
     assert "no task 'click_bel'" in capsys.readouterr().out.splitlines()[-1]
@@ -61,8 +70,8 @@ def test_every_public_name_is_there_documented_and_on_the_page():
 def test_the_import_registers_all_tasks_and_loads_nothing_heavy():
     heavy = ("sapien", "torch", "ray", "numba", "scipy", "cv2", "h5py", "pyarrow", "pydantic")
     code = (
-        "import json, sys; import domino_data, gymnasium; "
-        f"print(json.dumps([[m for m in {heavy} if m in sys.modules], [i for i in gymnasium.registry if i.startswith('domino/')]]))"
+        f"import json, sys; import domino_data, gymnasium; print(json.dumps([[m for m in {heavy} if"
+        " m in sys.modules], [i for i in gymnasium.registry if i.startswith('domino/')]]))"
     )
     loaded, ids = json.loads(python(code).stdout)
     assert loaded == []
@@ -77,12 +86,19 @@ def test_a_foreign_package_of_our_name_is_refused_in_one_line(tmp_path, name):
     done = python(COMMAND, tmp_path, cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert (
-        done.stderr.startswith(f"domino-data: the package `{name}` of domino-data is not") and str(tmp_path / name) in done.stderr
+        done.stderr.startswith(f"domino-data: the package `{name}` of domino-data is not")
+        and str(tmp_path / name) in done.stderr
     )
-    assert f"ImportError: the package `{name}`" in python("import domino_data", tmp_path, cwd=tmp_path).stderr
+    assert (
+        f"ImportError: the package `{name}`"
+        in python("import domino_data", tmp_path, cwd=tmp_path).stderr
+    )
 
 
 def test_a_recipe_that_ships_is_known_by_its_name_in_any_directory(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    slots = [domino_data.plan(name)["slots"] for name in ("smoke", "manifests/smoke.yaml", "paper/10-tasks")]
+    slots = [
+        domino_data.plan(name)["slots"]
+        for name in ("smoke", "manifests/smoke.yaml", "paper/10-tasks")
+    ]
     assert slots == [36, 36, 500]

@@ -1,4 +1,5 @@
-"""Policies that misbehave: each ends its own episode, is counted and shown, and the next is played."""
+"""Policies that misbehave: each ends its own episode, is counted and shown, and the next is
+played."""
 
 import sys
 from types import SimpleNamespace
@@ -41,7 +42,11 @@ MISBEHAVIOUR = {
     "NaN": (lambda o: np.full(LENGTH, np.nan), INVALID_ACTION, "is not finite at index 0"),
     "inf": (lambda o: np.full((4, LENGTH), -np.inf), INVALID_ACTION, "is not finite at index 0"),
     "wrong shape": (lambda o: np.zeros(3), INVALID_ACTION, "shape (3,)"),
-    "giant": (lambda o: np.zeros((100_000, LENGTH), np.float32), INVALID_ACTION, "shape (100000, 14)"),
+    "giant": (
+        lambda o: np.zeros((100_000, LENGTH), np.float32),
+        INVALID_ACTION,
+        "shape (100000, 14)",
+    ),
     "complex": (lambda o: np.zeros(LENGTH, complex), INVALID_ACTION, "type complex128"),
     "texts": (lambda o: ["1.0"] * LENGTH, INVALID_ACTION, "type <U3"),
     "objects": (lambda o: [None] * LENGTH, INVALID_ACTION, "type object"),
@@ -55,7 +60,9 @@ MISBEHAVIOUR = {
 @pytest.mark.parametrize("name", MISBEHAVIOUR)
 def test_each_misbehaviour_is_a_counted_episode(named, name):
     act, ending, said = MISBEHAVIOUR[name]
-    row = run_episode(EpisodeJob(case_of("click_bell", 1), named(answering(act)), parse_clock("sim")))
+    row = run_episode(
+        EpisodeJob(case_of("click_bell", 1), named(answering(act)), parse_clock("sim"))
+    )
     assert (row["ending"], row["failure"], row["success"]) == (ending, ending, False)
     assert said in row["fault"] and row["fault"].isprintable()
     assert row["manipulation_score"] == row["route_completion"] == 0
@@ -87,7 +94,8 @@ EVERY = [1, 2, 3, 4, 5, 6, 7]
     ],
 )
 def test_latency_is_charged_for_the_inferences_that_a_policy_counts(named, counting, charged):
-    """An episode has one inference at least, however a policy counts; a count that is no number of runs counts nothing."""
+    """An episode has one inference at least, however a policy counts; a count that is no number of
+    runs counts nothing."""
 
     class Counts:
         asked = 3
@@ -124,4 +132,6 @@ def test_an_error_that_cannot_be_printed_is_named():
             raise ValueError
 
     assert line_of(Odd()) == "Odd:"
-    assert line_of(ValueError("\x1b[31mred\n" + "x" * 9000)).startswith("ValueError: \\x1b[31mred x")
+    assert line_of(ValueError("\x1b[31mred\n" + "x" * 9000)).startswith(
+        "ValueError: \\x1b[31mred x"
+    )

@@ -1,4 +1,5 @@
-"""Files that an evaluation reads, changed by somebody else: each is refused in one line that names it."""
+"""Files that an evaluation reads, changed by somebody else: each is refused in one line that names
+it."""
 
 import json
 
@@ -11,7 +12,13 @@ from pipeline.data.store.lock import Busy, exclusive
 from pipeline.evaluate.evaluate import Evaluation, evaluate
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError
-from pipeline.evaluate.scenes.manifests import Manifest, Manifests, ProtocolError, first_seed, inline
+from pipeline.evaluate.scenes.manifests import (
+    Manifest,
+    Manifests,
+    ProtocolError,
+    first_seed,
+    inline,
+)
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.scoring.results import Results, ResultsError, check_episode
 from pipeline.evaluate.serving.server import Place, ServeError
@@ -26,7 +33,9 @@ def manifest_values():
     case = case_of("click_bell")
     tried = case.spec.seed - first_seed(0) + 1
     refused = dict.fromkeys(range(first_seed(0), case.spec.seed), "dry_run: no_success")
-    values = json.loads(Manifest(CELL, first_seed(0), tried=tried, cases=[case], refused=refused).to_json())
+    values = json.loads(
+        Manifest(CELL, first_seed(0), tried=tried, cases=[case], refused=refused).to_json()
+    )
     del values["sha256"]
     return values | {"schema": 3}
 
@@ -72,7 +81,8 @@ OTHERS = [
     (("cases", 0, "setup"), {"fps": 30}),
     (("more",), 1),
 ]
-"""A path of keys in a manifest, and a value that cannot be there; None for a key that is missing."""
+"""A path of keys in a manifest, and a value that cannot be there; None for a key that is
+missing."""
 
 
 @pytest.mark.parametrize(("path", "value"), OTHERS)
@@ -110,7 +120,9 @@ def test_a_manifest_with_an_edited_motion_is_named(tmp_path):
 
 KEY = json.dumps(["code", "p", "sim", "{}", "d", []])
 ROW = {
-    **dict.fromkeys(("policy", "clock", "rules", "task", "embodiment", "domain", "category", "failure"), "x"),
+    **dict.fromkeys(
+        ("policy", "clock", "rules", "task", "embodiment", "domain", "category", "failure"), "x"
+    ),
     **dict.fromkeys(("level", "alpha", "seed", "route_completion", "manipulation_score"), 1),
     **dict.fromkeys(("success", "same_start", "sees_truth"), True),
     "failed": [],
@@ -190,13 +202,27 @@ ARGUMENTS = ("nan", "inf", "-1", "1e30", "1_0", "", "0x10", "9" * 30, "1=2", "\u
 
 @pytest.mark.parametrize("value", ARGUMENTS)
 def test_arguments_of_policies_are_plain_numbers(value):
-    for text in (f"replay:chunk={value}", f"interceptor:noise={value}", f"interceptor:delay={value}"):
+    for text in (
+        f"replay:chunk={value}",
+        f"interceptor:noise={value}",
+        f"interceptor:delay={value}",
+    ):
         with pytest.raises(DominoError) as error:
             make_policy(policy_name(text))
         assert str(error.value).isprintable()
 
 
-HOSTS = ("a" * 64, "a..b", "a b", "a\x00b", "\u00fc" * 80, "[::1", "1.2.3.4.5/x", "a" * 300, "[fe80::1%\x1b]")
+HOSTS = (
+    "a" * 64,
+    "a..b",
+    "a b",
+    "a\x00b",
+    "\u00fc" * 80,
+    "[::1",
+    "1.2.3.4.5/x",
+    "a" * 300,
+    "[fe80::1%\x1b]",
+)
 
 
 @pytest.mark.parametrize("host", HOSTS)

@@ -1,4 +1,5 @@
-"""The study of what a policy from images learns: the order of its units, and its contrasts of constructed rows."""
+"""The study of what a policy from images learns: the order of its units, and its contrasts of
+constructed rows."""
 
 from dataclasses import asdict
 
@@ -16,7 +17,9 @@ def test_primary_arms_come_first_and_each_unit_once():
         Unit("click_bell", arm, inputs, 1)
         for arm, inputs in (("reactive", "history"), ("planned", "history"), ("reactive", "none"))
     ]
-    assert [unit.seed for unit in order[:18]] == [1] * 3 + [2] * 3 + [1] * 3 + [3] * 3 + [2] * 3 + [3] * 3
+    assert [unit.seed for unit in order[:18]] == [1] * 3 + [2] * 3 + [1] * 3 + [3] * 3 + [2] * 3 + [
+        3
+    ] * 3
     assert len(set(order)) == len(order) == 36
 
 
@@ -56,8 +59,9 @@ def test_contrasts_are_of_the_seeds_that_both_arms_have():
 
 
 def test_networks_drawn_again_widen_the_interval_by_their_own_spread():
-    """Four networks that solve all scenes or none, beside four that solve half of all: scenes alone cannot vary, networks can.
-    The mean of four fair coins is 0 or 1 in one of sixteen draws each, so the quantiles 0.025 and 0.975 are those."""
+    """Four networks that solve all scenes or none, beside four that solve half of all: scenes alone
+    cannot vary, networks can. The mean of four fair coins is 0 or 1 in one of sixteen draws each,
+    so the quantiles 0.025 and 0.975 are those."""
     solved = np.stack([np.repeat([[1.0], [1.0], [0.0], [0.0]], 6, axis=1), np.full((4, 6), 0.5)])
     assert redraw_all(solved) == pytest.approx([-50, 50])
     assert redraw_all(solved[::-1] * 0 + 0.5) == pytest.approx([0, 0])
@@ -77,9 +81,20 @@ def test_spread_pairs_networks_that_differ_in_their_seed_alone():
         }
 
     # 3 pairs within an arm of three networks, 1 in the other: 10, 20, 30 and 80 points apart
-    rows = [row("planned", 0, 1), row("planned", 1, 2), row("planned", 2, 4), row("reactive", 0, 1), row("reactive", 1, 9)]
+    rows = [
+        row("planned", 0, 1),
+        row("planned", 1, 2),
+        row("planned", 2, 4),
+        row("reactive", 0, 1),
+        row("reactive", 1, 9),
+    ]
     assert spread(rows) == [4, "25.0", "80.0"]
 
 
 def test_the_second_task_has_no_primary_contrast():
-    assert [len(some) for task in ("click_bell", "adjust_bottle") for some in pairs(task)] == [4, 8, 0, 12]
+    assert [len(some) for task in ("click_bell", "adjust_bottle") for some in pairs(task)] == [
+        4,
+        8,
+        0,
+        12,
+    ]

@@ -1,4 +1,5 @@
-"""Corrections: a policy acts, the expert labels every frame, takes over at a drawn moment and finishes."""
+"""Corrections: a policy acts, the expert labels every frame, takes over at a drawn moment and
+finishes."""
 
 import numpy as np
 import pytest
@@ -39,7 +40,9 @@ def motion(scene) -> PlanarMotion:
 
 
 def correcting(policy: str, **keys: object) -> Correction:
-    return Correction(Recipe.model_validate({"corrections": {"policy": policy, "label": policy}} | keys))
+    return Correction(
+        Recipe.model_validate({"corrections": {"policy": policy, "label": policy}} | keys)
+    )
 
 
 def show(correction: Correction, scene: Scene, motion: PlanarMotion, meeting: float) -> Replay:
@@ -54,21 +57,31 @@ def test_the_policy_acts_until_a_drawn_time_and_the_expert_then(scene, motion):
     assert log.intervention is not None and log.expert_action is not None
     first = int(np.argmax(log.intervention))
     drawn = scene.spec.rng("takeover").uniform(0.0, MEETING)
-    assert first == np.ceil(drawn * 15) and log.intervention[first:].all() and not log.intervention[:first].any()
+    assert (
+        first == np.ceil(drawn * 15)
+        and log.intervention[first:].all()
+        and not log.intervention[:first].any()
+    )
     assert np.array_equal(log.expert_action[first:], log.action[first:])
     assert not np.array_equal(log.expert_action[:first], log.action[:first])
     assert scene.succeeded(log)
     again = show(correcting("static"), scene, motion, MEETING).log
-    assert np.array_equal(again.action, log.action) and np.array_equal(np.array(again.expert_action), log.expert_action)
+    assert np.array_equal(again.action, log.action) and np.array_equal(
+        np.array(again.expert_action), log.expert_action
+    )
 
 
 @pytest.mark.parametrize("perturb", ["pause", "push"])
 def test_a_robot_is_perturbed_before_the_expert_recovers(perturb):
-    """The perturbation lasts as long as it was drawn, is not the expert's, and follows the policy's part."""
+    """The perturbation lasts as long as it was drawn, is not the expert's, and follows the policy's
+    part."""
     scene = build_scene(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 2))
     log = show(correcting("static", perturb=perturb), scene, along_y(scene, 0.02), MEETING).log
     assert log.intervention is not None
-    first, taken = int(np.argmax(log.intervention)), int(np.ceil(scene.spec.rng("takeover").uniform(0.0, MEETING) * 15))
+    first, taken = (
+        int(np.argmax(log.intervention)),
+        int(np.ceil(scene.spec.rng("takeover").uniform(0.0, MEETING) * 15)),
+    )
     rng = scene.spec.rng("perturb")
     assert first - taken == round(rng.uniform(*HELD) * 15) and log.intervention[first:].all()
     moved = log.action[first - 1] - log.action[taken - 1]
@@ -102,7 +115,9 @@ def test_advice_leads_to_the_moving_target(scene, motion):
         if actor.simulation.touched_by:
             break
     bell = actor.pose("bell")
-    button = bell[:3] + quat_rotate(bell[3:], scene.bodies["bell"].instance.frames().points["button"][:3])
+    button = bell[:3] + quat_rotate(
+        bell[3:], scene.bodies["bell"].instance.frames().points["button"][:3]
+    )
     tool = actor.simulation.tcp(scene.arms["arm"])[:3]
     assert actor.simulation.touched_by and np.linalg.norm((tool - button)[:2]) < 0.02
 
@@ -127,7 +142,9 @@ def make_policy():
 """
 
 
-@pytest.mark.parametrize(("code", "said"), [(BROKEN, r"shape|finite"), (LEAVING, r"ended with code 0")])
+@pytest.mark.parametrize(
+    ("code", "said"), [(BROKEN, r"shape|finite"), (LEAVING, r"ended with code 0")]
+)
 def test_a_policy_without_an_answer_is_a_failure_with_a_reason(scene, motion, tmp_path, code, said):
     path = tmp_path / "broken.py"
     path.write_text(code)

@@ -1,4 +1,5 @@
-"""The whole way: reference policies in trials, the command, killed and gone on with, serial and on two workers."""
+"""The whole way: reference policies in trials, the command, killed and gone on with, serial and on
+two workers."""
 
 import json
 import os
@@ -32,10 +33,24 @@ def episode(policy, level, clock="sim", task="click_bell"):
 )
 def test_a_tap_is_worth_an_episode_unless_the_target_must_be_held(contact, solved, task):
     case = case_of(task, 1, setup=Setup(contact=contact))
-    row = run_episode(EpisodeJob(case, policy_name("tapper"), parse_clock("sim"), setup=Setup(contact=contact, cameras=())))
+    row = run_episode(
+        EpisodeJob(
+            case,
+            policy_name("tapper"),
+            parse_clock("sim"),
+            setup=Setup(contact=contact, cameras=()),
+        )
+    )
     assert row["meeting"] and row["success"] is solved
     if contact:
-        expert = run_episode(EpisodeJob(case, policy_name("replay"), parse_clock("sim"), setup=Setup(contact=contact, cameras=())))
+        expert = run_episode(
+            EpisodeJob(
+                case,
+                policy_name("replay"),
+                parse_clock("sim"),
+                setup=Setup(contact=contact, cameras=()),
+            )
+        )
         assert expert["success"] and expert["hold"] < 0.5
 
 
@@ -85,7 +100,10 @@ def test_overlap_takes_the_latency_out_of_a_policy_that_plans_ahead(tmp_path):
         for clock in ("latency:600", "async:600", "async:600:rtc")
     }
     late = {clock: row["meeting"] - case.meeting for clock, row in rows.items()}
-    assert late["latency:600"] > 0.3 > 0.1 > abs(late["async:600"]) and abs(late["async:600:rtc"]) < 0.1
+    assert (
+        late["latency:600"] > 0.3 > 0.1 > abs(late["async:600"])
+        and abs(late["async:600:rtc"]) < 0.1
+    )
     assert rows["async:600"]["success"] and rows["async:600:rtc"]["success"]
     with pytest.raises(PolicyError, match="async:200 cannot overlap them"):
         episode("replay", 1, "async:200")
@@ -154,11 +172,13 @@ def test_a_policy_from_a_file_may_answer_in_chunks(tmp_path):
     assert row["asked"] == -(-row["periods"] // 5)
 
 
-# --- the command ------------------------------------------------------------------------------------------------------------
+# --- the command
+# ------------------------------------------------------------------------------------------
 
 
 def command(*arguments, code=0):
-    """The command in this process: its standard output, or its standard error where it must fail with `code`."""
+    """The command in this process: its standard output, or its standard error where it must fail
+    with `code`."""
     left, out, err = inside("evaluate", *arguments)
     assert left == code, err
     return out if code == 0 else err
@@ -185,13 +205,25 @@ def test_killed_and_gone_on_with_gives_what_two_workers_give(tmp_path):
     told = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
     assert told["run"] == 4 - finished
     manifests = ("--manifests", serial / "manifests")
-    other = json.loads(command(*wanted, "--executor", "ray", "--workers", "2", *manifests, "--out", parallel, "--json"))
+    other = json.loads(
+        command(
+            *wanted, "--executor", "ray", "--workers", "2", *manifests, "--out", parallel, "--json"
+        )
+    )
     assert other["results"] == told["results"]
     assert rows_of(parallel) == rows_of(serial)
     again = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
     assert again["run"] == 0
     assert again["results"] == told["results"]
-    keys = {"task", "level", "alpha", "episodes", "success_rate", "route_completion", "manipulation_score"}
+    keys = {
+        "task",
+        "level",
+        "alpha",
+        "episodes",
+        "success_rate",
+        "route_completion",
+        "manipulation_score",
+    }
     assert all(keys <= cell.keys() and cell["episodes"] == 2 for cell in told["results"])
     assert np.mean([cell["success_rate"] for cell in told["results"]]) < 50
 

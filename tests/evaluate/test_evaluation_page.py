@@ -1,4 +1,5 @@
-"""The pages on evaluation and servers: examples run, and the tables of forms and messages are those of the code."""
+"""The pages on evaluation and servers: examples run, and the tables of forms and messages are those
+of the code."""
 
 import re
 from dataclasses import replace
@@ -30,9 +31,13 @@ def test_the_example_of_a_file_runs(tmp_path):
     path = tmp_path / "waits.py"
     path.write_text(example)
     case, clock = case_of("click_bell", 1), parse_clock("sim")
-    row = run_episode(EpisodeJob(case, policy_name(str(path)), clock, setup=Setup(cameras=("head",))))
+    row = run_episode(
+        EpisodeJob(case, policy_name(str(path)), clock, setup=Setup(cameras=("head",)))
+    )
     assert row["ending"] == "out_of_view" and row["asked"] == -(-row["periods"] // 15)
-    with pytest.raises(PolicyError, match="the policy has head_camera, the evaluation none: add --cameras"):
+    with pytest.raises(
+        PolicyError, match="the policy has head_camera, the evaluation none: add --cameras"
+    ):
         run_episode(EpisodeJob(case, policy_name(str(path)), clock))
 
 
@@ -46,13 +51,21 @@ def test_every_key_of_every_message_is_described():
     page = SERVER.split("## The protocol")[1].split("## StarVLA")[0]
     rows = {
         name: (sender, set(re.findall(r"`(\w+)`", keys)))
-        for name, sender, keys in re.findall(r"^\| (\w+) \| (server|client) \|(.*)\|$", page, re.MULTILINE)
+        for name, sender, keys in re.findall(
+            r"^\| (\w+) \| (server|client) \|(.*)\|$", page, re.MULTILINE
+        )
     }
     echo = Echo(Contract(NAMES, {"head_camera": (6, 8)}, 15, 2))
     echo.inferences = 1
     session = Session(echo, ServerOptions("echo"))
     metadata = session.metadata()
-    full = replace(look(1), depth={"head_camera": 1}, segmentation={"head_camera": 1}, pointcloud=ACT["state"], committed=[1])
+    full = replace(
+        look(1),
+        depth={"head_camera": 1},
+        segmentation={"head_camera": 1},
+        pointcloud=ACT["state"],
+        committed=[1],
+    )
     spoken = [
         ("metadata", metadata),
         ("reset", {**RESET, **RESET["reset"]}),
@@ -64,9 +77,16 @@ def test_every_key_of_every_message_is_described():
     for name, message in spoken:
         assert set(message) == rows[name][1] - {"infer_ms"}
     assert set(answer["server_timing"]) == {"infer_ms"}
-    described = re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (`[^|]*)\|", page.split("| key of `contract` |")[1], re.MULTILINE)))
+    described = re.findall(
+        r"`(\w+)`",
+        "".join(
+            re.findall(r"^\| (`[^|]*)\|", page.split("| key of `contract` |")[1], re.MULTILINE)
+        ),
+    )
     assert set(described) == set(metadata["domino"]["contract"])
-    assert set(re.findall(r"^\| (\d+) \|", page, re.MULTILINE)) == set(map(str, (REFUSED, FAILED, INVALID, BUSY)))
+    assert set(re.findall(r"^\| (\d+) \|", page, re.MULTILINE)) == set(
+        map(str, (REFUSED, FAILED, INVALID, BUSY))
+    )
 
 
 def test_the_environment_of_the_page_is_made():

@@ -1,4 +1,5 @@
-"""What a policy is told, and whether it tells the scene: a policy that knows this program tries to find its scene in it."""
+"""What a policy is told, and whether it tells the scene: a policy that knows this program tries to
+find its scene in it."""
 
 import hashlib
 import json
@@ -49,9 +50,17 @@ def recorder(tmp_path):
 
 
 def still(seed):
-    """A case of a seed whose target stands: the expert need not be run for what is told at the start."""
+    """A case of a seed whose target stands: the expert need not be run for what is told at the
+    start."""
     solved = case_of("click_bell", 0)
-    return Case(EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed), solved.motion, 1.0, 30, "s", "e")
+    return Case(
+        EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed),
+        solved.motion,
+        1.0,
+        30,
+        "s",
+        "e",
+    )
 
 
 def numbers_of(start, observation):
@@ -60,7 +69,8 @@ def numbers_of(start, observation):
 
 
 def test_no_number_that_a_policy_is_told_depends_on_the_scene(recorder):
-    """The attacker knows the program, every seed that may have been admitted, and all that the policy is told."""
+    """The attacker knows the program, every seed that may have been admitted, and all that the
+    policy is told."""
     seeds = range(first_seed(0), first_seed(0) + 12)
     for seed in seeds:
         run_episode(EpisodeJob(still(seed), recorder, parse_clock("sim")))
@@ -71,22 +81,35 @@ def test_no_number_that_a_policy_is_told_depends_on_the_scene(recorder):
         by_sentence.setdefault(start.instruction, set()).add(numbers_of(start, observation))
         assert start.seed not in seeds
     assert all(len(numbers) == 1 for numbers in by_sentence.values())
-    # the seed is a function of the sentence: whatever is tried on a scene's own seed does not give it
+    # the seed is a function of the sentence: whatever is tried on a scene's own seed does not give
+    # it
     for (start, _), seed in product(told, seeds):
-        for text in (str(seed), json.dumps(seed), EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed).to_json()):
-            assert int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little") >> 1 != start.seed
+        for text in (
+            str(seed),
+            json.dumps(seed),
+            EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed).to_json(),
+        ):
+            assert (
+                int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little") >> 1
+                != start.seed
+            )
     joints = np.array([observation.joints for _, observation in told])
     assert (joints == joints[0]).all()
 
 
 def test_a_sentence_alone_fits_many_scenes_of_a_secret_seed():
-    """With a --seed that its author does not know, a sentence that fits one scene in fifty fits 20,000 of a million."""
+    """With a --seed that its author does not know, a sentence that fits one scene in fifty fits
+    20,000 of a million."""
 
     def sentence(seed):
-        return instruction_of(build_scene(EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed)))
+        return instruction_of(
+            build_scene(EpisodeSpec("click_bell", "aloha-agilex", 0, 0.1, "clean", 0, seed))
+        )
 
     found = Counter(sentence(first_seed(0) + n) for n in range(60))
-    assert max(found.values()) >= 2, "sentences are drawn from a set that is small against the seeds"
+    assert max(found.values()) >= 2, (
+        "sentences are drawn from a set that is small against the seeds"
+    )
 
 
 def test_episodes_of_a_cell_come_in_an_order_that_says_nothing(tmp_path, recorder, monkeypatch):
@@ -97,7 +120,9 @@ def test_episodes_of_a_cell_come_in_an_order_that_says_nothing(tmp_path, recorde
     monkeypatch.setattr("pipeline.evaluate.evaluate._write_page", lambda *given: tmp_path)
     for n in range(3):
         manifests = Manifests(tmp_path / "manifests")
-        write_atomic(manifests.path(cell), Manifest(cell, first_seed(0), tried=8, cases=cases).to_json())
+        write_atomic(
+            manifests.path(cell), Manifest(cell, first_seed(0), tried=8, cases=cases).to_json()
+        )
         wanted = Evaluation((cell,), recorder, parse_clock("sim"), 8)
         evaluate(wanted, tmp_path / str(n), inline, tmp_path / "manifests")
         lines = (tmp_path / str(n) / "episodes.jsonl").read_text().splitlines()

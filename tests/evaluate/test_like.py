@@ -1,4 +1,5 @@
-"""What one builds one can evaluate on: under the setup of a dataset an evaluation shows its images and solves its episodes."""
+"""What one builds one can evaluate on: under the setup of a dataset an evaluation shows its images
+and solves its episodes."""
 
 import numpy as np
 
@@ -24,13 +25,22 @@ cameras:
   - head
   - observer
   - {name: own_wrist, link: right_link6, pose: [0.02, 0, 0.05, 1, 0, 0, 0], width: 64, height: 48, fovy: 60}
-"""
+"""  # noqa: E501
 
 
 def test_an_environment_like_a_dataset_shows_its_images_and_solves_its_episodes(tmp_path):
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     out = tmp_path / "out"
-    code, _, said = inside("build", "--manifest", tmp_path / "recipe.yaml", "--executor", "inline", "--quiet", "--out", out)
+    code, _, said = inside(
+        "build",
+        "--manifest",
+        tmp_path / "recipe.yaml",
+        "--executor",
+        "inline",
+        "--quiet",
+        "--out",
+        out,
+    )
     assert code == 0, said
     dataset = Dataset(out)
     [path] = dataset.accepted(dataset.recipe())
@@ -43,7 +53,9 @@ def test_an_environment_like_a_dataset_shows_its_images_and_solves_its_episodes(
             assert image.shape == (120, 160, 3)
             assert encode_frames(image[None])[0] == episode.array(f"observation/{camera}/rgb")[0]
             for key, stored in (("depth", "depth"), ("segmentation", "actor_segmentation")):
-                np.testing.assert_array_equal(seen[key][camera], episode.array(f"observation/{camera}/{stored}")[0])
+                np.testing.assert_array_equal(
+                    seen[key][camera], episode.array(f"observation/{camera}/{stored}")[0]
+                )
         np.testing.assert_array_equal(seen["pointcloud"], episode.array("pointcloud")[0])
         actions = expert_actions(case)
         assert len(actions) == len(episode) - 1
@@ -69,5 +81,9 @@ def test_a_policy_of_another_rate_is_refused_before_a_scene_is_admitted(tmp_path
     (tmp_path / "fast.py").write_text(POLICY)
     wanted = ("--tasks", "click_bell", "--executor", "inline", "--quiet", "--out", tmp_path / "out")
     code, _, said = inside("evaluate", "--policy", tmp_path / "fast.py", *wanted)
-    assert code == 2 and "fps: the policy has 30, the evaluation 15: add --fps 30" in said and said.count("\n") == 1
+    assert (
+        code == 2
+        and "fps: the policy has 30, the evaluation 15: add --fps 30" in said
+        and said.count("\n") == 1
+    )
     assert not (tmp_path / "out").exists()

@@ -21,7 +21,11 @@ from tests.evaluate.environment.test_env import case_of
 
 
 def test_a_strip_has_the_first_and_the_last_frame_at_its_ends():
-    frames = np.repeat(np.arange(11, dtype=np.uint8)[:, None, None, None] * 20, 4, 1).repeat(8, 2).repeat(3, 3)
+    frames = (
+        np.repeat(np.arange(11, dtype=np.uint8)[:, None, None, None] * 20, 4, 1)
+        .repeat(8, 2)
+        .repeat(3, 3)
+    )
     image = strip(frames, columns=3, width=8)
     assert image.shape == (4, 24, 3)
     assert image[0, :, 0].tolist() == [0] * 8 + [100] * 8 + [200] * 8
@@ -33,8 +37,12 @@ def test_an_evaluation_has_a_page_and_films_on_request(tmp_path):
     case = case_of("click_bell")
     cell = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
     manifests = Manifests(tmp_path / "manifests")
-    write_atomic(manifests.path(cell), Manifest(cell, first_seed(0), tried=1, cases=[case]).to_json())
-    wanted = Evaluation((cell,), policy_name("replay"), parse_clock("sim"), 1, code="<new>", films=1)
+    write_atomic(
+        manifests.path(cell), Manifest(cell, first_seed(0), tried=1, cases=[case]).to_json()
+    )
+    wanted = Evaluation(
+        (cell,), policy_name("replay"), parse_clock("sim"), 1, code="<new>", films=1
+    )
     outcome = evaluate(wanted, tmp_path, inline)
     text = outcome.page.read_text()
     assert outcome.page == tmp_path / "index.html"
@@ -56,6 +64,10 @@ def test_an_evaluation_has_a_page_and_films_on_request(tmp_path):
     assert second.run == 2 and mp4.stat().st_mtime_ns == before
     third = evaluate(wanted, tmp_path, inline)
     assert third.run == 0 and third.baselines == second.baselines and outcome.baselines == []
-    scores = {(row["policy"], row["category"]): row["manipulation_score"] for row in third.baselines}
-    assert set(scores) == {(name, group) for name in ("static", "still") for group in ("all", "tracking")}
+    scores = {
+        (row["policy"], row["category"]): row["manipulation_score"] for row in third.baselines
+    }
+    assert set(scores) == {
+        (name, group) for name in ("static", "still") for group in ("all", "tracking")
+    }
     assert scores["still", "all"] < 10

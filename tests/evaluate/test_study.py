@@ -1,4 +1,5 @@
-"""The study of the reference policies: what it runs, what its tables say of constructed rows, and the page they go to."""
+"""The study of the reference policies: what it runs, what its tables say of constructed rows, and
+the page they go to."""
 
 import itertools
 
@@ -28,16 +29,37 @@ def row(task, policy, clock="sim", level=1, alpha=0.1, rules="strict", success=T
 
 
 def cell_rows():
-    """Two tasks: the static expert fails where the target moves; grab_roller suffers from lateness, click_bell does not."""
+    """Two tasks: the static expert fails where the target moves; grab_roller suffers from lateness,
+    click_bell does not."""
     out = []
     for task, (level, alpha) in itertools.product(("click_bell", "grab_roller"), tables.COLUMNS):
         for policy in ("replay", "static", "chaser", "interceptor", "random"):
             good = policy != "random" and (policy != "static" or level == 0)
-            out += [row(task, policy, level=level, alpha=alpha or 0.1, success=good, seed=seed) for seed in (0, 1)]
+            out += [
+                row(task, policy, level=level, alpha=alpha or 0.1, success=good, seed=seed)
+                for seed in (0, 1)
+            ]
     for task, ms in itertools.product(("click_bell", "grab_roller"), LATE[1:]):
         for alpha in (0.05, 0.1, 0.2):
-            out.append(row(task, "replay", f"late:{ms}", alpha=alpha, success=task == "click_bell" or ms < 400))
-    out += [row("click_bell", "replay", f"late:{ms}" if ms else "sim", rules=GOES_ON.label, success=ms < 200) for ms in LATE]
+            out.append(
+                row(
+                    task,
+                    "replay",
+                    f"late:{ms}",
+                    alpha=alpha,
+                    success=task == "click_bell" or ms < 400,
+                )
+            )
+    out += [
+        row(
+            "click_bell",
+            "replay",
+            f"late:{ms}" if ms else "sim",
+            rules=GOES_ON.label,
+            success=ms < 200,
+        )
+        for ms in LATE
+    ]
     for chunk, ms in itertools.product(("", ":chunk=15"), (50, 100, 200, 400)):
         out.append(row("click_bell", f"interceptor{chunk}", f"latency:{ms}", success=bool(chunk)))
     return Rows(tuple(out))
@@ -59,7 +81,8 @@ def test_the_study_names_what_exists():
 def test_tables_say_what_the_rows_say():
     rows = cell_rows()
     lines = {line.split(" | ")[0].strip("| "): line for line in tables.summary(rows).splitlines()}
-    assert lines["static"].startswith("| static | 100 (51-100) | 0 (0-49) |")  # Wilson's interval of 4 of 4 and of 0 of 4
+    # Wilson's interval of 4 of 4 and of 0 of 4
+    assert lines["static"].startswith("| static | 100 (51-100) | 0 (0-49) |")
     assert "| grab_roller | 2/2 | 2/2 | 2/2 | 2/2 | 0/2 | 0/2 |" in tables.by_task(rows)
     assert "| grab_roller | stop | 0.1 | 100 | 100 | 100 | 0 | 0 |" in tables.timing(rows)
     assert "| click_bell | continue | 0.1 | 100 | 100 | 0 | 0 | 0 |" in tables.timing(rows)
@@ -74,7 +97,11 @@ def test_episodes_of_one_scene_are_no_evidence_of_their_own():
     once = [row("t", "replay", seed=seed, success=seed < 3) for seed in range(5)]
     assert Rate.of(once).interval == pytest.approx([100 * x for x in wilson(3, 5)])
     assert Rate.of(once * 4).interval == Rate.of(once).interval
-    apart = [row("t", "replay", seed=seed, success=(seed + n) % 2 == 0) for seed in range(6) for n in range(4)]
+    apart = [
+        row("t", "replay", seed=seed, success=(seed + n) % 2 == 0)
+        for seed in range(6)
+        for n in range(4)
+    ]
     assert Rate.of(apart).interval == pytest.approx([100 * x for x in wilson(12, 24)])
 
 

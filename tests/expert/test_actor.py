@@ -54,7 +54,9 @@ def test_a_held_body_is_carried_at_its_measured_place_in_the_hand(actor: Actor) 
     assert list(scene.obstacles) == ["block"] and list(scene.carried) == ["can"]
     carried = scene.carried["can"]
     assert carried.side == "right" and carried.pieces == CAN.instance.shape().collision
-    np.testing.assert_allclose(compose(actor.simulation.tcp("right"), carried.pose), actor.pose("can"), atol=1e-7)
+    np.testing.assert_allclose(
+        compose(actor.simulation.tcp("right"), carried.pose), actor.pose("can"), atol=1e-7
+    )
     actor.held = {"left": "can", "right": "can"}  # handed over: the arm that took it last has it
     assert actor.planning_scene().carried["can"].side == "right"
 
@@ -88,15 +90,21 @@ WINDOW = 12
 """Rows over which commands are averaged: 2 * 6 rad/s2 / 240 rad/s3 at 240 Hz."""
 
 
-def test_a_motion_step_lasts_as_long_as_its_longer_trajectory_and_the_average_over_it(actor: Actor) -> None:
+def test_a_motion_step_lasts_as_long_as_its_longer_trajectory_and_the_average_over_it(
+    actor: Actor,
+) -> None:
     began, still = actor.simulation.steps, actor.q("left").copy()
     short, long = moved(actor, "left", 0.1, 10), moved(actor, "right", 0.2, 25)
     actor.execute({"left": short, "right": long})
     assert actor.simulation.steps - began == len(actor.stream.commands) == 25 + WINDOW - 1
     commands, rates = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    np.testing.assert_allclose(commands[10 + WINDOW - 1 :, :6], np.repeat(short.q[-1:], 15, axis=0), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        commands[10 + WINDOW - 1 :, :6], np.repeat(short.q[-1:], 15, axis=0), rtol=0, atol=1e-15
+    )
     for column, rows in ((0, short.q), (7, long.q)):
-        raw = np.concatenate([np.full(WINDOW - 1, still[0]), rows[:, 0], np.full(WINDOW - 1, rows[-1, 0])])
+        raw = np.concatenate(
+            [np.full(WINDOW - 1, still[0]), rows[:, 0], np.full(WINDOW - 1, rows[-1, 0])]
+        )
         want = np.convolve(raw, np.full(WINDOW, 1 / WINDOW), "valid")
         np.testing.assert_allclose(commands[: len(want), column], want, atol=1e-14)
     np.testing.assert_array_equal(commands[-1, 7:13], long.q[-1])
@@ -107,7 +115,9 @@ def test_a_hold_at_the_end_of_a_motion_takes_up_the_average(actor: Actor) -> Non
     moving = moved(actor, "right", 0.1, 20)
     assert len(actor.commands({"right": moving.holding(0.1)})[0]) == 20 + 24
     still = ArmTrajectory(actor.q("right")[None], np.zeros((1, 6)), np.ones(1)).holding(0.1)
-    np.testing.assert_array_equal(actor.commands({"right": still})[0], np.repeat(actor.simulation.command[None], 25, axis=0))
+    np.testing.assert_array_equal(
+        actor.commands({"right": still})[0], np.repeat(actor.simulation.command[None], 25, axis=0)
+    )
 
 
 def test_the_step_limit_ends_a_motion() -> None:

@@ -36,11 +36,18 @@ def test_the_body_is_shown_where_the_other_arm_comes_to_it(holding: Actor) -> No
 
     def beside(can: np.ndarray) -> np.ndarray:
         """Out of reach beside the first place, 20 cm beside the other."""
-        return np.stack([FAR if can[1] > -0.1 else yawed((can[0] + 0.2, can[1], UP), turn) for turn in (0.0, np.pi)])
+        return np.stack(
+            [
+                FAR if can[1] > -0.1 else yawed((can[0] + 0.2, can[1], UP), turn)
+                for turn in (0.0, np.pi)
+            ]
+        )
 
     holding.perform(face("left", places, "right", beside))
     np.testing.assert_allclose(holding.pose("can")[:3], places[1, :3], atol=0.01)
-    np.testing.assert_allclose(holding.pose("block")[:3], np.add(holding.pose("can")[:3], (0.2, 0, 0)), atol=0.015)
+    np.testing.assert_allclose(
+        holding.pose("block")[:3], np.add(holding.pose("can")[:3], (0.2, 0, 0)), atol=0.015
+    )
 
 
 def test_a_lift_ends_below_what_is_in_the_way() -> None:

@@ -11,7 +11,12 @@ from pipeline.planning.budgets import LIMITS
 def follow(goals):
     limiter = Limiter(goals[0], np.array([1.4]), np.array([6.0]))
     velocities = np.diff(goals, axis=0, prepend=goals[:1]) * PHYSICS_HZ
-    return np.array([limiter.follow(goal, velocity)[0] for goal, velocity in zip(goals, velocities, strict=True)])
+    return np.array(
+        [
+            limiter.follow(goal, velocity)[0]
+            for goal, velocity in zip(goals, velocities, strict=True)
+        ]
+    )
 
 
 def differences(rows, n):

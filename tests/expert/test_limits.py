@@ -1,4 +1,5 @@
-"""Limits of velocity, acceleration and jerk, read back from what episodes command at every physics step."""
+"""Limits of velocity, acceleration and jerk, read back from what episodes command at every physics
+step."""
 
 import numpy as np
 import pytest
@@ -22,7 +23,9 @@ PRESS = 30.0
     ],
 )
 def test_no_commanded_sample_of_an_episode_exceeds_a_limit(task: str, robot: str) -> None:
-    recipe = Recipe.model_validate({"tasks": [task], "embodiments": [robot], "levels": [1], "episodes": 1})
+    recipe = Recipe.model_validate(
+        {"tasks": [task], "embodiments": [robot], "levels": [1], "episodes": 1}
+    )
     worst = fill((recipe, next(iter(recipe.slots()))))
     assert worst is not None
     for kind in ("velocity", "acceleration", "jerk"):
@@ -36,10 +39,15 @@ def test_shares_are_those_of_a_known_motion() -> None:
     robot = get_embodiment("franka-panda")
     t = np.arange(241) / 240
     commands = np.zeros((len(t), 16))
-    commands[:, 0] = 0.1 * 0.5 * (1 - np.cos(2 * np.pi * 3 * t))  # at rest at both ends but for a jump of acceleration
+    # at rest at both ends but for a jump of acceleration
+    commands[:, 0] = 0.1 * 0.5 * (1 - np.cos(2 * np.pi * 3 * t))
     found, w = shares(robot, commands), 2 * np.pi * 3
     assert found["velocity"] == pytest.approx(0.05 * w / 2.175, rel=2e-3)
     assert found["acceleration"] == pytest.approx(0.05 * w**2 / 6, rel=1e-2)
-    assert found["jerk"] == pytest.approx(0.5 * 0.05 * w**2 * 240 / 240, rel=0.05)  # half of that jump within one sample
-    commands[:, 0], commands[:, 7] = 0.0, np.linspace(0, 1, len(t))  # a jaw of 4 cm, from rest to speed within one sample
-    assert shares(robot, commands)["acceleration"] == pytest.approx(0.04 / (len(t) - 1) * 240**2 / 6)
+    # half of that jump within one sample
+    assert found["jerk"] == pytest.approx(0.5 * 0.05 * w**2 * 240 / 240, rel=0.05)
+    # a jaw of 4 cm, from rest to speed within one sample
+    commands[:, 0], commands[:, 7] = 0.0, np.linspace(0, 1, len(t))
+    assert shares(robot, commands)["acceleration"] == pytest.approx(
+        0.04 / (len(t) - 1) * 240**2 / 6
+    )

@@ -21,7 +21,8 @@ def actor() -> Actor:
 
 
 def to_joints(side: str, *goals: np.ndarray, begin: float = 0.0, end: float = 1.0) -> Skill:
-    """One motion step of 100 rows to each of some joints, whatever is there: it moves between two fractions of the time."""
+    """One motion step of 100 rows to each of some joints, whatever is there: it moves between two
+    fractions of the time."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         for goal in goals:
@@ -34,12 +35,19 @@ def to_joints(side: str, *goals: np.ndarray, begin: float = 0.0, end: float = 1.
 
 def test_trajectories_are_stretched_to_end_together(actor: Actor) -> None:
     (step,) = together(lift("left", 0.03), lift("right", 0.09))(actor)
-    (left,), (right,) = (list(lift(side, height)(actor)) for side, height in (("left", 0.03), ("right", 0.09)))
-    assert len(left["left"].q) < len(right["right"].q) == len(step["left"].q) == len(step["right"].q)
+    (left,), (right,) = (
+        list(lift(side, height)(actor)) for side, height in (("left", 0.03), ("right", 0.09))
+    )
+    assert (
+        len(left["left"].q) < len(right["right"].q) == len(step["left"].q) == len(step["right"].q)
+    )
     np.testing.assert_array_equal(step["right"].q, right["right"].q)
     np.testing.assert_array_equal(step["left"].q[-1], left["left"].q[-1])
     stretch = len(step["left"].q) / len(left["left"].q)
-    assert np.abs(np.diff(step["left"].q, axis=0)).max() * stretch <= 1.01 * np.abs(np.diff(left["left"].q, axis=0)).max()
+    assert (
+        np.abs(np.diff(step["left"].q, axis=0)).max() * stretch
+        <= 1.01 * np.abs(np.diff(left["left"].q, axis=0)).max()
+    )
 
 
 def test_an_arm_that_stands_still_waits(actor: Actor) -> None:
@@ -50,7 +58,10 @@ def test_an_arm_that_stands_still_waits(actor: Actor) -> None:
 
 def test_the_rest_of_a_longer_skill_goes_on_alone(actor: Actor) -> None:
     home = actor.q("left")
-    longer, shorter = to_joints("left", home + 0.05, home), to_joints("right", actor.q("right") + 0.05)
+    longer, shorter = (
+        to_joints("left", home + 0.05, home),
+        to_joints("right", actor.q("right") + 0.05),
+    )
     assert [set(step) for step in together(longer, shorter)(actor)] == [{"left", "right"}, {"left"}]
     assert not actor.expected
 
@@ -62,7 +73,9 @@ def test_arms_that_would_collide_are_refused(actor: Actor) -> None:
         assert ok[0]
         middle[side] = q[0]
     with pytest.raises(PlanFailure, match="arms_collide: the arms would touch each other"):
-        list(together(to_joints("left", middle["left"]), to_joints("right", middle["right"]))(actor))
+        list(
+            together(to_joints("left", middle["left"]), to_joints("right", middle["right"]))(actor)
+        )
 
 
 def test_arms_take_turns_where_only_the_motions_collide(actor: Actor) -> None:

@@ -20,7 +20,8 @@ FAR = pose((0.0, 3.0, 0.8))
 SHOE = replace(body("shoe", "shoe", 0.0, 0.0), pose=yawed((0.242, -0.083, TABLE_TOP), -2.17))
 BLOCK = body("block", "block", 0.16, 0.04)
 TOE_LEFT = [[yawed((-0.117, -0.087, TABLE_TOP + 0.004), np.pi)]]
-"""On the other half of the table, toe to the left: no grasp of the shoe as it stands leads there."""
+"""On the other half of the table, toe to the left: no grasp of the shoe as it stands leads
+there."""
 
 
 @pytest.fixture
@@ -45,7 +46,9 @@ def test_from_a_seat_a_grasp_leads_to_the_goal(actor: Actor) -> None:
     reach = np.linalg.norm(SHOE.instance.shape().aabb()[:, :2], axis=1).min()
     for seat in seats:
         assert seat[2] == TABLE_TOP and seat[0] >= 0
-        assert np.linalg.norm(seat[:2] - BLOCK.pose[:2]) > min(reach, 0.03), "the seat is on the block"
+        assert np.linalg.norm(seat[:2] - BLOCK.pose[:2]) > min(reach, 0.03), (
+            "the seat is on the block"
+        )
     for skill in regrasp(actor, "right", "shoe", goals):
         actor.perform(skill)
     assert "right" not in actor.held and actor.gripper("right") == 1.0
@@ -70,7 +73,16 @@ def test_skills_in_turn_are_planned_one_after_the_other(actor: Actor) -> None:
     taking, lifting, opening = actor.skills
     assert [run.skill for run in actor.skills] == ["grasp", "lift", "open"]
     assert {run.body for run in actor.skills} == {"block"}
-    assert 0 == taking.start < taking.end == lifting.start < lifting.end == opening.start < opening.end == actor.simulation.steps
+    assert (
+        0
+        == taking.start
+        < taking.end
+        == lifting.start
+        < lifting.end
+        == opening.start
+        < opening.end
+        == actor.simulation.steps
+    )
 
 
 def test_jaws_come_in_less_wide_where_they_do_not_fit() -> None:

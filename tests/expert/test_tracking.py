@@ -1,4 +1,5 @@
-"""A hand that tracks keeps its pose relative to the moving target, keeps the limits, and comes to rest after the meeting."""
+"""A hand that tracks keeps its pose relative to the moving target, keeps the limits, and comes to
+rest after the meeting."""
 
 import numpy as np
 import pytest
@@ -21,14 +22,18 @@ def target(before, after=None):
 
     def at(t):
         t, change = np.asarray(t, float), 0.0 if after is None else after - before
-        return yawed((-0.1, -0.1, 0.74), 0.0) + (before * t + change * np.maximum(t - 1.0, 0.0))[..., None] * np.eye(7)[0]
+        return (
+            yawed((-0.1, -0.1, 0.74), 0.0)
+            + (before * t + change * np.maximum(t - 1.0, 0.0))[..., None] * np.eye(7)[0]
+        )
 
     return at
 
 
 @pytest.fixture(scope="module")
 def plan():
-    """An arm that rests where it is, then approaches by a turn of its first joint from row 240 on: within the limits."""
+    """An arm that rests where it is, then approaches by a turn of its first joint from row 240 on:
+    within the limits."""
     planner = planner_of(get_embodiment("aloha-agilex"))
     at = np.concatenate([[*REACHING, 1.0], [*planner.home("right"), 1.0]])
     commands = np.tile(at, (480, 1))
@@ -43,7 +48,10 @@ def test_the_hand_moves_as_the_target_does_from_its_approach_to_the_meeting(plan
     found, _ = carried_along(planner, (commands, velocities), RUN, motion, 359)
     at = motion(np.array([1.5]))[0]
     for row in (256, 304, 359):
-        moved = compose(motion(np.array((row + 1) / 240)), compose(inverse(at), planner.fk("left", commands[row, :n])))
+        moved = compose(
+            motion(np.array((row + 1) / 240)),
+            compose(inverse(at), planner.fk("left", commands[row, :n])),
+        )
         np.testing.assert_allclose(planner.fk("left", found[row, :n])[:3], moved[:3], atol=5e-4)
     np.testing.assert_array_equal(found[:480, n:], commands[:, n:])
     np.testing.assert_array_equal(found[480:, n:], commands[-1:, n:].repeat(len(found) - 480, 0))
@@ -55,7 +63,9 @@ def test_the_sum_of_plan_and_target_keeps_the_limits_and_ends_at_rest(plan, moti
     planner, commands, velocities, n = plan
     found, rates = carried_along(planner, (commands, velocities), RUN, motion, 359)
     still = np.concatenate([commands[:1].repeat(3, 0), found, found[-1:].repeat(3, 0)])[:, :n]
-    speed, acceleration, jerk = (np.abs(np.diff(still, k, axis=0)).max() * PHYSICS_HZ**k for k in (1, 2, 3))
+    speed, acceleration, jerk = (
+        np.abs(np.diff(still, k, axis=0)).max() * PHYSICS_HZ**k for k in (1, 2, 3)
+    )
     assert 0.02 < speed <= 1.4 + 1e-9
     assert acceleration <= 6.0 + 1e-6
     assert jerk <= LIMITS.jerk * 1.001

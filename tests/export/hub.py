@@ -1,4 +1,5 @@
-"""A hub on this machine: an HTTP server with the calls that huggingface_hub makes to publish a data set."""
+"""A hub on this machine: an HTTP server with the calls that huggingface_hub makes to publish a data
+set."""
 
 import base64
 import hashlib
@@ -12,11 +13,18 @@ LARGE = 2000  # bytes from which a file goes the way of large files
 
 
 class Hub:
-    """What has arrived: repositories, files by path, tags, and a log of requests; `broken` says how often to refuse a call."""
+    """What has arrived: repositories, files by path, tags, and a log of requests; `broken` says how
+    often to refuse a call."""
 
     def __init__(self):
         self.repos, self.files, self.tags, self.log = {}, {}, [], []
-        self.objects, self.broken, self.lock, self.address, self.query = {}, {}, threading.Lock(), "", {}
+        self.objects, self.broken, self.lock, self.address, self.query = (
+            {},
+            {},
+            threading.Lock(),
+            "",
+            {},
+        )
 
     def answer(self, method, path, body):
         """(status, JSON) of a call."""
@@ -35,7 +43,10 @@ class Hub:
             return 200, {"errors": [], "warnings": []}
         if "/preupload/" in path:
             files = json.loads(body)["files"]
-            modes = [{"path": f["path"], "uploadMode": "lfs" if f["size"] > LARGE else "regular"} for f in files]
+            modes = [
+                {"path": f["path"], "uploadMode": "lfs" if f["size"] > LARGE else "regular"}
+                for f in files
+            ]
             return 200, {"files": [mode | {"shouldIgnore": False, "oid": None} for mode in modes]}
         if path.endswith("/info/lfs/objects/batch"):
             wanted = json.loads(body)["objects"]
@@ -51,14 +62,24 @@ class Hub:
             self.tags.append(json.loads(body)["tag"])
             return 200, {}
         if path.startswith("/api/datasets/"):
-            return 200, {"id": "me/set", "sha": "0" * 40, "private": False, "siblings": [], "tags": [], "downloads": 0, "likes": 0}
+            return 200, {
+                "id": "me/set",
+                "sha": "0" * 40,
+                "private": False,
+                "siblings": [],
+                "tags": [],
+                "downloads": 0,
+                "likes": 0,
+            }
         return 404, {"error": f"{method} {path} is unknown here"}
 
     def _ticket(self, wanted):
         ticket = {"oid": wanted["oid"], "size": wanted["size"]}
         if wanted["oid"] in self.objects:
             return ticket
-        return ticket | {"actions": {"upload": {"href": f"{self.address}/upload/{wanted['oid']}", "header": {}}}}
+        return ticket | {
+            "actions": {"upload": {"href": f"{self.address}/upload/{wanted['oid']}", "header": {}}}
+        }
 
     def _commit(self, body):
         for line in body.decode().splitlines():
@@ -83,7 +104,9 @@ def running(kind=Hub):
         def _do(self):
             body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
             with hub.lock:
-                hub.log.append((self.command, self.path.split("?")[0], self.headers.get("Authorization")))
+                hub.log.append(
+                    (self.command, self.path.split("?")[0], self.headers.get("Authorization"))
+                )
                 hub.query = parse_qs(self.path.partition("?")[2])
                 status, said = hub.answer(self.command, self.path.split("?")[0], body)
             data = said if isinstance(said, bytes) else json.dumps(said).encode()

@@ -1,4 +1,5 @@
-"""Runs an export in a test: options of the format by keyword, those that must be given filled in."""
+"""Runs an export in a test: options of the format by keyword, those that must be given filled
+in."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""The format that docs/add_a_format.md adds works: it is registered, exports, checks, and is known to the command line."""
+"""The format that docs/add_a_format.md adds works: it is registered, exports, checks, and is known
+to the command line."""
 
 import re
 from pathlib import Path
@@ -19,7 +20,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "add_a_format.md"
 @pytest.fixture
 def npz():
     """The page's class, registered while the test runs."""
-    (code,) = re.findall(r"^```python\n(\"\"\"npz:.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    (code,) = re.findall(
+        r"^```python\n(\"\"\"npz:.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL
+    )
     names: dict[str, object] = {"__name__": "npz_format"}
     exec(compile(code, str(PAGE), "exec"), names)
     yield code
@@ -27,7 +30,9 @@ def npz():
 
 
 def test_the_format_of_the_page(npz, tmp_path):
-    episodes = [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=3 + i) for i in range(2)]
+    episodes = [
+        make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=3 + i) for i in range(2)
+    ]
     out = tmp_path / "exports" / "npz"
     assert run("npz", tmp_path, out, episodes, camera="left")["options"] == {"camera": "left"}
     for i, path in enumerate(episodes):

@@ -19,10 +19,31 @@ print(*(name for name in sys.modules if name.partition(".")[0] in ("pipeline", "
 
 
 def test_an_export_loads_no_simulator(tmp_path):
-    build(tmp_path / "out", "--tasks", "click_bell", "--levels", "1", "--episodes", "1", "--executor", "inline")
-    command = [sys.executable, "-c", SCRIPT, "export", str(tmp_path / "out"), "--format", "parquet", "--quiet"]
+    build(
+        tmp_path / "out",
+        "--tasks",
+        "click_bell",
+        "--levels",
+        "1",
+        "--episodes",
+        "1",
+        "--executor",
+        "inline",
+    )
+    command = [
+        sys.executable,
+        "-c",
+        SCRIPT,
+        "export",
+        str(tmp_path / "out"),
+        "--format",
+        "parquet",
+        "--quiet",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     loaded = done.stdout.splitlines()[-1].split()
     ours = [name for name in loaded if name.startswith("pipeline")]
-    assert "sapien" not in loaded and not [name for name in ours if name.split(".")[1:2] and name.split(".")[1] in FORBIDDEN]
+    assert "sapien" not in loaded and not [
+        name for name in ours if name.split(".")[1:2] and name.split(".")[1] in FORBIDDEN
+    ]
     assert "pipeline.export.formats.parquet" in ours and len(ours) < MODULES

@@ -20,7 +20,9 @@ class Options:
 
 def test_texts_become_values_and_defaults_stay():
     assert parse_options("f", Options, {"color": "red"}) == Options("red", 5, False)
-    assert parse_options("f", Options, {"color": "blue", "count": "2", "all": True}) == Options("blue", 2, True)
+    assert parse_options("f", Options, {"color": "blue", "count": "2", "all": True}) == Options(
+        "blue", 2, True
+    )
 
 
 @pytest.mark.parametrize(
@@ -47,7 +49,10 @@ def test_sizes_and_camera_names():
     for text in ("640", "0x480", "640x480x3", "axb"):
         with pytest.raises(ValueError, match="WIDTHxHEIGHT"):
             image_size(text)
-    assert camera_names("head=top,right_camera=hand") == {"head_camera": "top", "right_camera": "hand"}
+    assert camera_names("head=top,right_camera=hand") == {
+        "head_camera": "top",
+        "right_camera": "hand",
+    }
     for text in ("head", "head=", "=top", "head=a=b"):
         with pytest.raises(ValueError, match="camera=name"):
             camera_names(text)
@@ -55,7 +60,11 @@ def test_sizes_and_camera_names():
 
 def test_cameras_get_the_names_of_the_field_unless_others_are_given():
     cameras = ("head_camera", "left_camera", "right_camera")
-    assert list(exported_names(cameras, {}).values()) == ["cam_high", "cam_left_wrist", "cam_right_wrist"]
+    assert list(exported_names(cameras, {}).values()) == [
+        "cam_high",
+        "cam_left_wrist",
+        "cam_right_wrist",
+    ]
     assert exported_names((*cameras, "front_camera"), {"left_camera": "wrist"}) == {
         "head_camera": "cam_high",
         "left_camera": "wrist",
@@ -81,5 +90,8 @@ def test_the_command_line_is_split_into_its_own_options_and_those_of_formats():
     assert split_options(["--jpeg-order=rgb"], set(), flags) == ([], {"jpeg_order": "rgb"})
     with pytest.raises(UsageError, match="--jpeg-order needs a value"):
         split_options(["OUT", "--jpeg-order"], set(), flags)
-    with pytest.raises(UsageError, match="--paddle is not an option of export nor of --format aloha, which has: --jpeg"):
+    with pytest.raises(
+        UsageError,
+        match="--paddle is not an option of export nor of --format aloha, which has: --jpeg",
+    ):
         split_options(["OUT", "--paddle"], set(), flags, "aloha")

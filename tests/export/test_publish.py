@@ -1,4 +1,5 @@
-"""Publishing to a hub on this machine: what arrives, what is refused beforehand, trying again, and no token in sight."""
+"""Publishing to a hub on this machine: what arrives, what is refused beforehand, trying again, and
+no token in sight."""
 
 import json
 from dataclasses import replace
@@ -33,34 +34,57 @@ def hub(monkeypatch):
 @pytest.fixture
 def export(tmp_path):
     """A Parquet export of two episodes."""
-    paths = [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=3, cameras=("head_camera",)) for i in range(2)]
+    paths = [
+        make_episode(
+            episode_path(tmp_path, slot=i), slot=i, seed=i, frames=3, cameras=("head_camera",)
+        )
+        for i in range(2)
+    ]
     run("parquet", tmp_path, tmp_path / "out", paths)
     return tmp_path / "out"
 
 
 def test_every_file_arrives_as_it_is(hub, export):
-    before = {p.relative_to(export).as_posix(): p.read_bytes() for p in export.rglob("*") if p.is_file()}
+    before = {
+        p.relative_to(export).as_posix(): p.read_bytes() for p in export.rglob("*") if p.is_file()
+    }
     ours = set(before)
     (export / "meta").mkdir()
     for name in ("meta/stats_gr00t.json", "meta/steps_ab12.pkl", "notes [1].txt"):
         (export / name).write_text("not ours")
     shipment = prepare(export, "me/set", private=True)
     assert set(shipment.files) == ours and shipment.bytes == sum(map(len, before.values()))
-    assert set(shipment.unlisted) == {"meta/stats_gr00t.json", "meta/steps_ab12.pkl", "notes [1].txt"}
+    assert set(shipment.unlisted) == {
+        "meta/stats_gr00t.json",
+        "meta/steps_ab12.pkl",
+        "notes [1].txt",
+    }
     assert "stays here, it is no part of the export: notes [1].txt" in shipment.describe()
     url = publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
-    assert url.endswith("/datasets/me/set") and "private" in (hub.repos["me/set"].get("visibility"), *hub.repos["me/set"])
+    assert url.endswith("/datasets/me/set") and "private" in (
+        hub.repos["me/set"].get("visibility"),
+        *hub.repos["me/set"],
+    )
     assert hub.files == before and hub.tags == []
-    assert {who for _, path, who in hub.log if path.startswith("/api/datasets/")} == {f"Bearer {TOKEN}"}
+    assert {who for _, path, who in hub.log if path.startswith("/api/datasets/")} == {
+        f"Bearer {TOKEN}"
+    }
     assert prepare(export, "me/set", private=True).files == shipment.files
 
 
 def test_a_refusal_is_one_line_without_the_token_and_the_next_try_goes_on(hub, export):
     hub.broken = {"/commit/": 1}
-    shipment, api = prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN)
+    shipment, api = (
+        prepare(export, "me/set", private=False),
+        HfApi(endpoint=hub.address, token=TOKEN),
+    )
     with pytest.raises(ExportError) as error:
         publish(shipment, api)
-    assert "me/set: the hub refused: " in str(error.value) and "\n" not in str(error.value) and TOKEN not in str(error.value)
+    assert (
+        "me/set: the hub refused: " in str(error.value)
+        and "\n" not in str(error.value)
+        and TOKEN not in str(error.value)
+    )
     publish(shipment, api)
     sent = [path for method, path, _ in hub.log if method == "PUT"]
     publish(shipment, api)
@@ -72,10 +96,13 @@ def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
     (export / "export.json").write_bytes(seal(summary | {"format": "lerobot"}))
     (export / "meta").mkdir()
     (export / "meta/info.json").write_text("{}")
-    # datasets of several robots lie in directories, and a meta/info.json that is no part of the export is nobody's
+    # datasets of several robots lie in directories, and a meta/info.json that is no part of the
+    # export is nobody's
     assert prepare(export, "me/set", private=False).tag is None
     written = {"meta/info.json": {"sha256": file_hash(export / "meta/info.json"), "bytes": 2}}
-    (export / "export.json").write_bytes(seal(summary | {"format": "lerobot", "contents": summary["contents"] | written}))
+    (export / "export.json").write_bytes(
+        seal(summary | {"format": "lerobot", "contents": summary["contents"] | written})
+    )
     publish(prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN))
     assert hub.tags == ["v3.0"]
     before, text = read_card(export / "README.md")
@@ -83,7 +110,9 @@ def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
     (export / "sent.md").write_bytes(hub.files["README.md"])
     front, text = read_card(export / "sent.md")
     assert f"{VISUALIZER}me/set" in text and front == before and front["configs"]
-    assert with_badge(text, "other/name").count(VISUALIZER) == 1 and "other/name" in with_badge(text, "other/name")
+    assert with_badge(text, "other/name").count(VISUALIZER) == 1 and "other/name" in with_badge(
+        text, "other/name"
+    )
 
 
 def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export, monkeypatch):
@@ -91,7 +120,9 @@ def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export
     monkeypatch.setattr("pipeline.export.publish.FILES_OF_A_FOLDER", 2)
     monkeypatch.setattr("pipeline.export.publish.GROUP_BYTES", 90_000)
     data = export / "data-00000.parquet"
-    pq.write_table(pa.table({"x": [b"\0" * 1000] * 100}), data, compression="zstd", use_dictionary=False)
+    pq.write_table(
+        pa.table({"x": [b"\0" * 1000] * 100}), data, compression="zstd", use_dictionary=False
+    )
     summary = json.loads((export / "export.json").read_text())
     summary["contents"][data.name]["sha256"] = file_hash(data)
     (export / "export.json").write_bytes(seal(summary))
@@ -106,7 +137,10 @@ def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export
 
 def test_the_words_of_a_shipment(export):
     shipment = prepare(export, "me/set", private=False)
-    assert "a PUBLIC dataset repository me/set" in shipment.describe() and "a private" in replace(shipment, private=True).describe()
+    assert (
+        "a PUBLIC dataset repository me/set" in shipment.describe()
+        and "a private" in replace(shipment, private=True).describe()
+    )
     for name in ("a//b", "a b", "x" * 200):
         with pytest.raises(ExportError, match="--repo-id"):
             prepare(export, name, private=False)
@@ -130,7 +164,11 @@ def test_links_and_changed_files_beside_and_in_an_export_are_not_sent(hub, expor
     shipment = prepare(export, "me/set", private=False)
     assert set(shipment.unlisted) == {"croissant.json", "more"}
     publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
-    assert set(hub.files) == set(shipment.files) and not any(b"secret" in data for data in hub.files.values())
+    assert set(hub.files) == set(shipment.files) and not any(
+        b"secret" in data for data in hub.files.values()
+    )
     (export / "episodes.parquet").write_bytes(b"x")
-    with pytest.raises(ExportError, match=r"episodes\.parquet: is not what was written: export again"):
+    with pytest.raises(
+        ExportError, match=r"episodes\.parquet: is not what was written: export again"
+    ):
         prepare(export, "me/set", private=False)

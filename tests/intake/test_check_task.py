@@ -1,4 +1,5 @@
-"""The contract checker on a broken task and on the one that docs/add_a_task.md adds; tests/tasks has it check every task."""
+"""The contract checker on a broken task and on the one that docs/add_a_task.md adds; tests/tasks
+has it check every task."""
 
 import re
 from pathlib import Path
@@ -38,15 +39,21 @@ def test_the_documented_task_keeps_the_contract(documented_task):
     findings = {f.name: f for f in check_task(documented_task, levels=(0, 3))}
     bad = [f for f in findings.values() if not f.ok]
     assert not bad, bad
-    assert {"level 0", "level 3", "determinism", "arms", "language", "level 3 conditions"} <= set(findings)
+    assert {"level 0", "level 3", "determinism", "arms", "language", "level 3 conditions"} <= set(
+        findings
+    )
 
 
 def test_the_page_says_how_many_templates_the_contract_asks_for():
-    assert f"at least {Task.least_seen} seen and {Task.least_unseen} unseen" in " ".join(PAGE.read_text().split())
+    assert f"at least {Task.least_seen} seen and {Task.least_unseen} unseen" in " ".join(
+        PAGE.read_text().split()
+    )
 
 
 def test_a_task_that_succeeds_by_itself_is_found_out(documented_task, monkeypatch):
-    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True})
+    monkeypatch.setattr(
+        type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True}
+    )
     findings = {f.name: f for f in check_task(documented_task, levels=(1,))}
     assert not findings["level 1 start"].ok
     assert findings["level 1 conditions"].ok
@@ -55,14 +62,21 @@ def test_a_task_that_succeeds_by_itself_is_found_out(documented_task, monkeypatc
 @pytest.mark.parametrize(
     ("conditions", "said"),
     [
-        (lambda o: {"held": True} if len(o.log) > 5 else {"lifted": True}, "the names change: ['lifted'] and ['held']"),
+        (
+            lambda o: {"held": True} if len(o.log) > 5 else {"lifted": True},
+            "the names change: ['lifted'] and ['held']",
+        ),
         (lambda o: {"Held up": True}, "Held up"),
         (lambda o: {"held": np.bool_(True)}, "held"),
         (lambda o: {}, ""),
     ],
 )
-def test_conditions_without_stable_names_are_found_out(documented_task, monkeypatch, conditions, said):
-    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: conditions(o))
+def test_conditions_without_stable_names_are_found_out(
+    documented_task, monkeypatch, conditions, said
+):
+    monkeypatch.setattr(
+        type(TASKS[documented_task]), "success", lambda self, o, arms: conditions(o)
+    )
     findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
     assert not findings["level 0 conditions"].ok
     assert said in findings["level 0 conditions"].detail
@@ -70,10 +84,16 @@ def test_conditions_without_stable_names_are_found_out(documented_task, monkeypa
 
 def test_a_task_that_fails_says_what_exactly_and_what_to_change(documented_task, monkeypatch):
     monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 2)
-    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True, "painted": False})
+    monkeypatch.setattr(
+        type(TASKS[documented_task]),
+        "success",
+        lambda self, o, arms: {"held": True, "painted": False},
+    )
     finding = next(f for f in check_task(documented_task, levels=(0,)) if f.name == "level 0")
     assert not finding.ok
-    assert finding.detail.startswith("none of 2 seeds was accepted; 2 x dry_run: no_success (not fulfilled: painted 2); ")
+    assert finding.detail.startswith(
+        "none of 2 seeds was accepted; 2 x dry_run: no_success (not fulfilled: painted 2); "
+    )
     assert HINTS["no_success"] in finding.detail
 
 
@@ -83,25 +103,48 @@ def test_a_task_that_never_meets_its_target_is_found_out(documented_task, monkey
     assert not findings["level 1"].ok
 
 
-def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(documented_task, monkeypatch, tmp_path):
+def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(
+    documented_task, monkeypatch, tmp_path
+):
     monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 1)
     monkeypatch.setattr("pipeline.intake.check_task.LAYOUTS", 2)
     # no arm lifts a can by half a metre
-    monkeypatch.setattr(type(TASKS[documented_task]), "finish", lambda self, a: iter([lift(a.arms["arm"], 0.5, least=1.0)]))
+    monkeypatch.setattr(
+        type(TASKS[documented_task]),
+        "finish",
+        lambda self, a: iter([lift(a.arms["arm"], 0.5, least=1.0)]),
+    )
     findings = {f.name: f for f in check_task(documented_task, levels=(0,), images=tmp_path)}
     detail = findings["level 0 pose"].detail
-    assert re.match(r"seed 0: finish: lift \(\w+, can\): the \w+ tcp is to be at \([^)]*\) m, 30 degrees below", detail)
-    wanted, nearest = (np.array([float(x) for x in place.split(",")]) for place in re.findall(r"\(([-\d., ]+)\) m", detail))
+    assert re.match(
+        r"seed 0: finish: lift \(\w+, can\): the \w+ tcp is to be at \([^)]*\) m, 30 degrees below",
+        detail,
+    )
+    wanted, nearest = (
+        np.array([float(x) for x in place.split(",")])
+        for place in re.findall(r"\(([-\d., ]+)\) m", detail)
+    )
     apart = float(re.findall(r"([\d.]+) cm away", detail)[0]) / 100
     assert apart == pytest.approx(np.linalg.norm(wanted - nearest), abs=2e-3)
-    # a search over all headings: the arm reaches the nearest place with this pitch, and not the wanted one
+    # a search over all headings: the arm reaches the nearest place with this pitch, and not the
+    # wanted one
     side, down = re.findall(r"the (\w+) tcp", detail)[0], np.radians(30)
     chain = planner_for("aloha-agilex").chains[side]
-    turned = [quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), down)) for yaw in np.linspace(0, 2 * np.pi, 73)]
-    reached = [ik_many(chain, np.array([[*place, *quat] for quat in turned]), [chain.home])[1].any() for place in (nearest, wanted)]
+    turned = [
+        quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), down))
+        for yaw in np.linspace(0, 2 * np.pi, 73)
+    ]
+    reached = [
+        ik_many(chain, np.array([[*place, *quat] for quat in turned]), [chain.home])[1].any()
+        for place in (nearest, wanted)
+    ]
     assert reached == [True, False]
     image = cv2.imread(str(tmp_path / f"{documented_task}-aloha-agilex-level0.png"))
-    assert image is not None and image.shape[1] == 1280 and (np.abs(image.astype(int) - (30, 30, 230)).max(-1) < 40).sum() > 40
+    assert (
+        image is not None
+        and image.shape[1] == 1280
+        and (np.abs(image.astype(int) - (30, 30, 230)).max(-1) < 40).sum() > 40
+    )
 
 
 def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monkeypatch):
@@ -110,17 +153,25 @@ def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monk
     monkeypatch.setattr(task, "meet", lambda self, a: iter([a.nothing]))
     monkeypatch.setattr(task, "seen", (*task.seen, "Lift {hand}."))
     findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
-    assert re.search(r"test_check_task.py:\d+: .*AttributeError: 'Actor' object has no", findings["level 0"].detail)
+    assert re.search(
+        r"test_check_task.py:\d+: .*AttributeError: 'Actor' object has no",
+        findings["level 0"].detail,
+    )
     assert "the unknown slot {hand}" in findings["language"].detail
     monkeypatch.setattr(
-        type(build_scene(EpisodeSpec(documented_task, "aloha-agilex", 0, 0.1, "clean", 0, 0)).bodies["can"].instance),
+        type(
+            build_scene(EpisodeSpec(documented_task, "aloha-agilex", 0, 0.1, "clean", 0, 0))
+            .bodies["can"]
+            .instance
+        ),
         "words",
         lambda self: describe("red can", "can"),
     )
     findings = {f.name: f for f in check_task(documented_task, levels=())}
     assert (
         findings["language"].detail
-        == "describe('red can', 'can'): 'can' is the family, which comes first, then the noun: swap them"
+        == "describe('red can', 'can'): 'can' is the family, which comes first, then the noun: swap"
+        " them"
     )
 
 

@@ -11,7 +11,11 @@ from pipeline.tasks.contract import Draw, Task
 
 def own(**attributes: Any) -> Task:
     """An instance of a task outside the package, like click_bell but for some attributes."""
-    return type("Own", (type(TASKS["click_bell"]),), {"__module__": __name__, "name": "own", "suite": "mine"} | attributes)()
+    return type(
+        "Own",
+        (type(TASKS["click_bell"]),),
+        {"__module__": __name__, "name": "own", "suite": "mine"} | attributes,
+    )()
 
 
 def raising(self: Task, draw: object) -> None:
@@ -33,9 +37,15 @@ def test_a_sound_task_and_those_of_the_package_pass():
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [
-        ({"category": "trackin"}, "category is 'trackin', which is not one of interception, tracking"),
+        (
+            {"category": "trackin"},
+            "category is 'trackin', which is not one of interception, tracking",
+        ),
         ({"target": 3}, "target is 3, which is not the name of a body"),
-        ({"step_limit": "many"}, "step_limit is 'many', which is not a whole number from 1 to 10000"),
+        (
+            {"step_limit": "many"},
+            "step_limit is 'many', which is not a whole number from 1 to 10000",
+        ),
         ({"step_limit": 10**12}, "step_limit is 1000000000000, which is not a whole number"),
         ({"motion": "planer"}, "motion is 'planer', which is not one of "),
         ({"suite": "all"}, "suite is 'all', which is not a name of its own"),
@@ -47,14 +57,24 @@ def test_a_sound_task_and_those_of_the_package_pass():
         ({"seen": "press it"}, "seen is 'press it', which is not a tuple of sentences"),
         ({"limits": {"lift": 0.1}}, "which is not limits by name: write them with `by_name`"),
         ({"workspace": (0, 1, 0, 1)}, "which is not a Workspace"),
-        ({"layout": raising}, "test_own_tasks.py:18: task own: its layout raised ZeroDivisionError: division by zero"),
+        (
+            {"layout": raising},
+            "test_own_tasks.py:18: task own: its layout raised ZeroDivisionError: division by zero",
+        ),
         ({"layout": lambda self, draw: [draw.one_of("bel")]}, "its layout raised"),
         ({"layout": endless}, "its layout does not end within 0.2 s: check its loops"),
         ({"target": "bel"}, "target is 'bel', which its layout does not place: there are bell"),
     ],
 )
 def test_what_is_wrong_is_one_line_that_names_the_task(attributes, message, monkeypatch):
-    monkeypatch.setattr("pipeline.intake.own_tasks.LAYOUT_SECONDS", 0.2 if attributes.get("layout") is endless else 20.0)
+    monkeypatch.setattr(
+        "pipeline.intake.own_tasks.LAYOUT_SECONDS",
+        0.2 if attributes.get("layout") is endless else 20.0,
+    )
     with pytest.raises(RecipeError) as error:
         check_task(own(**attributes))
-    assert re.match(r"\S+: task own: ", str(error.value)) and message in f"{error.value}" and "\n" not in str(error.value)
+    assert (
+        re.match(r"\S+: task own: ", str(error.value))
+        and message in f"{error.value}"
+        and "\n" not in str(error.value)
+    )

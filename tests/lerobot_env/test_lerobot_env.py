@@ -1,4 +1,5 @@
-"""The environment type of LeRobot: scenes of the protocol, rewards that sum to MS, and lerobot-eval from end to end."""
+"""The environment type of LeRobot: scenes of the protocol, rewards that sum to MS, and lerobot-eval
+from end to end."""
 
 import json
 import sys
@@ -22,7 +23,8 @@ SMALL = setup_of({"cameras": ["head"], "size": [32, 24]})
 
 @pytest.fixture(scope="module")
 def lr():
-    """What the tests name of LeRobot, which takes 8 s of CPU to import: in the process that runs them only."""
+    """What the tests name of LeRobot, which takes 8 s of CPU to import: in the process that runs
+    them only."""
     pytest.importorskip("lerobot")
     from tests.lerobot_env import imported
 
@@ -45,7 +47,9 @@ def play(env, actions):
     """Rewards until the end, and the last info."""
     rewards = []
     for n in range(env._max_episode_steps):
-        observation, reward, terminated, truncated, info = env.step(actions[min(n, len(actions) - 1)])
+        observation, reward, terminated, truncated, info = env.step(
+            actions[min(n, len(actions) - 1)]
+        )
         assert env.observation_space.contains(observation)
         rewards.append(reward)
         if terminated or truncated:
@@ -71,7 +75,9 @@ def test_seeds_are_indices_of_the_admitted_scenes(task, manifests, lr):
 
 def test_a_success_is_worth_a_hundred_at_once(task, manifests, lr):
     task.reset(seed=1000)
-    rewards, info = play(task, expert_actions(lr.Scenes(CELL, manifests).case(1000)).astype(np.float32))
+    rewards, info = play(
+        task, expert_actions(lr.Scenes(CELL, manifests).case(1000)).astype(np.float32)
+    )
     assert info["is_success"] is True
     assert rewards[-1] == sum(rewards) == max(rewards) == 100
 
@@ -83,7 +89,11 @@ def test_rewards_sum_to_the_score_and_their_maximum_is_the_completion(task):
     rewards, info = play(task, towards[None])
     told = score(task._env.trial)
     assert told.penalties == ("out_of_bounds",) and told.route_completion > 0
-    assert sum(rewards) == pytest.approx(told.manipulation_score) == pytest.approx(told.route_completion / 2)
+    assert (
+        sum(rewards)
+        == pytest.approx(told.manipulation_score)
+        == pytest.approx(told.route_completion / 2)
+    )
     assert max(rewards) == pytest.approx(told.route_completion)
     assert info["is_success"] is False and info["manipulation_score"] == told.manipulation_score
     assert task.render().shape == (24, 32, 3)
@@ -123,7 +133,12 @@ def test_two_environments_end_one_after_the_other_and_wait(manifests, lr):
     config = lr.DominoEnvConfig(setup=SMALL.given(), manifests=str(manifests))
     vector = config.create_envs(2)["click_bell"][0]
     observation, _ = vector.reset(seed=[1000, 1001], options={lr.NEW_ROLLOUT_OPTION: True})
-    assert lr.preprocess_observation(observation)["observation.images.cam_high"].shape == (2, 3, 24, 32)
+    assert lr.preprocess_observation(observation)["observation.images.cam_high"].shape == (
+        2,
+        3,
+        24,
+        32,
+    )
     actions, ended, total = observation["agent_pos"], np.zeros(2, bool), np.zeros(2)
     for _ in range(vector.call("_max_episode_steps")[0]):
         _, reward, terminated, truncated, info = vector.step(actions)
@@ -133,15 +148,21 @@ def test_two_environments_end_one_after_the_other_and_wait(manifests, lr):
         if ended.all():
             break
     assert ended.all()
-    assert np.allclose(total, [score(env.unwrapped._env.trial).manipulation_score for env in vector._ensure().envs])
+    assert np.allclose(
+        total, [score(env.unwrapped._env.trial).manipulation_score for env in vector._ensure().envs]
+    )
     vector.close()
 
 
 def test_the_file_for_the_hub_makes_environments(lr):
     module = lr._import_hub_module(str(PROJECT / "hub" / "env.py"), "user/repo")
-    made = lr._normalize_hub_result(lr._call_make_env(module, n_envs=1, use_async_envs=False, cfg=None))
+    made = lr._normalize_hub_result(
+        lr._call_make_env(module, n_envs=1, use_async_envs=False, cfg=None)
+    )
     assert list(made) == ["click_bell"] and not made["click_bell"][0].made
-    assert list(lr._call_make_env(module, 1, False, lr.HubEnvConfig(task="shake_bottle"))) == ["shake_bottle"]
+    assert list(lr._call_make_env(module, 1, False, lr.HubEnvConfig(task="shake_bottle"))) == [
+        "shake_bottle"
+    ]
 
 
 def test_lerobot_eval_runs_a_random_act_from_end_to_end(tmp_path, manifests, monkeypatch, lr):
@@ -175,12 +196,17 @@ def test_lerobot_eval_runs_a_random_act_from_end_to_end(tmp_path, manifests, mon
         "eval.batch_size": 1,
         "output_dir": out,
     }
-    monkeypatch.setattr(sys, "argv", ["lerobot-eval", *(f"--{key}={value}" for key, value in options.items())])
+    monkeypatch.setattr(
+        sys, "argv", ["lerobot-eval", *(f"--{key}={value}" for key, value in options.items())]
+    )
     lr.lerobot_eval.main()
     assert lr.EnvConfig.get_choice_class("domino") is not lr.DominoEnvConfig
     told = json.loads((out / "eval_info.json").read_text())
     assert told["per_group"]["click_bell"]["n_episodes"] == 2
     (metrics,) = [each["metrics"] for each in told["per_task"]]
     assert metrics["successes"] == [False, False]
-    assert all(0 <= total <= best <= 100 for total, best in zip(metrics["sum_rewards"], metrics["max_rewards"], strict=True))
+    assert all(
+        0 <= total <= best <= 100
+        for total, best in zip(metrics["sum_rewards"], metrics["max_rewards"], strict=True)
+    )
     assert len(list(out.rglob("*.mp4"))) == 2

@@ -1,4 +1,5 @@
-"""lerobot-train on an export of ours with its environment type and ours, ACT and PUMA; lerobot-eval of what it saved."""
+"""lerobot-train on an export of ours with its environment type and ours, ACT and PUMA; lerobot-eval
+of what it saved."""
 
 import json
 import os
@@ -26,7 +27,13 @@ ENVIRONMENT = {
     "eval.batch_size": 1,
 }
 SMALL_PUMA = [
-    *("model.backbone.width=32", "model.backbone.layers=1", "model.chunk=16", "model.stride=1", "model.history_length=1"),
+    *(
+        "model.backbone.width=32",
+        "model.backbone.layers=1",
+        "model.chunk=16",
+        "model.stride=1",
+        "model.history_length=1",
+    ),
     *("execute.actions=16", "data.image_size=[32, 32]", "data.flow_size=[32, 32]"),
 ]
 POLICIES = {
@@ -61,12 +68,23 @@ def environment(tmp_path_factory):
         folder.mkdir()
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
     paths = (ROOT, *(ROOT / plugin / "src" for plugin in PLUGINS), site)
-    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths)), "HF_HUB_OFFLINE": "1", "WANDB_MODE": "disabled"}
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(str, paths)),
+        "HF_HUB_OFFLINE": "1",
+        "WANDB_MODE": "disabled",
+    }
 
 
 def lerobot(script, options, environment, place):
-    words = [sys.executable, "-m", f"lerobot.scripts.{script}", *(f"--{key}={value}" for key, value in options.items())]
-    done = subprocess.run(words, check=False, env=environment, cwd=place, capture_output=True, text=True, timeout=600)
+    words = [
+        sys.executable,
+        "-m",
+        f"lerobot.scripts.{script}",
+        *(f"--{key}={value}" for key, value in options.items()),
+    ]
+    done = subprocess.run(
+        words, check=False, env=environment, cwd=place, capture_output=True, text=True, timeout=600
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     return done.stdout + done.stderr
 
@@ -92,12 +110,22 @@ def test_a_policy_is_trained_and_tried_in_our_environment(kind, dataset, environ
         "log_freq": 1,
         "output_dir": out,
     }
-    told = lerobot("lerobot_train", options | {f"policy.{k}": v for k, v in POLICIES[kind].items()}, environment, tmp_path)
+    told = lerobot(
+        "lerobot_train",
+        options | {f"policy.{k}": v for k, v in POLICIES[kind].items()},
+        environment,
+        tmp_path,
+    )
     assert "avg_sum_reward" in told
     assert len(list(out.rglob("*.mp4"))) == 1
     saved = out / "checkpoints" / "last" / "pretrained_model"
     assert json.loads((saved / "config.json").read_text())["type"] == kind
-    options = ENVIRONMENT | {"env.manifests": scenes, "policy.path": saved, "policy.device": "cpu", "output_dir": tried}
+    options = ENVIRONMENT | {
+        "env.manifests": scenes,
+        "policy.path": saved,
+        "policy.device": "cpu",
+        "output_dir": tried,
+    }
     lerobot("lerobot_eval", options, environment, tmp_path)
     told = json.loads((tried / "eval_info.json").read_text())
     assert told["per_group"]["click_bell"]["n_episodes"] == 1

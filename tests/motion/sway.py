@@ -1,4 +1,5 @@
-"""A model of motions that is not of the package: a sinusoid along x during which the target turns."""
+"""A model of motions that is not of the package: a sinusoid along x during which the target
+turns."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -10,7 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
-from pipeline.motion.contract import Array, Features, Level, NoMotion, Request, SpeedBound, Streams, TargetMotion, Verdict, bounded
+from pipeline.motion.contract import (
+    Array,
+    Features,
+    Level,
+    NoMotion,
+    Request,
+    SpeedBound,
+    Streams,
+    TargetMotion,
+    Verdict,
+    bounded,
+)
 from pipeline.poses import compose, yawed
 
 RATE = 2 * np.pi / 1.5  # rad/s
@@ -18,7 +30,8 @@ RATE = 2 * np.pi / 1.5  # rad/s
 
 @dataclass(frozen=True)
 class Sway:
-    """x = x_end + amplitude * sin(RATE * (t - duration)); the yaw turns by `turn` rad/s. The target stands before -lead."""
+    """x = x_end + amplitude * sin(RATE * (t - duration)); the yaw turns by `turn` rad/s. The target
+    stands before -lead."""
 
     level: int
     alpha: float
@@ -34,7 +47,9 @@ class Sway:
 
     def pose(self, t: ArrayLike) -> Array:
         since = np.maximum(np.asarray(t, float), -self.lead) - self.duration
-        poses = np.stack([compose(self.end, yawed((0, 0, 0), self.turn * s)) for s in since.ravel()]).reshape(*since.shape, 7)
+        poses = np.stack(
+            [compose(self.end, yawed((0, 0, 0), self.turn * s)) for s in since.ravel()]
+        ).reshape(*since.shape, 7)
         poses[..., 0] += self.amplitude * np.sin(RATE * since)
         return poses
 
@@ -50,7 +65,11 @@ class Sway:
 
     def features(self) -> Features:
         time = self.duration + self.lead
-        length = quad(lambda s: abs(np.cos(RATE * s)), 0, time, limit=200)[0] * abs(self.amplitude) * RATE
+        length = (
+            quad(lambda s: abs(np.cos(RATE * s)), 0, time, limit=200)[0]
+            * abs(self.amplitude)
+            * RATE
+        )
         top = abs(self.amplitude) * RATE
         return Features(length / time, top, top, abs(self.amplitude * np.sin(RATE * time)))
 
@@ -66,19 +85,37 @@ class SwayModel:
 
     name = "sway"
     version = 1
-    levels: Mapping[int, Level] = MappingProxyType({4: Level("swaying from side to side", "#7c3aed")})
+    levels: Mapping[int, Level] = MappingProxyType(
+        {4: Level("swaying from side to side", "#7c3aed")}
+    )
 
     def draw(self, asked: Request, streams: Streams) -> Sway:
         turn = float(streams.shape.uniform(0.2, 0.6))
         end = tuple(np.asarray(asked.end_pose, float).tolist())
         for sign in streams.direction.permutation([-1.0, 1.0]).tolist():
-            found = Sway(asked.level, asked.alpha, asked.duration, asked.lead, end, sign * asked.alpha / RATE, turn)
+            found = Sway(
+                asked.level,
+                asked.alpha,
+                asked.duration,
+                asked.lead,
+                end,
+                sign * asked.alpha / RATE,
+                turn,
+            )
             if asked.free is None or asked.free(found):
                 return found
         raise NoMotion(asked, {"blocked": 2})
 
     def stand(self, asked: Request, streams: Streams) -> Sway:
-        return Sway(0, 0.0, asked.duration, asked.lead, tuple(np.asarray(asked.end_pose, float).tolist()), 0.0, 0.0)
+        return Sway(
+            0,
+            0.0,
+            asked.duration,
+            asked.lead,
+            tuple(np.asarray(asked.end_pose, float).tolist()),
+            0.0,
+            0.0,
+        )
 
     def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
         yield bounded(motion, "maximum")

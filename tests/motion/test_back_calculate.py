@@ -23,7 +23,9 @@ def streams(shape: int, direction: int) -> Streams:
     return Streams(np.random.default_rng((shape, 0)), np.random.default_rng((direction, 1)))
 
 
-def draw(level, seed=0, alpha=0.1, duration=3.0, end=END, workspace=TABLE, **options) -> PlanarMotion:
+def draw(
+    level, seed=0, alpha=0.1, duration=3.0, end=END, workspace=TABLE, **options
+) -> PlanarMotion:
     both = streams(seed, options.pop("direction", seed))
     found = back_calculate_motion(Request(level, alpha, duration, end, workspace, **options), both)
     assert isinstance(found, PlanarMotion)
@@ -87,7 +89,9 @@ def test_every_motion_keeps_its_promises(level, seed, alpha, duration, lead, x, 
 def test_the_maximum_bound_holds_at_every_instant(level):
     for seed in range(60):
         m = draw(level, seed, speed_bound="maximum")
-        steps = np.linalg.norm(np.diff(m.position(clock(m, 2000)), axis=0), axis=1) / (m.duration / 1999)
+        steps = np.linalg.norm(np.diff(m.position(clock(m, 2000)), axis=0), axis=1) / (
+            m.duration / 1999
+        )
         assert steps.max() <= 0.1 * (1 + 1e-9)
         assert m.maximum_speed() <= 0.1 * (1 + 1e-9)
 
@@ -133,7 +137,9 @@ def test_the_tail_stays_in_the_workspace(level):
     near_the_corner = yawed((0.3, -0.2, 0.77), 0.0)
     plain = [draw(level, seed, end=near_the_corner) for seed in range(30)]
     assert any(not TABLE.contains(m.position(m.duration + 1.5)) for m in plain)
-    kept = [m for m in (drawn(level, seed, end=near_the_corner, tail=1.5) for seed in range(30)) if m]
+    kept = [
+        m for m in (drawn(level, seed, end=near_the_corner, tail=1.5) for seed in range(30)) if m
+    ]
     assert len(kept) >= 5
     for m in kept:
         assert TABLE.contains(m.position(np.linspace(-1, m.duration + 1.5, 200))).all()
@@ -191,7 +197,8 @@ def test_free_is_asked_for_one_direction_after_another():
 
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_the_shape_is_kept_whatever_the_direction(level):
-    """Two attempts of a slot: speeds and distances from the end at all times are the same, the directions are not."""
+    """Two attempts of a slot: speeds and distances from the end at all times are the same, the
+    directions are not."""
     for seed in range(20):
         a, b = draw(level, seed, direction=1), draw(level, seed, direction=2)
         away = [np.linalg.norm(m.position(clock(m)) - END[:3], axis=-1) for m in (a, b)]
@@ -202,19 +209,27 @@ def test_the_shape_is_kept_whatever_the_direction(level):
 
 
 def law(speed, alpha=0.1):
-    """Distribution function of clip(abs(N(0.8 alpha, alpha / 3)), 0.01, alpha), from the normal one."""
+    """Distribution function of clip(abs(N(0.8 alpha, alpha / 3)), 0.01, alpha), from the normal
+    one."""
     normal = stats.norm(0.8 * alpha, alpha / 3)
     inside = normal.cdf(speed) - normal.cdf(-np.asarray(speed))
     return np.where(speed >= alpha, 1.0, np.where(speed < 0.01, 0.0, inside))
 
 
 def accepted_in_some_layout(seed) -> PlanarMotion:
-    """A slot's motion: its shape is kept over layouts with other meeting places until it fits. Half the table is blocked."""
+    """A slot's motion: its shape is kept over layouts with other meeting places until it fits. Half
+    the table is blocked."""
     rng = np.random.default_rng((seed, 2))
     for attempt in range(100):
         x, y = rng.uniform((-0.25, -0.2), (0.25, 0.1))
         end = yawed((x, y, 0.77), 0.0)
-        if found := drawn(1, seed, direction=attempt, end=end, free=lambda m, x=x: bool(m.position(0.0)[0] > x + 0.02)):
+        if found := drawn(
+            1,
+            seed,
+            direction=attempt,
+            end=end,
+            free=lambda m, x=x: bool(m.position(0.0)[0] > x + 0.02),
+        ):
             return found
     raise AssertionError("no layout has room")
 
@@ -248,7 +263,8 @@ def test_no_motion_counts_shapes_and_directions():
 
 
 def test_a_straight_motion_longer_than_the_table_is_not_tried():
-    """At 0.3 m/s over 3 s the law's typical way is 0.7 m, and the farthest corner is 0.52 m away: slower draws are taken."""
+    """At 0.3 m/s over 3 s the law's typical way is 0.7 m, and the farthest corner is 0.52 m away:
+    slower draws are taken."""
     farthest = max(np.hypot(x - END[0], y - END[1]) for x in (-0.35, 0.35) for y in (-0.25, 0.15))
     motions = [m for m in (drawn(1, seed, alpha=0.3) for seed in range(40)) if m]
     assert len(motions) > 10
@@ -259,25 +275,38 @@ def test_a_straight_motion_longer_than_the_table_is_not_tried():
 
 @pytest.mark.parametrize("alpha", [0.2, 0.3])
 def test_targets_that_start_late_keep_the_law_where_those_that_do_not_are_slower(alpha):
-    """The speed of every slot is the first one that its stream draws, whatever the table has room for."""
+    """The speed of every slot is the first one that its stream draws, whatever the table has room
+    for."""
     early, late = [], []
     for seed in range(60):
-        law = np.clip(abs(np.random.default_rng((seed, 0)).normal(0.8 * alpha, alpha / 3)), 0.01, alpha)
+        law = np.clip(
+            abs(np.random.default_rng((seed, 0)).normal(0.8 * alpha, alpha / 3)), 0.01, alpha
+        )
         m = draw(1, seed, alpha=alpha, moving=LATE)
         assert m.features().average_speed == pytest.approx(law, rel=1e-9)
         np.testing.assert_allclose(m.pose(m.duration), END, atol=1e-12)
         assert TABLE.contains(m.position(clock(m))).all()
         if m.lead < 0:
-            assert not m.twist(np.linspace(0, -m.lead - 1e-9, 5)).any() and not np.ptp(m.pose([0.0, -m.lead]), axis=0).any()
+            assert (
+                not m.twist(np.linspace(0, -m.lead - 1e-9, 5)).any()
+                and not np.ptp(m.pose([0.0, -m.lead]), axis=0).any()
+            )
         late.append(m)
         early.append(drawn(1, seed, alpha=alpha))
     speeds = [np.mean([m.features().average_speed for m in group if m]) for group in (early, late)]
-    assert speeds[0] < 0.85 * mean_speed(alpha) and speeds[1] == pytest.approx(mean_speed(alpha), rel=0.1)
-    assert any(m.lead < 0 for m in late) and motion_from_json(late[0].to_json()).to_json() == late[0].to_json()
+    assert speeds[0] < 0.85 * mean_speed(alpha) and speeds[1] == pytest.approx(
+        mean_speed(alpha), rel=0.1
+    )
+    assert (
+        any(m.lead < 0 for m in late)
+        and motion_from_json(late[0].to_json()).to_json() == late[0].to_json()
+    )
 
 
 def test_jumps_of_level_3_can_be_capped():
-    free, capped = ([draw(3, seed, alpha=0.3, jump_limit=limit) for seed in range(25)] for limit in (None, 1.2))
+    free, capped = (
+        [draw(3, seed, alpha=0.3, jump_limit=limit) for seed in range(25)] for limit in (None, 1.2)
+    )
     most = [max(m.velocity_jumps().max() for m in group) for group in (free, capped)]
     assert most[0] > 1.2 >= most[1]
     same = [a.to_json() == b.to_json() for a, b in zip(free, capped, strict=True)]

@@ -1,4 +1,5 @@
-"""Motions in closed form: what holds of every model, and the law of each by an independent calculation."""
+"""Motions in closed form: what holds of every model, and the law of each by an independent
+calculation."""
 
 import json
 from dataclasses import fields
@@ -22,7 +23,17 @@ every_model = pytest.mark.parametrize("name", OWN)
 
 
 def asked(level, **options):
-    return Request(level, 0.1, 3.0, END, Workspace(-0.35, 0.35, -0.25, 0.25), radius=0.03, height=0.06, tail=0.25, **options)
+    return Request(
+        level,
+        0.1,
+        3.0,
+        END,
+        Workspace(-0.35, 0.35, -0.25, 0.25),
+        radius=0.03,
+        height=0.06,
+        tail=0.25,
+        **options,
+    )
 
 
 def drawn(name, level, seed, **options):
@@ -54,7 +65,9 @@ def test_a_motion_whose_twist_is_not_the_derivative_of_its_pose_is_refused():
 
     wrong = Slow(**{name: getattr(right, name) for name in (f.name for f in fields(right))})
     assert derived(right).holds and not derived(wrong).holds
-    with pytest.raises(MotionError, match="'sinusoid': its twist is not the derivative of its pose"):
+    with pytest.raises(
+        MotionError, match="'sinusoid': its twist is not the derivative of its pose"
+    ):
         first_that_fits(asked(1), [wrong])
 
 
@@ -72,22 +85,31 @@ def test_a_twist_is_the_rate_of_the_pose(name, level, seed):
         steady = np.linalg.norm(motion.twist(t + h) - motion.twist(t - h), axis=1) < 0.01
         t, before, after = t[steady], before[steady], after[steady]
     turned = quat_multiply(after[:, 3:], before[:, 3:] * [1, -1, -1, -1])
-    np.testing.assert_allclose(motion.twist(t)[:, 3:], turned[:, 1:] * np.sign(turned[:, :1]) / h, atol=1e-6)
+    np.testing.assert_allclose(
+        motion.twist(t)[:, 3:], turned[:, 1:] * np.sign(turned[:, :1]) / h, atol=1e-6
+    )
 
 
 @every_model
 def test_the_greatest_speed_can_be_bounded(name):
     for seed in range(5):
         for level in (1, 2, 3):
-            assert drawn(name, level, seed, speed_bound="maximum").features().maximum_speed <= 0.1 * (1 + 1e-6)
+            assert drawn(
+                name, level, seed, speed_bound="maximum"
+            ).features().maximum_speed <= 0.1 * (1 + 1e-6)
 
 
 @every_model
 def test_levels_are_constant_smooth_and_abrupt(name):
     for seed in range(3):
-        assert not len(drawn(name, 1, seed).breakpoints()) and not len(drawn(name, 2, seed).breakpoints())
+        assert not len(drawn(name, 1, seed).breakpoints()) and not len(
+            drawn(name, 2, seed).breakpoints()
+        )
         abrupt = drawn(name, 3, seed)
-        jumps = [np.linalg.norm(np.diff(abrupt.twist([at - 1e-9, at])[:, :3], axis=0)) for at in abrupt.breakpoints()]
+        jumps = [
+            np.linalg.norm(np.diff(abrupt.twist([at - 1e-9, at])[:, :3], axis=0))
+            for at in abrupt.breakpoints()
+        ]
         assert jumps and (max(jumps) > 0.01 or name == "handed")
 
 
@@ -97,7 +119,9 @@ def test_level_0_stands_among_the_scenery(name):
     still, moving = MODELS[name].stand(asked(0), streams), drawn(name, 1, 0)
     assert still.features().maximum_speed == 0.0 and still.level == 0
     np.testing.assert_allclose(still.pose([-1.0, 1.0, 4.0]), np.tile(END, (3, 1)), atol=1e-12)
-    assert {p.name for p in moving.scenery()} >= {"belt", "disc"} & {p.name for p in still.scenery()}
+    assert {p.name for p in moving.scenery()} >= {"belt", "disc"} & {
+        p.name for p in still.scenery()
+    }
     for prop in moving.scenery():
         assert np.shape(prop.pose(np.zeros(4))) == (4, 7) and np.shape(prop.pose(0.0)) == (7,)
 
@@ -114,7 +138,9 @@ def test_what_fits_nowhere_is_refused_with_its_reasons(name):
 def test_what_is_no_motion_is_refused(name):
     values = json.loads(drawn(name, 1, 0).to_json())
     with pytest.raises(ValueError, match="alpha"):
-        motion_from_json(json.dumps({key: value for key, value in values.items() if key != "alpha"}))
+        motion_from_json(
+            json.dumps({key: value for key, value in values.items() if key != "alpha"})
+        )
 
 
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
@@ -125,7 +151,9 @@ def test_a_rolling_body_does_not_slip(level, seed):
     centre = poses[:, :3] + quat_rotate(poses[:, 3:], np.array([0, 0, 0.03]))
     np.testing.assert_allclose(centre[:, 2], END[2] + 0.03, atol=1e-12)
     lowest = centre - [0, 0, 0.03]
-    np.testing.assert_allclose(twists[:, :3] + np.cross(twists[:, 3:], lowest - poses[:, :3]), 0, atol=1e-12)
+    np.testing.assert_allclose(
+        twists[:, :3] + np.cross(twists[:, 3:], lowest - poses[:, :3]), 0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", ["turntable", "circle"])
@@ -134,7 +162,9 @@ def test_a_circle_keeps_its_radius_and_only_the_turntable_turns_its_body(name):
     poses = motion.pose(np.linspace(0, 3, 50))
     a, b, c = poses[0, :2], poses[20, :2], poses[-1, :2]
     centre = np.linalg.solve(2 * np.array([b - a, c - a]), [b @ b - a @ a, c @ c - a @ a])
-    np.testing.assert_allclose(np.linalg.norm(poses[:, :2] - centre, axis=1), motion.radius, atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(poses[:, :2] - centre, axis=1), motion.radius, atol=1e-9
+    )
     assert (np.ptp(poses[:, 3:], axis=0).max() > 0.05) == (name == "turntable")
 
 
@@ -153,7 +183,10 @@ def test_a_pendulum_swings_as_gravity_has_it(seed):
     pivot = np.array(END[:3]) + np.array([0, 0, motion.length])
     arm = motion.pose(t)[:, :3] - pivot
     along = np.array([np.cos(motion.heading), np.sin(motion.heading), 0.0])
-    angle, rate = np.arctan2(arm @ along, -arm[:, 2]), (motion.twist(0.0)[:3] @ along) / (-arm[0, 2])
+    angle, rate = (
+        np.arctan2(arm @ along, -arm[:, 2]),
+        (motion.twist(0.0)[:3] @ along) / (-arm[0, 2]),
+    )
     fall = lambda _, y: [y[1], -9.81 / motion.length * np.sin(y[0])]  # noqa: E731
     found = solve_ivp(fall, (0, 3), [angle[0], rate], t_eval=t, rtol=1e-9, atol=1e-12).y[0]
     np.testing.assert_allclose(found, angle, atol=0.02 * np.abs(angle).max() + 1e-4)
@@ -182,7 +215,9 @@ def test_what_flies_is_moved_by_gravity_alone(level, seed):
     for name, vertical in (("drop", "released"), ("toss", "met")):
         motion = drawn(name, level, seed)
         free, h = np.linspace(motion.release + 0.01, motion.duration + 0.05, 20), 1e-4
-        pulled = (motion.pose(free + h) - 2 * motion.pose(free) + motion.pose(free - h))[:, :3] / h**2
+        pulled = (motion.pose(free + h) - 2 * motion.pose(free) + motion.pose(free - h))[
+            :, :3
+        ] / h**2
         np.testing.assert_allclose(pulled, np.tile([0, 0, -9.81], (20, 1)), atol=1e-3)
         at = motion.release if vertical == "released" else motion.duration
         assert abs(motion.twist(at)[2]) < 1e-9 and 0.05 < 9.81 * motion.flight**2 / 2 < 0.13
@@ -200,12 +235,18 @@ def test_what_was_pushed_is_slowed_by_friction_and_struck_by_cushions(level, see
         t = t[np.abs(t - at) > 2 * h]
     slowed = (motion.speed(t + h) - motion.speed(t - h)) / (2 * h)
     np.testing.assert_allclose(slowed, -9.81 * motion.friction, atol=1e-6)
-    assert (np.diff(speeds) < 0).all() and len(motion.breakpoints()) == len(motion.normals) <= 2 * (level == 3)
+    assert (np.diff(speeds) < 0).all() and len(motion.breakpoints()) == len(motion.normals) <= 2 * (
+        level == 3
+    )
     for at, normal in zip(motion.breakpoints(), motion.normals, strict=True):
         before, after = motion.twist([at - 1e-9, at])
-        n, along = np.array([np.cos(normal), np.sin(normal)]), np.array([-np.sin(normal), np.cos(normal)])
+        n, along = (
+            np.array([np.cos(normal), np.sin(normal)]),
+            np.array([-np.sin(normal), np.cos(normal)]),
+        )
         assert after[:2] @ n == pytest.approx(-motion.restitution * (before[:2] @ n), rel=1e-5)
-        rubbed = (before - after)[:2] @ along  # what the surface gains in spin, the disc loses in speed: I = m r^2 / 2
+        # what the surface gains in spin, the disc loses in speed: I = m r^2 / 2
+        rubbed = (before - after)[:2] @ along
         assert motion.radius * (after - before)[5] / 2 == pytest.approx(rubbed, abs=1e-6)
 
 

@@ -25,7 +25,9 @@ def facts(tmp_path):
 def touching(facts, rows, touches=()):
     """The same episode with other contacts, (frame, a, b, point), and first contacts."""
     table = np.array([(f, a, b, 0.1, p, 3) for f, a, b, p in rows], CONTACT_DTYPE)
-    return interception(replace(facts, log=replace(facts.log, contacts=table, touches=list(touches))))
+    return interception(
+        replace(facts, log=replace(facts.log, contacts=table, touches=list(touches)))
+    )
 
 
 def test_steps_times_and_the_planned_meeting(facts):
@@ -38,16 +40,36 @@ def test_steps_times_and_the_planned_meeting(facts):
 def test_first_contacts_are_those_of_the_log_and_the_first_of_them_gives_the_grasp(facts):
     log = facts.log
     target, left, right = (log.bodies.index(n) for n in ("target", "left_hand", "right_hand"))
-    rows = [(6, target, left, (1, 2, 3)), (8, target, right, (4, 5, 6)), (9, left, right, (0, 0, 0))]
+    rows = [
+        (6, target, left, (1, 2, 3)),
+        (8, target, right, (4, 5, 6)),
+        (9, left, right, (0, 0, 0)),
+    ]
     poses = tuple(pose((0, 0, 0.9))), tuple(pose((0, 0.1, 0.8), quat_about((0, 0, 1), 1.0)))
-    touches = [Touch("right", 121, (4, 5, 6), 3, *poses[::-1]), Touch("left", 84, (1, 2, 3), 2, *poses)]
+    touches = [
+        Touch("right", 121, (4, 5, 6), 3, *poses[::-1]),
+        Touch("left", 84, (1, 2, 3), 2, *poses),
+    ]
     found = touching(facts, rows, touches)
     first = found.first_contacts
-    assert [(c.side, c.step, c.time, c.points) for c in first.values()] == [("right", 121, 121 / 240, 3), ("left", 84, 0.35, 2)]
-    assert first["left"].centroid.tolist() == [1, 2, 3] and first["right"].centroid.tolist() == [4, 5, 6]
-    assert found.contact_pairs.sum(0).tolist() == [1, 1] and found.contact_pairs[6, 0] == found.contact_pairs[8, 1] == 1
+    assert [(c.side, c.step, c.time, c.points) for c in first.values()] == [
+        ("right", 121, 121 / 240, 3),
+        ("left", 84, 0.35, 2),
+    ]
+    assert first["left"].centroid.tolist() == [1, 2, 3] and first["right"].centroid.tolist() == [
+        4,
+        5,
+        6,
+    ]
+    assert (
+        found.contact_pairs.sum(0).tolist() == [1, 1]
+        and found.contact_pairs[6, 0] == found.contact_pairs[8, 1] == 1
+    )
     grasp = found.grasp_pose()
-    np.testing.assert_allclose(grasp[-1], compose(facts.target[-1], compose(inverse(first["left"].target), first["left"].tcp)))
+    np.testing.assert_allclose(
+        grasp[-1],
+        compose(facts.target[-1], compose(inverse(first["left"].target), first["left"].tcp)),
+    )
 
 
 def test_an_object_that_meets_the_target_is_no_arm(facts):

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 from scipy.stats import foldnorm, kstest
 
-from pipeline.motion.planar.levels import DRAW, SHORTEST_PIECE, draw_level_1, draw_level_2, draw_level_3
+from pipeline.motion.planar.levels import (
+    DRAW,
+    SHORTEST_PIECE,
+    draw_level_1,
+    draw_level_2,
+    draw_level_3,
+)
 from pipeline.motion.planar.polynomials import evaluate
 from pipeline.motion.workspace import Workspace
 
@@ -91,7 +97,9 @@ def test_level_3_pieces_join_and_add_up():
     assert 0 < paths.missed.mean() < 0.2
     straight = (paths.coefficients[..., 2:] == 0).all((-1, -2)) & used
     assert abs(straight.sum() / used.sum() - 0.2) < 4 * np.sqrt(0.16 / used.sum())
-    speed = np.linalg.norm(paths.coefficients[..., 1], axis=-1)[straight] / paths.durations[straight]
+    speed = (
+        np.linalg.norm(paths.coefficients[..., 1], axis=-1)[straight] / paths.durations[straight]
+    )
     assert speed.max() <= alpha * (1 + 1e-12)
 
 
@@ -101,7 +109,8 @@ def test_level_3_straight_pieces_aim_at_the_whole_workspace():
     c, duration = paths.coefficients[:, 0], paths.durations[:, 0]
     straight = (c[..., 2:] == 0).all((-1, -2))
     clamped = np.linalg.norm(c[straight, :, 1], axis=-1) > alpha * duration[straight] - 1e-9
-    # a target is clamped unless it lies within alpha * duration of the start: at most that circle's share of the rectangle
+    # a target is clamped unless it lies within alpha * duration of the start: at most that circle's
+    # share of the rectangle
     unclamped = (np.pi * (alpha * duration[straight]) ** 2 / (0.7 * 0.4)).mean()
     assert straight.sum() > 600
     assert (~clamped).mean() < unclamped + 4 * np.sqrt(unclamped / straight.sum())
@@ -125,6 +134,8 @@ def test_very_short_motions_still_have_pieces():
 
 @pytest.mark.parametrize("level", DRAW)
 def test_the_same_stream_draws_the_same_paths(level):
-    a, b, c = (DRAW[level](np.random.default_rng(seed), 50, 0.1, 3.0, END, TABLE) for seed in (1, 1, 2))
+    a, b, c = (
+        DRAW[level](np.random.default_rng(seed), 50, 0.1, 3.0, END, TABLE) for seed in (1, 1, 2)
+    )
     assert a.coefficients.tobytes() == b.coefficients.tobytes()
     assert a.coefficients.tobytes() != c.coefficients.tobytes()

@@ -1,4 +1,5 @@
-"""Models of motions by name: the paper's, and one from outside the package that goes the whole way of an episode."""
+"""Models of motions by name: the paper's, and one from outside the package that goes the whole way
+of an episode."""
 
 import json
 
@@ -6,7 +7,14 @@ import numpy as np
 import pytest
 
 from pipeline.motion.contract import Level, Request, Streams
-from pipeline.motion.models import MODELS, level_name, level_of, levels_of, motion_from_json, register
+from pipeline.motion.models import (
+    MODELS,
+    level_name,
+    level_of,
+    levels_of,
+    motion_from_json,
+    register,
+)
 from pipeline.motion.models.planar import Planar
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import yawed
@@ -29,7 +37,9 @@ def asked(level: int, **options) -> Request:
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_a_motion_comes_back_from_json_with_its_model(level):
     for seed in range(5):
-        drawn = MODELS["planar"].draw(asked(level), Streams(np.random.default_rng(seed), np.random.default_rng(seed)))
+        drawn = MODELS["planar"].draw(
+            asked(level), Streams(np.random.default_rng(seed), np.random.default_rng(seed))
+        )
         again = motion_from_json(drawn.to_json())
         assert (again.model, again.level, again.to_json()) == ("planar", level, drawn.to_json())
         assert all(verdict.holds for verdict in MODELS["planar"].judge(again, "average"))
@@ -37,7 +47,9 @@ def test_a_motion_comes_back_from_json_with_its_model(level):
 
 
 def test_a_twist_is_the_rate_of_the_pose(sway):
-    drawn = sway.draw(asked(4, lead=0.5), Streams(np.random.default_rng(0), np.random.default_rng(0)))
+    drawn = sway.draw(
+        asked(4, lead=0.5), Streams(np.random.default_rng(0), np.random.default_rng(0))
+    )
     t, h = np.linspace(-0.4, 4, 23), 1e-6
     slope = (drawn.pose(t + h)[:, :3] - drawn.pose(t - h)[:, :3]) / (2 * h)
     np.testing.assert_allclose(drawn.twist(t)[:, :3], slope, atol=1e-8)
@@ -45,7 +57,9 @@ def test_a_twist_is_the_rate_of_the_pose(sway):
 
 
 def test_judging_finds_a_motion_that_is_too_fast():
-    drawn = MODELS["planar"].draw(asked(1), Streams(np.random.default_rng(0), np.random.default_rng(0)))
+    drawn = MODELS["planar"].draw(
+        asked(1), Streams(np.random.default_rng(0), np.random.default_rng(0))
+    )
     values = json.loads(drawn.to_json()) | {"alpha": 0.01}
     [speed] = MODELS["planar"].judge(motion_from_json(json.dumps(values)), "average")
     assert not speed.holds and "over alpha 0.01" in speed.problem
@@ -62,7 +76,11 @@ def test_a_model_is_registered_once_and_does_not_describe_level_0():
 
 def test_a_level_that_is_not_installed_is_still_described():
     assert level_of("nowhere", 7).text == "level 7 of nowhere"
-    assert [level_name("planar", 2), level_name("sway", 0), level_name("sway", 4)] == ["level 2", "level 0", "sway level 4"]
+    assert [level_name("planar", 2), level_name("sway", 0), level_name("sway", 4)] == [
+        "level 2",
+        "level 0",
+        "sway level 4",
+    ]
 
 
 def test_a_motion_of_an_unknown_model_is_refused():

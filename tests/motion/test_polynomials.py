@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import quad
 
-from pipeline.motion.planar.polynomials import arc_length, derivative, evaluate, greatest_speed, interpolation, stationary
+from pipeline.motion.planar.polynomials import (
+    arc_length,
+    derivative,
+    evaluate,
+    greatest_speed,
+    interpolation,
+    stationary,
+)
 
 curves = st.integers(1, 5).flatmap(lambda n: arrays(float, (2, n), elements=st.floats(-2, 2)))
 
@@ -27,7 +34,9 @@ def test_interpolation_is_the_least_squares_fit_of_the_paper(n):
 def test_horner_agrees_with_numpy(c, s):
     for row in c:
         assert evaluate(row, s) == pytest.approx(np.polyval(row[::-1], s), abs=1e-12)
-        assert evaluate(derivative(row), s) == pytest.approx(np.polyval(np.polyder(row[::-1]), s), abs=1e-12)
+        assert evaluate(derivative(row), s) == pytest.approx(
+            np.polyval(np.polyder(row[::-1]), s), abs=1e-12
+        )
 
 
 @given(curves)
@@ -53,9 +62,13 @@ def test_arc_length_agrees_with_a_fine_polyline(c):
 def test_arc_length_in_closed_form_and_through_a_cusp():
     assert arc_length(np.array([[1.0, 3.0], [0.0, -4.0]])) == pytest.approx(5.0, abs=1e-14)
     parabola, _ = quad(lambda s: math.hypot(1.0, 2.0 * s), 0, 1)
-    assert arc_length(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])) == pytest.approx(parabola, rel=1e-13)
+    assert arc_length(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])) == pytest.approx(
+        parabola, rel=1e-13
+    )
     # out and back along a line: |1 - 2s| integrates to a half
-    assert arc_length(np.array([[0.0, 1.0, -1.0], [0.0, 0.0, 0.0]])) == pytest.approx(0.5, abs=1e-13)
+    assert arc_length(np.array([[0.0, 1.0, -1.0], [0.0, 0.0, 0.0]])) == pytest.approx(
+        0.5, abs=1e-13
+    )
     # (u^2, u^3) with u = 2s - 1 has a cusp at one half and length 2 (13 sqrt(13) - 8) / 27
     u = np.polynomial.Polynomial([-1, 2])
     cusp = np.array([[*(u**2).coef, 0.0], (u**3).coef])

@@ -24,7 +24,9 @@ def motions(draw):
     pieces = []
     for start, end in pairwise(edges):
         terms = draw(st.integers(0, 4))
-        rest = np.array([[draw(st.floats(-0.4, 0.4)) for _ in range(terms)] for _ in range(2)]).reshape(2, terms)
+        rest = np.array(
+            [[draw(st.floats(-0.4, 0.4)) for _ in range(terms)] for _ in range(2)]
+        ).reshape(2, terms)
         c = np.concatenate([at[:, None], rest], axis=1)
         pieces.append(Segment(float(start), float(end), c))
         at = c.sum(1)
@@ -33,7 +35,10 @@ def motions(draw):
 
 def corner():
     """Right for 2 s at 0.1 m/s, then away for 1 s at 0.2 m/s."""
-    pieces = (Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.0, 0.0]])), Segment(2.0, 3.0, np.array([[0.2, 0.0], [0.0, 0.2]])))
+    pieces = (
+        Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.0, 0.0]])),
+        Segment(2.0, 3.0, np.array([[0.2, 0.0], [0.0, 0.2]])),
+    )
     return PlanarMotion(3, 0.2, 3.0, 0.0, 0.8, YAW, pieces)
 
 
@@ -41,7 +46,15 @@ def test_a_motion_of_two_straight_pieces_in_closed_form():
     m = corner()
     np.testing.assert_allclose(
         m.position([-1, 0, 1, 2, 2.5, 3, 4.5]),
-        [[0, 0, 0.8], [0, 0, 0.8], [0.1, 0, 0.8], [0.2, 0, 0.8], [0.2, 0.1, 0.8], [0.2, 0.2, 0.8], [0.2, 0.5, 0.8]],
+        [
+            [0, 0, 0.8],
+            [0, 0, 0.8],
+            [0.1, 0, 0.8],
+            [0.2, 0, 0.8],
+            [0.2, 0.1, 0.8],
+            [0.2, 0.2, 0.8],
+            [0.2, 0.5, 0.8],
+        ],
         atol=1e-15,
     )
     np.testing.assert_allclose(
@@ -76,7 +89,9 @@ def test_position_has_no_jumps(m):
 def test_average_maximum_and_extent_agree_with_brute_force(m):
     t = np.sort(np.concatenate([np.linspace(-m.lead, m.duration, 20001), m.breakpoints()]))
     p = m.position(t)
-    assert m.average_speed() == pytest.approx(np.linalg.norm(np.diff(p, axis=0), axis=1).sum() / (m.lead + m.duration), abs=1e-4)
+    assert m.average_speed() == pytest.approx(
+        np.linalg.norm(np.diff(p, axis=0), axis=1).sum() / (m.lead + m.duration), abs=1e-4
+    )
     speeds = np.linalg.norm(m.velocity(t), axis=-1)
     # at a breakpoint velocity(t) is the one after it; the one before it may be the largest
     before = np.linalg.norm(m.velocity(m.breakpoints() - 1e-9), axis=-1)
@@ -90,10 +105,20 @@ def test_average_maximum_and_extent_agree_with_brute_force(m):
 def test_json_restores_every_bit(m):
     again = motion_from_json(m.to_json())
     assert again.to_json() == m.to_json()
-    assert (again.level, again.alpha, again.duration, again.lead, again.z) == (m.level, m.alpha, m.duration, m.lead, m.z)
+    assert (again.level, again.alpha, again.duration, again.lead, again.z) == (
+        m.level,
+        m.alpha,
+        m.duration,
+        m.lead,
+        m.z,
+    )
     assert again.orientation.tobytes() == m.orientation.tobytes()
     for a, b in zip(again.segments, m.segments, strict=True):
-        assert (a.start, a.end, a.coefficients.tobytes()) == (b.start, b.end, b.coefficients.tobytes())
+        assert (a.start, a.end, a.coefficients.tobytes()) == (
+            b.start,
+            b.end,
+            b.coefficients.tobytes(),
+        )
     t = np.linspace(-3, 10, 57)
     assert again.pose(t).tobytes() == m.pose(t).tobytes()
 
@@ -115,12 +140,23 @@ def test_a_still_target_stands():
     t = np.linspace(-1, 9, 33)
     np.testing.assert_array_equal(m.pose(t), np.broadcast_to(place, (33, 7)))
     assert not m.velocity(t).any()
-    assert (m.level, m.alpha, m.average_speed(), m.maximum_speed(), len(m.breakpoints())) == (0, 0.0, 0.0, 0.0, 0)
+    assert (m.level, m.alpha, m.average_speed(), m.maximum_speed(), len(m.breakpoints())) == (
+        0,
+        0.0,
+        0.0,
+        0.0,
+        0,
+    )
 
 
 def test_segments_must_cover_the_time():
     piece = Segment(0.0, 2.0, np.zeros((2, 1)))
-    for duration, lead, segments in [(3.0, 0.0, (piece,)), (2.0, 1.0, (piece,)), (2.0, 0.0, ()), (2.0, 0.0, (piece, piece))]:
+    for duration, lead, segments in [
+        (3.0, 0.0, (piece,)),
+        (2.0, 1.0, (piece,)),
+        (2.0, 0.0, ()),
+        (2.0, 0.0, (piece, piece)),
+    ]:
         with pytest.raises(ValueError, match="segment"):
             PlanarMotion(1, 0.1, duration, lead, 0.8, YAW, segments)
     with pytest.raises(ValueError, match="duration"):

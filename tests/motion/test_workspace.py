@@ -38,14 +38,19 @@ def test_the_guarded_area_is_a_part_of_the_workspace_and_holds_its_end(x, y, mar
     assert TABLE.contains([area.lower, area.upper]).all()
 
 
-@pytest.mark.parametrize(("centre", "radius"), [((0.0, -0.05), 0.1), ((0.35, 0.15), 0.2), ((-0.3, 0.0), 0.5), ((0.1, 0.1), 5.0)])
+@pytest.mark.parametrize(
+    ("centre", "radius"),
+    [((0.0, -0.05), 0.1), ((0.35, 0.15), 0.2), ((-0.3, 0.0), 0.5), ((0.1, 0.1), 5.0)],
+)
 def test_points_within_reach_are_uniform_in_disc_and_rectangle(centre, radius):
     n = 4000
     points = draw_within_reach(np.random.default_rng(3), n, TABLE, centre, radius)
     assert TABLE.contains(points).all()
     assert (np.hypot(*(points - centre).T) <= radius).all()
     # the same share of the points falls left of the centre as of a fine grid over the same area
-    grid = np.stack(np.meshgrid(np.linspace(-0.35, 0.35, 1401), np.linspace(-0.25, 0.15, 801)), -1).reshape(-1, 2)
+    grid = np.stack(
+        np.meshgrid(np.linspace(-0.35, 0.35, 1401), np.linspace(-0.25, 0.15, 801)), -1
+    ).reshape(-1, 2)
     grid = grid[np.hypot(*(grid - centre).T) <= radius]
     for axis in (0, 1):
         middle = np.median(grid[:, axis])
@@ -53,7 +58,9 @@ def test_points_within_reach_are_uniform_in_disc_and_rectangle(centre, radius):
         assert abs((points[:, axis] < middle).mean() - share) < 4 * math.sqrt(0.25 / n)
 
 
-@pytest.mark.parametrize("edges", [(0.1, 0.1, 0, 1), (0, 1, 1, 0), (0, math.inf, 0, 1), (0, 1, math.nan, 1)])
+@pytest.mark.parametrize(
+    "edges", [(0.1, 0.1, 0, 1), (0, 1, 1, 0), (0, math.inf, 0, 1), (0, 1, math.nan, 1)]
+)
 def test_an_empty_or_infinite_workspace_is_refused(edges):
     with pytest.raises(ValueError, match="workspace"):
         Workspace(*edges)

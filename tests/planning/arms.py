@@ -1,4 +1,5 @@
-"""Two arms for planning tests: six joints like the front arm of aloha-agilex, seven like a Panda with fixed joints between."""
+"""Two arms for planning tests: six joints like the front arm of aloha-agilex, seven like a Panda
+with fixed joints between."""
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
@@ -39,11 +40,16 @@ SIX_COLLISION = {
 def six_arm(base: Pose | None = None) -> Arm:
     """Six joints, jaws along y of link6, capsules on the long links."""
     joints = [
-        Joint(f"joint{i + 1}", "revolute", f"link{i}" if i else "base", f"link{i + 1}", *_joint(row)) for i, row in enumerate(SIX)
+        Joint(
+            f"joint{i + 1}", "revolute", f"link{i}" if i else "base", f"link{i + 1}", *_joint(row)
+        )
+        for i, row in enumerate(SIX)
     ]
     for name, child, side in (("jaw_l", "finger_l", 1.0), ("jaw_r", "finger_r", -1.0)):
         origin = pose((0.0846, 0.0245 * side, 0))
-        joints.append(Joint(name, "prismatic", "link6", child, origin, (0, side, 0), 0.0, 0.0476, 0.3, 100))
+        joints.append(
+            Joint(name, "prismatic", "link6", child, origin, (0, side, 0), 0.0, 0.0476, 0.3, 100)
+        )
     links = ["base", *(f"link{i}" for i in range(1, 7)), "finger_l", "finger_r"]
     collision = {name: (piece,) for name, piece in SIX_COLLISION.items()}
     collision["finger_l"] = (Collider("box", (0.03, 0.006, 0.01), pose((0.035, -0.016, 0))),)
@@ -51,7 +57,10 @@ def six_arm(base: Pose | None = None) -> Arm:
     return Arm(
         "six",
         pose((-0.3, -0.42, 0.78), quat_about((0, 0, 1), HALF + 0.02)) if base is None else base,
-        tuple(Link(name, 0.3, (0, 0, 0), (1e-3, 1e-3, 1e-3), collision=collision.get(name, ())) for name in links),
+        tuple(
+            Link(name, 0.3, (0, 0, 0), (1e-3, 1e-3, 1e-3), collision=collision.get(name, ()))
+            for name in links
+        ),
         tuple(joints),
         tuple(f"joint{i}" for i in range(1, 7)),
         "link6",
@@ -63,16 +72,33 @@ def six_arm(base: Pose | None = None) -> Arm:
 
 
 def seven_arm() -> Arm:
-    """Seven joints, a fixed flange in front of joint 4 and a fixed hand behind joint 7, tcp x along the hand's z."""
+    """Seven joints, a fixed flange in front of joint 4 and a fixed hand behind joint 7, tcp x along
+    the hand's z."""
     joints = []
     parent = "link0"
     for i, row in enumerate(SEVEN):
         if i == 3:
-            joints.append(Joint("spacer", "fixed", parent, "spacer_link", pose((0.01, 0.02, 0.03), quat_from_rpy(0.1, -0.2, 0.3))))
+            joints.append(
+                Joint(
+                    "spacer",
+                    "fixed",
+                    parent,
+                    "spacer_link",
+                    pose((0.01, 0.02, 0.03), quat_from_rpy(0.1, -0.2, 0.3)),
+                )
+            )
             parent = "spacer_link"
         joints.append(Joint(f"joint{i + 1}", "revolute", parent, f"link{i + 1}", *_joint(row)))
         parent = f"link{i + 1}"
-    joints.append(Joint("hand_joint", "fixed", parent, "hand", pose((0, 0, 0.107), quat_about((0, 0, 1), -np.pi / 4))))
+    joints.append(
+        Joint(
+            "hand_joint",
+            "fixed",
+            parent,
+            "hand",
+            pose((0, 0, 0.107), quat_about((0, 0, 1), -np.pi / 4)),
+        )
+    )
     return Arm(
         "seven",
         pose((0.3, -0.65, 0.75), quat_about((0, 0, 1), HALF)),
@@ -88,7 +114,12 @@ def seven_arm() -> Arm:
 
 
 def ik(
-    chain: Chain, target: Pose, seed: np.ndarray, *, tolerance: tuple[float, float] = IK.tolerance, restarts: int = 60
+    chain: Chain,
+    target: Pose,
+    seed: np.ndarray,
+    *,
+    tolerance: tuple[float, float] = IK.tolerance,
+    restarts: int = 60,
 ) -> np.ndarray | None:
     """Joints (n,) of one tcp pose, searched harder than the planner does, or None."""
     budget = IkBudget(tolerance, restarts, give_up_after=None, iterations=40)
@@ -105,11 +136,19 @@ def pin_model(arm: Arm) -> tuple[pin.Model, int]:
         if joint.kind == "fixed":
             parents[joint.child], before[joint.child] = parents[joint.parent], placement
             continue
-        cls = pin.JointModelRevoluteUnaligned if joint.kind == "revolute" else pin.JointModelPrismaticUnaligned
+        cls = (
+            pin.JointModelRevoluteUnaligned
+            if joint.kind == "revolute"
+            else pin.JointModelPrismaticUnaligned
+        )
         axis = np.asarray(joint.axis, float)
-        parents[joint.child] = model.addJoint(parents[joint.parent], cls(axis), placement, joint.name)
+        parents[joint.child] = model.addJoint(
+            parents[joint.parent], cls(axis), placement, joint.name
+        )
         before[joint.child] = pin.SE3.Identity()
-    frame = pin.Frame("tcp", parents[arm.hand], 0, before[arm.hand] * se3(arm.tcp), pin.FrameType.OP_FRAME)
+    frame = pin.Frame(
+        "tcp", parents[arm.hand], 0, before[arm.hand] * se3(arm.tcp), pin.FrameType.OP_FRAME
+    )
     return model, model.addFrame(frame)
 
 

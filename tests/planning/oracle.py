@@ -27,7 +27,10 @@ def coal_geometry(c: Collider) -> coal.CollisionGeometry:
 
 def coal_distance(a: Collider, pa: Pose, b: Collider, pb: Pose) -> float:
     """Signed distance in m, negative for penetration."""
-    ta, tb = (coal.Transform3s(quat_to_matrix(p[3:]), p[:3]) for p in (compose(pa, a.pose), compose(pb, b.pose)))
+    ta, tb = (
+        coal.Transform3s(quat_to_matrix(p[3:]), p[:3])
+        for p in (compose(pa, a.pose), compose(pb, b.pose))
+    )
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     return float(coal.distance(coal_geometry(a), ta, coal_geometry(b), tb, request, result))
 

@@ -1,4 +1,5 @@
-"""Collision checks against coal, pair by pair, and the bookkeeping of names, groups and carried objects."""
+"""Collision checks against coal, pair by pair, and the bookkeeping of names, groups and carried
+objects."""
 
 from collections.abc import Sequence
 
@@ -28,21 +29,26 @@ def box(*half: float) -> tuple[Collider, ...]:
     return (Collider("box", half),)
 
 
-def touches(scene: CollisionScene, left: ArrayLike, right: ArrayLike, jaws: tuple[float, float] = (1.0, 1.0)) -> bool:
+def touches(
+    scene: CollisionScene, left: ArrayLike, right: ArrayLike, jaws: tuple[float, float] = (1.0, 1.0)
+) -> bool:
     """Whether anything touches at arm joints left (n,), right (n,)."""
     return scene.first_blocked(left, right, jaws) is not None
 
 
 def lone_arm() -> Arm:
     """The six-joint arm without any collision piece."""
-    bare = tuple(link.__class__(link.name, link.mass, link.com, link.inertia) for link in LEFT.links)
+    bare = tuple(
+        link.__class__(link.name, link.mass, link.com, link.inertia) for link in LEFT.links
+    )
     return LEFT.__class__(**{**vars(LEFT), "links": bare})
 
 
 @pytest.mark.parametrize("kind", ["box", "sphere", "cylinder", "capsule", "convex"])
 @pytest.mark.parametrize("other", ["box", "cylinder", "capsule", "convex"])
 def test_every_pair_of_kinds_agrees_with_coal(kind: str, other: str) -> None:
-    """A piece held by a hand against a still one: contact exactly when coal's distance is at most the margin."""
+    """A piece held by a hand against a still one: contact exactly when coal's distance is at most
+    the margin."""
     rng = np.random.default_rng([len(kind), len(other)])
     bare = Embodiment("bare", {"left": lone_arm(), "right": lone_arm()}, IDENTITY)
     world = CollisionWorld(bare, table=())
@@ -56,22 +62,37 @@ def test_every_pair_of_kinds_agrees_with_coal(kind: str, other: str) -> None:
         for margin in (0.0, 0.004):
             if abs(distance - margin) < 1e-5:
                 continue
-            scene = world.with_objects({"b": ((b,), still)}, {"a": ("left", (a,), held)}, margin=margin)
+            scene = world.with_objects(
+                {"b": ((b,), still)}, {"a": ("left", (a,), held)}, margin=margin
+            )
             assert touches(scene, HOME, HOME) == (distance <= margin), (a, b, distance)
             touching += distance <= margin
     assert 5 < touching < 115
 
 
-def robot_pieces(e: Embodiment, q: dict[str, np.ndarray], jaws: float) -> list[tuple[str, str, Collider, Pose]]:
+def robot_pieces(
+    e: Embodiment, q: dict[str, np.ndarray], jaws: float
+) -> list[tuple[str, str, Collider, Pose]]:
     out = []
     for side in SIDES:
         at = arm_poses(e.arms[side], q[side], jaws)
-        out += [(side, link.name, c, at[link.name]) for link in e.arms[side].links for c in link.collision]
+        out += [
+            (side, link.name, c, at[link.name])
+            for link in e.arms[side].links
+            for c in link.collision
+        ]
     return out
 
 
-def brute_force(e: Embodiment, q: dict[str, np.ndarray], jaws: float, obstacles: dict[str, tuple[Collider, Pose]], margin: float):
-    """All touching pairs with their clearance by coal, written from the rules in the docstring of collision.py."""
+def brute_force(
+    e: Embodiment,
+    q: dict[str, np.ndarray],
+    jaws: float,
+    obstacles: dict[str, tuple[Collider, Pose]],
+    margin: float,
+):
+    """All touching pairs with their clearance by coal, written from the rules in the docstring of
+    collision.py."""
     pieces = robot_pieces(e, q, jaws)
     gaps = {}
     for i, (side, link, c, at) in enumerate(pieces):
@@ -85,7 +106,11 @@ def brute_force(e: Embodiment, q: dict[str, np.ndarray], jaws: float, obstacles:
                     root = body[x]
                     near |= root in movers and body[movers[root].parent] == body[y]
                 pair = {link, link2}
-                if near or pair <= set(arm.gripper.fingers) or any(pair == set(o) for o in arm.allowed_overlap):
+                if (
+                    near
+                    or pair <= set(arm.gripper.fingers)
+                    or any(pair == set(o) for o in arm.allowed_overlap)
+                ):
                     continue
             elif body[link] == root_link(arm) and link2 == root_link(e.arms[side2]):
                 continue
@@ -145,10 +170,15 @@ def test_arms_see_each_other_and_the_table() -> None:
     assert not touches(scene, q["left"], HOME) and not touches(scene, HOME, q["right"])
     assert touches(scene, q["left"], q["right"])
     assert not touches(WORLD.with_objects(ignore=[("left", "right")]), q["left"], q["right"])
-    low = pose((-0.3, 0.0, 0.745), quat_multiply(quat_about((0, 0, 1), np.pi / 2), quat_about((0, 1, 0), np.pi / 4)))
+    low = pose(
+        (-0.3, 0.0, 0.745),
+        quat_multiply(quat_about((0, 0, 1), np.pi / 2), quat_about((0, 1, 0), np.pi / 4)),
+    )
     down = ik(chains["left"], low, HOME)
     assert down is not None
-    assert touches(scene, down, HOME) and not touches(WORLD.with_objects(ignore=[("left", "table")]), down, HOME)
+    assert touches(scene, down, HOME) and not touches(
+        WORLD.with_objects(ignore=[("left", "table")]), down, HOME
+    )
     assert not touches(CollisionWorld(EMBODIMENT, table=()).with_objects(), down, HOME)
 
 
@@ -158,7 +188,9 @@ def test_jaws_count() -> None:
     pin = {"pin": (box(0.01, 0.005, 0.01), beside)}
     scene = WORLD.with_objects(pin)
     assert touches(scene, HOME, HOME, (1.0, 1.0))
-    assert not touches(WORLD.with_objects(pin, ignore=[("left_finger_l", "pin")]), HOME, HOME, (1.0, 1.0))
+    assert not touches(
+        WORLD.with_objects(pin, ignore=[("left_finger_l", "pin")]), HOME, HOME, (1.0, 1.0)
+    )
     assert not touches(scene, HOME, HOME, (0.0, 1.0))
 
 
@@ -169,7 +201,10 @@ def test_ignore_takes_names_and_groups() -> None:
     for ignore in ([("left_fingers", "can")], [("can", "left_hand")], [("left", "can")]):
         assert not touches(WORLD.with_objects(objects, ignore=ignore), HOME, HOME, (0.0, 0.0))
     fingers = [(f"left_finger_{side}", "can") for side in "lr"]
-    assert all(touches(WORLD.with_objects(objects, ignore=[one]), HOME, HOME, (0.0, 0.0)) for one in fingers)
+    assert all(
+        touches(WORLD.with_objects(objects, ignore=[one]), HOME, HOME, (0.0, 0.0))
+        for one in fingers
+    )
     assert not touches(WORLD.with_objects(objects, ignore=fingers), HOME, HOME, (0.0, 0.0))
     with pytest.raises(ValueError, match="cup"):
         WORLD.with_objects(objects, ignore=[("cup", "can")])
@@ -194,14 +229,22 @@ def test_carried_objects_move_with_the_hand() -> None:
     assert not touches(WORLD.with_objects(objects, other), nearer, HOME)
     # two carried objects see each other
     right_tcp = fk(chain_of(RIGHT), HOME)
-    both = held | {"plate": ("right", box(0.01, 0.01, 0.01), compose(inverse(right_tcp), compose(tcp, pose((0.08, 0, 0)))))}
+    both = held | {
+        "plate": (
+            "right",
+            box(0.01, 0.01, 0.01),
+            compose(inverse(right_tcp), compose(tcp, pose((0.08, 0, 0)))),
+        )
+    }
     assert touches(WORLD.with_objects({}, both), HOME, HOME)
     assert not touches(WORLD.with_objects({}, both, ignore=[("rod", "plate")]), HOME, HOME)
 
 
 def test_still_objects_do_not_collide_among_themselves_and_margin_counts() -> None:
     tcp = fk(chain_of(LEFT), HOME)
-    scene = WORLD.with_objects({"a": (box(0.1, 0.1, 0.1), pose((0, 1, 1))), "b": (box(0.1, 0.1, 0.1), pose((0, 1.05, 1)))})
+    scene = WORLD.with_objects(
+        {"a": (box(0.1, 0.1, 0.1), pose((0, 1, 1))), "b": (box(0.1, 0.1, 0.1), pose((0, 1.05, 1)))}
+    )
     assert not touches(scene, HOME, HOME)
     # the closed fingers end 2.5 mm in front of the tcp: 0.0846 + 0.035 + 0.03 - 0.12 = 0.0296
     gap = {"block": (box(0.01, 0.02, 0.02), compose(tcp, pose((0.0296 + 0.01 + 0.002, 0, 0))))}

@@ -43,13 +43,22 @@ def test_tcp_collision_frames_and_link_poses_agree_with_pinocchio(name: str, sid
         np.testing.assert_allclose(fk(chain, q)[:3], want.translation, atol=1e-9)
         np.testing.assert_allclose(quat_to_matrix(fk(chain, q)[3:]), want.rotation, atol=1e-9)
         links = arm_poses(arm, q, 0.4)
-        place_frames(frames.parent, frames.origin, frames.prismatic, np.array([[positions[n] for n in frames.names]]), 0, out)
+        place_frames(
+            frames.parent,
+            frames.origin,
+            frames.prismatic,
+            np.array([[positions[n] for n in frames.names]]),
+            0,
+            out,
+        )
         for joint in arm.joints:
             if joint.kind == "fixed":
                 continue
             moved = data.oMi[model.getJointId(joint.name)]
             index, at = placed[joint.child]
-            transform = np.vstack([np.column_stack([out[index, :9].reshape(3, 3), out[index, 9:]]), [0, 0, 0, 1]])
+            transform = np.vstack(
+                [np.column_stack([out[index, :9].reshape(3, 3), out[index, 9:]]), [0, 0, 0, 1]]
+            )
             for got in (compose(from_matrix(transform), at), links[joint.child]):
                 np.testing.assert_allclose(got[:3], moved.translation, atol=1e-9)
                 np.testing.assert_allclose(quat_to_matrix(got[3:]), moved.rotation, atol=1e-9)

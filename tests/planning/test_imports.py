@@ -30,7 +30,10 @@ def module_of(path: Path) -> str:
 def edges(room: str) -> dict[str, set[str]]:
     """Modules of a room -> the modules of the same room that they import."""
     files = {module_of(path): path for path in (PIPELINE / room).rglob("*.py")}
-    return {name: {other for other in imported(path) if other in files} - {name} for name, path in files.items()}
+    return {
+        name: {other for other in imported(path) if other in files} - {name}
+        for name, path in files.items()
+    }
 
 
 @pytest.mark.parametrize("room", sorted(ALLOWED))
@@ -54,5 +57,8 @@ def test_there_is_no_cycle_inside_a_room(room: str) -> None:
 
 def test_an_import_for_type_checkers_counts(tmp_path: Path) -> None:
     module = tmp_path / "module.py"
-    module.write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pipeline.expert.actor import Actor\n")
+    module.write_text(
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pipeline.expert.actor import"
+        " Actor\n"
+    )
     assert imported(module) == {"pipeline.expert.actor", "pipeline.expert.actor.Actor"}

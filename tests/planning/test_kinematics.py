@@ -32,7 +32,12 @@ def chain(request: pytest.FixtureRequest) -> Chain:
 
 def jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
     """The Jacobian (6,n) that inverse kinematics descends along, from its kernels."""
-    axes, origins, rotation, position = np.empty((chain.dof, 3)), np.empty((chain.dof, 3)), np.empty((3, 3)), np.empty(3)
+    axes, origins, rotation, position = (
+        np.empty((chain.dof, 3)),
+        np.empty((chain.dof, 3)),
+        np.empty((3, 3)),
+        np.empty(3),
+    )
     ik_kernels.forward(chain.pre, chain.prismatic, chain.tool, q, axes, origins, rotation, position)
     out = np.zeros((6, chain.dof))
     for i in range(chain.dof):
@@ -55,7 +60,9 @@ def test_fk_and_jacobian_agree_with_pinocchio(name: str) -> None:
         got, want = fk(chain, q), data.oMf[frame]
         np.testing.assert_allclose(got[:3], want.translation, atol=1e-12)
         np.testing.assert_allclose(se3(got).rotation, want.rotation, atol=1e-12)
-        want_j = pin.computeFrameJacobian(model, data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:, : chain.dof]
+        want_j = pin.computeFrameJacobian(
+            model, data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )[:, : chain.dof]
         np.testing.assert_allclose(jacobian(chain, q), want_j, atol=1e-12)
 
 
@@ -70,21 +77,32 @@ def test_jacobian_is_the_derivative_of_fk(unit: list[float]) -> None:
         a, b = fk(chain, q - step), fk(chain, q + step)
         turn = quat_multiply(b[3:], a[3:] * [1, -1, -1, -1])
         angular = 2 * np.sign(turn[0]) * turn[1:] / (2 * eps)
-        np.testing.assert_allclose(np.concatenate([(b - a)[:3] / (2 * eps), angular]), j[:, i], atol=1e-7)
+        np.testing.assert_allclose(
+            np.concatenate([(b - a)[:3] / (2 * eps), angular]), j[:, i], atol=1e-7
+        )
 
 
 def test_prismatic_joints_are_handled() -> None:
     arm = six_arm()
-    rail = arm.joints[0].__class__("rail", "prismatic", "ground", "base", pose((0, 0, 0.1)), (1.0, 0, 0), -0.2, 0.2)
+    rail = arm.joints[0].__class__(
+        "rail", "prismatic", "ground", "base", pose((0, 0, 0.1)), (1.0, 0, 0), -0.2, 0.2
+    )
     on_rail = arm.__class__(
-        **{**vars(arm), "joints": (rail, *arm.joints), "arm_joints": ("rail", *arm.arm_joints), "home": (0.0, *arm.home)}
+        **{
+            **vars(arm),
+            "joints": (rail, *arm.joints),
+            "arm_joints": ("rail", *arm.arm_joints),
+            "home": (0.0, *arm.home),
+        }
     )
     chain, still = chain_of(on_rail), chain_of(arm)
     q = random_joints(still, 1)[0]
     along = quat_rotate(arm.base[3:], (1, 0, 0))
     got, want = fk(chain, np.array([0.15, *q])), fk(still, q)
     np.testing.assert_allclose(got[:3], want[:3] + 0.15 * along + [0, 0, 0.1], atol=1e-12)
-    np.testing.assert_allclose(jacobian(chain, np.array([0.15, *q]))[:, 0], [*along, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        jacobian(chain, np.array([0.15, *q]))[:, 0], [*along, 0, 0, 0], atol=1e-12
+    )
     goal = fk(chain, np.array([-0.15, *q]))
     found = ik(chain, goal, np.array(chain.home))
     assert found is not None
@@ -108,7 +126,9 @@ def test_ik_round_trip_on_random_reachable_poses(chain: Chain) -> None:
     assert solved >= 0.99 * len(targets)
 
 
-def test_targets_do_not_influence_each_other_and_the_answer_is_always_the_same(chain: Chain) -> None:
+def test_targets_do_not_influence_each_other_and_the_answer_is_always_the_same(
+    chain: Chain,
+) -> None:
     targets = fk_batch(chain, random_joints(chain, 60, seed=1))
     q, ok = ik_many(chain, targets, chain.home[None])
     again, ok_again = ik_many(chain, targets, chain.home[None])
@@ -201,7 +221,9 @@ def test_reach_ball_contains_every_tool_position(chain: Chain) -> None:
 def test_limit_margin() -> None:
     chain = CHAINS["six"]
     middle = 0.5 * (chain.lower + chain.upper)
-    np.testing.assert_allclose(limit_margin(chain, np.stack([middle, chain.lower])), [1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        limit_margin(chain, np.stack([middle, chain.lower])), [1.0, 0.0], atol=1e-12
+    )
 
 
 def test_wrong_hand_is_refused() -> None:

@@ -1,4 +1,5 @@
-"""Joint paths: straight lines, RRT-Connect around walls with known answers, shortcuts, determinism."""
+"""Joint paths: straight lines, RRT-Connect around walls with known answers, shortcuts,
+determinism."""
 
 import numpy as np
 import pytest
@@ -45,11 +46,14 @@ def test_a_free_line_is_taken_as_it_is() -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_around_a_wall_free_at_finer_resolution_and_nearly_shortest(seed: int) -> None:
     a, b = np.array([-0.8, -0.5]), np.array([0.8, -0.5])
-    path = connect(wall_with_gap, a, b, np.random.default_rng(seed), SQUARE, PathBudget(resolution=0.02))
+    path = connect(
+        wall_with_gap, a, b, np.random.default_rng(seed), SQUARE, PathBudget(resolution=0.02)
+    )
     assert path is not None and len(path) >= 3
     np.testing.assert_array_equal(path[[0, -1]], [a, b])
     assert (np.abs(path) <= 1).all()
-    # between two states of the final check, 0.005 apart, a corner may be clipped by no more than half of that
+    # between two states of the final check, 0.005 apart, a corner may be clipped by no more than
+    # half of that
     fine = dense(path, 0.001)
     inside = (np.abs(fine[:, 0]) < 0.1 - 0.0025) & (fine[:, 1] < 0.6 - 0.0025)
     assert not inside.any()
@@ -59,7 +63,9 @@ def test_around_a_wall_free_at_finer_resolution_and_nearly_shortest(seed: int) -
 
 def test_same_generator_same_path() -> None:
     a, b = np.array([-0.8, -0.5]), np.array([0.8, -0.5])
-    first, second = (connect(wall_with_gap, a, b, np.random.default_rng(7), SQUARE) for _ in range(2))
+    first, second = (
+        connect(wall_with_gap, a, b, np.random.default_rng(7), SQUARE) for _ in range(2)
+    )
     np.testing.assert_array_equal(first, second)
 
 
@@ -80,7 +86,9 @@ def test_shorten_removes_detours() -> None:
     def edge(p: np.ndarray, q: np.ndarray) -> bool:
         return wall_with_gap(straight(p, q, 0.01))
 
-    np.testing.assert_array_equal(shorten(detour, edge, np.random.default_rng(0), 0), detour[[0, -1]])
+    np.testing.assert_array_equal(
+        shorten(detour, edge, np.random.default_rng(0), 0), detour[[0, -1]]
+    )
 
 
 def test_an_arm_goes_around_a_post_and_two_arms_at_once() -> None:
@@ -104,7 +112,10 @@ def test_an_arm_goes_around_a_post_and_two_arms_at_once() -> None:
         rows = np.atleast_2d(q)
         return scene.first_blocked(rows[:, :6], rows[:, 6:]) is None
 
-    wide = tuple(np.concatenate([x, y]) for x, y in zip(limits, (chains["right"].lower, chains["right"].upper), strict=True))
+    wide = tuple(
+        np.concatenate([x, y])
+        for x, y in zip(limits, (chains["right"].lower, chains["right"].upper), strict=True)
+    )
     a, b = np.concatenate([start, home["right"]]), np.concatenate([goal, goal])
     path = connect(both, a, b, np.random.default_rng(1), (wide[0], wide[1]))
     assert path is not None and path.shape[1] == 12

@@ -22,9 +22,15 @@ CUBE = (Collider("box", (0.02, 0.02, 0.02)),)
 ROD = (Collider("box", (0.06, 0.005, 0.005)),)
 
 
-def scene(obstacles: dict[str, Obstacle] | None = None, carried: dict[str, Carried] | None = None) -> PlanningScene:
+def scene(
+    obstacles: dict[str, Obstacle] | None = None, carried: dict[str, Carried] | None = None
+) -> PlanningScene:
     """Both arms at home with closed jaws."""
-    return PlanningScene({side: ArmState(HOME.copy(), 0.0, HOME.copy()) for side in SIDES}, obstacles or {}, carried or {})
+    return PlanningScene(
+        {side: ArmState(HOME.copy(), 0.0, HOME.copy()) for side in SIDES},
+        obstacles or {},
+        carried or {},
+    )
 
 
 def arm(in_scene: PlanningScene) -> ArmPlanner:
@@ -73,14 +79,19 @@ def test_a_checker_keeps_its_margin_and_takes_other_jaws() -> None:
     # the closed fingers end 29.6 mm before the tcp: 0.0846 + 0.035 + 0.03 - 0.12
     gap = arm(scene({"wall": Obstacle(CUBE, before_the_tcp(0.0296 + 0.02 + 0.001))}))
     assert gap.checker(margin=0.0)(HOME) and not gap.checker()(HOME)
-    pin = Obstacle((Collider("box", (0.01, 0.005, 0.01)),), compose(before_the_tcp(-0.01), pose((0, 0.065, 0))))
+    pin = Obstacle(
+        (Collider("box", (0.01, 0.005, 0.01)),), compose(before_the_tcp(-0.01), pose((0, 0.065, 0)))
+    )
     beside = arm(scene({"pin": pin}))
     assert beside.checker()(HOME) and not beside.checker(jaws=1.0)(HOME)
 
 
 def test_a_checker_avoids_the_other_arm_where_it_is_expected() -> None:
     meet = pose((0.0, -0.1, 0.95), quat_about((0, 0, 1), np.pi / 2))
-    there = {side: PLANNER.arm(side, scene(), np.random.default_rng(0)).solve(meet[None]) for side in SIDES}
+    there = {
+        side: PLANNER.arm(side, scene(), np.random.default_rng(0)).solve(meet[None])
+        for side in SIDES
+    }
     assert all(ok[0] for _, ok in there.values())
     left, right = (there[side][0][0] for side in SIDES)
     apart = arm(scene())
@@ -94,7 +105,9 @@ def test_motions_start_at_the_command_and_keep_the_gripper() -> None:
     goal = compose(before_the_tcp(0.0), pose((0.05, 0, 0)))
     line = start.line_trajectory(goal, metres_per_second=0.05)
     np.testing.assert_allclose(start.fk(line.q[-1])[:3], goal[:3], atol=1e-4)
-    assert len(line.q) >= 240 and (line.gripper == 0.0).all() and line.gripper.shape == (len(line.q),)
+    assert (
+        len(line.q) >= 240 and (line.gripper == 0.0).all() and line.gripper.shape == (len(line.q),)
+    )
     assert np.abs(line.q[0] - HOME).max() < 1e-3
     near = HOME + 0.1
     free = start.free_trajectory(near, start.checker())

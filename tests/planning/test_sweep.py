@@ -17,13 +17,19 @@ def passing_poses(rng: np.random.Generator, count: int) -> np.ndarray:
     """Poses (count,7) that turn on the way along a line near the origin."""
     start, goal = (np.append(rng.uniform(-0.05, 0.05, 2), z) for z in (0.5, -0.1))
     turns = rng.normal(size=4) + np.linspace(0, 1, count)[:, None] * rng.normal(size=4)
-    return np.stack([pose(start + s * (goal - start), turn) for s, turn in zip(np.linspace(0, 1, count), turns, strict=True)])
+    return np.stack(
+        [
+            pose(start + s * (goal - start), turn)
+            for s, turn in zip(np.linspace(0, 1, count), turns, strict=True)
+        ]
+    )
 
 
 def first_by_coal(
     pieces: list[tuple[int, Collider]], poses: np.ndarray, own: list[Collider], at: np.ndarray
 ) -> tuple[int | None, float]:
-    """First row within the margin, and the smallest difference of a distance up to that row from the margin."""
+    """First row within the margin, and the smallest difference of a distance up to that row from
+    the margin."""
     closest = 9.0
     for row, here in enumerate(at):
         distance = min(coal_distance(c, poses[row, i], o, here) for i, c in pieces for o in own)

@@ -1,4 +1,5 @@
-"""Time parameterisation: limits, end states, spacing, closed forms, and toppra as the independent reference."""
+"""Time parameterisation: limits, end states, spacing, closed forms, and toppra as the independent
+reference."""
 
 from itertools import pairwise
 
@@ -19,7 +20,9 @@ V = np.array([1.4, 1.4, 1.0, 2.0, 2.0, 3.0])
 A = np.array([6.0, 5.0, 6.0, 8.0, 8.0, 10.0])
 
 
-def check(t: Trajectory, first: np.ndarray, last: np.ndarray, v: np.ndarray = V, a: np.ndarray = A) -> None:
+def check(
+    t: Trajectory, first: np.ndarray, last: np.ndarray, v: np.ndarray = V, a: np.ndarray = A
+) -> None:
     """Ends, limits by finite differences of q alone, and qd as the derivative of q."""
     np.testing.assert_array_equal(t.q[0], first)
     np.testing.assert_array_equal(t.q[-1], last)
@@ -28,7 +31,8 @@ def check(t: Trajectory, first: np.ndarray, last: np.ndarray, v: np.ndarray = V,
     assert (np.abs(speed) <= v * 1.0001).all()
     assert (np.abs(np.diff(speed, axis=0)) * t.rate <= a * 1.001).all()
     assert (np.abs(t.qd) <= v * 1.0001).all()
-    # the mean of both ends' velocities is the mean velocity of a step, up to the jumps of acceleration in it
+    # the mean of both ends' velocities is the mean velocity of a step, up to the jumps of
+    # acceleration in it
     assert np.abs(0.5 * (t.qd[1:] + t.qd[:-1]) - speed).max() <= a.max() / t.rate
 
 
@@ -59,7 +63,9 @@ def toppra_duration(path: AbstractGeometricPath, grid: np.ndarray) -> float:
         toppra.constraint.JointVelocityConstraint(np.stack([-V, V], axis=1)),
         toppra.constraint.JointAccelerationConstraint(np.stack([-A, A], axis=1)),
     ]
-    speeds = toppra.algorithm.TOPPRA(limits, path, gridpoints=grid).compute_parameterization(0.0, 0.0)[1]
+    speeds = toppra.algorithm.TOPPRA(limits, path, gridpoints=grid).compute_parameterization(
+        0.0, 0.0
+    )[1]
     assert speeds is not None
     return float(np.sum(2 * np.diff(grid) / (speeds[1:] + speeds[:-1])))
 
@@ -83,7 +89,11 @@ def test_never_slower_than_a_stop_at_every_corner(seed: int, corners: int) -> No
 
 def test_a_sharp_bend_before_a_short_last_segment_is_not_slow() -> None:
     path = np.array(
-        [[-0.69, 1.43, 1.0, -1.19, -0.52, 1.46], [-0.48, 2.42, 2.48, -1.52, 0.54, -1.72], [-0.44, 2.44, 2.49, -1.53, 0.52, -1.75]]
+        [
+            [-0.69, 1.43, 1.0, -1.19, -0.52, 1.46],
+            [-0.48, 2.42, 2.48, -1.52, 0.54, -1.72],
+            [-0.44, 2.44, 2.49, -1.53, 0.52, -1.75],
+        ]
     )
     assert time_parameterise(path, V, A).duration < 4.0  # 3.18 rad at 1.4 rad/s and a little
 
@@ -102,7 +112,9 @@ def test_polyline_is_as_fast_as_toppra_allows(seed: int) -> None:
     path = RoundedPolyline(corners, 0.01)
     knots = path.knots
     # toppra reads q'' at grid points only, so put points on both sides of every jump
-    grid = np.concatenate([np.linspace(a + 1e-5, b - 1e-5, 2 + int((b - a) / 0.03)) for a, b in pairwise(knots)])
+    grid = np.concatenate(
+        [np.linspace(a + 1e-5, b - 1e-5, 2 + int((b - a) / 0.03)) for a, b in pairwise(knots)]
+    )
     want = toppra_duration(ToppraPath(path), np.concatenate([[0.0], grid, knots[-1:]]))
     assert time_parameterise(corners, V, A).duration == pytest.approx(want, rel=0.01, abs=1.5 / 240)
 
@@ -117,8 +129,12 @@ def test_straight_move_is_the_trapezoid_and_agrees_with_toppra(span: float) -> N
     closed = 1 / w + w / c if w * w < c else 2 / np.sqrt(c)
     assert closed <= t.duration <= closed + 1 / 240 + 1e-9
     line = toppra.SplineInterpolator([0.0, 0.5, 1.0], np.stack([a, 0.5 * (a + b), b]))
-    assert t.duration == pytest.approx(toppra_duration(line, np.linspace(0, 1, 200)), rel=0.01, abs=1.5 / 240)
-    assert np.abs(t.q - a - np.outer((t.q - a) @ (b - a) / ((b - a) @ (b - a)), b - a)).max() < 1e-12
+    assert t.duration == pytest.approx(
+        toppra_duration(line, np.linspace(0, 1, 200)), rel=0.01, abs=1.5 / 240
+    )
+    assert (
+        np.abs(t.q - a - np.outer((t.q - a) @ (b - a) / ((b - a) @ (b - a)), b - a)).max() < 1e-12
+    )
 
 
 @pytest.mark.parametrize("deviation", [0.001, 0.01, 0.05])
@@ -130,7 +146,9 @@ def test_rounding_stays_near_the_polyline_and_is_smooth(deviation: float) -> Non
     fine = dense(corners, 0.002)
     away = max(np.abs(fine - row).max(axis=1).min() for row in q[::10])
     assert 0.3 * deviation < away < deviation + 0.002
-    np.testing.assert_allclose(np.gradient(q, s, axis=0)[1:-1], path(s, 1)[1:-1], atol=2 * np.diff(s)[0] / deviation)
+    np.testing.assert_allclose(
+        np.gradient(q, s, axis=0)[1:-1], path(s, 1)[1:-1], atol=2 * np.diff(s)[0] / deviation
+    )
     jumps = np.abs(path(path.knots[1:-1] - 1e-9, 1) - path(path.knots[1:-1] + 1e-9, 1))
     assert jumps.max() < 1e-6
     np.testing.assert_allclose(path(path.knots[[0, -1]]), corners[[0, -1]], atol=1e-12)

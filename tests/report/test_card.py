@@ -1,4 +1,5 @@
-"""The card of every kind of export against the data it is made of, and every snippet that it shows, run."""
+"""The card of every kind of export against the data it is made of, and every snippet that it shows,
+run."""
 
 import importlib.util
 import json
@@ -40,10 +41,28 @@ class Kind:
     split: str = "episodes"
 
 
-KINDS = {name: Kind(name) for name in ("lerobot", "lerobot-v2.1", "parquet", "aloha", "robotwin", "dynamicwam", "puma-gt")}
-ONE = ["lerobot", "parquet", "aloha", "robotwin", "puma-gt", "xpolicylab", "zarr", "robomimic", "rlds"]
+KINDS = {
+    name: Kind(name)
+    for name in ("lerobot", "lerobot-v2.1", "parquet", "aloha", "robotwin", "dynamicwam", "puma-gt")
+}
+ONE = [
+    "lerobot",
+    "parquet",
+    "aloha",
+    "robotwin",
+    "puma-gt",
+    "xpolicylab",
+    "zarr",
+    "robomimic",
+    "rlds",
+]
 KINDS |= {name: Kind(name) for name in ONE}
-HEADS = {"robotwin": "head_camera", "puma-gt": "head_camera", "xpolicylab": "cam_head", "zarr": "img"}
+HEADS = {
+    "robotwin": "head_camera",
+    "puma-gt": "head_camera",
+    "xpolicylab": "cam_head",
+    "zarr": "img",
+}
 """What the head camera is called if not cam_high."""
 KINDS |= {f"{name}, several robots": Kind(name, ROBOTS) for name in ("lerobot", "parquet", "aloha")}
 KINDS |= {"lerobot, per task": Kind("lerobot", options=(("per_task", True),))}
@@ -60,7 +79,10 @@ class Made:
 
     @property
     def codes(self) -> list[str]:
-        return [code.replace("DIR", str(self.out)) for code in re.findall(r"```python\n(.*?)```", self.text, re.S)]
+        return [
+            code.replace("DIR", str(self.out))
+            for code in re.findall(r"```python\n(.*?)```", self.text, re.S)
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +96,17 @@ def card(tmp_path_factory):
         for robot in kind.robots:
             for i in range(2):
                 path = episode_path(home, robot, slot=i, level=1 + i)
-                meta = {"physics_id": f"{robot}{i}"} | ({"failure": FAILED} if kind.split == "failures" else {})
-                given = {"embodiment": robot, "slot": i, "seed": i, "level": 1 + i, "frames": 6 + i, "meta": meta}
+                meta = {"physics_id": f"{robot}{i}"} | (
+                    {"failure": FAILED} if kind.split == "failures" else {}
+                )
+                given = {
+                    "embodiment": robot,
+                    "slot": i,
+                    "seed": i,
+                    "level": 1 + i,
+                    "frames": 6 + i,
+                    "meta": meta,
+                }
                 paths.append(path if path.exists() else make_episode(path, **given))
         return paths
 
@@ -83,8 +114,17 @@ def card(tmp_path_factory):
         if name not in made:
             kind, out = KINDS[name], root / "exports" / name.replace(", ", "-").replace(" ", "-")
             paths = episodes(kind)
-            options = EXPORTERS[kind.format].options(**REQUIRED.get(kind.format, {}), **dict(kind.options))
-            job = Job(root / kind.split, out, paths, options, describe=describe(root / kind.split, paths), split=kind.split)
+            options = EXPORTERS[kind.format].options(
+                **REQUIRED.get(kind.format, {}), **dict(kind.options)
+            )
+            job = Job(
+                root / kind.split,
+                out,
+                paths,
+                options,
+                describe=describe(root / kind.split, paths),
+                split=kind.split,
+            )
             EXPORTERS[kind.format].export(job)
             made[name] = Made(*read_card(out / "README.md"), out)
         return made[name]
@@ -95,7 +135,11 @@ def card(tmp_path_factory):
 @pytest.mark.parametrize("name", ONE)
 def test_a_card_says_what_the_hub_and_a_reviewer_ask(card, name):
     front, text, out = card(name).front, card(name).text, card(name).out
-    assert front["license"] == "apache-2.0" and "robotics" in front["task_categories"] and front["size_categories"] == ["n<1K"]
+    assert (
+        front["license"] == "apache-2.0"
+        and "robotics" in front["task_categories"]
+        and front["size_categories"] == ["n<1K"]
+    )
     assert ("configs" in front) == (name in ("lerobot", "parquet"))
     assert text.startswith("# Dynamic manipulation: click bell, aloha-agilex\n")
     assert "2 simulated episodes, 13 frames at 15 Hz" in text
@@ -104,7 +148,15 @@ def test_a_card_says_what_the_hub_and_a_reviewer_ask(card, name):
     # f = 120 / tan(18.5 degrees)
     assert f"| {camera} | 320 x 240 | 37 | 358.6 | fixed in the world | aloha-agilex |" in text
     assert "| aloha-agilex | 6 | `left_gripper` | 0 closed, 1 open |" in text
-    asked = {"Intended use", "What is in it", "How to load it", "Splits", "How it was made", "Known limits", "Citation"}
+    asked = {
+        "Intended use",
+        "What is in it",
+        "How to load it",
+        "Splits",
+        "How it was made",
+        "Known limits",
+        "Citation",
+    }
     assert asked <= set(re.findall(r"^## (.*)$", text, re.M))
     for image in re.findall(r"(?:\(|src=\")(card/[^)\"]+)", text):
         assert (out / image).stat().st_size > 500
@@ -124,23 +176,49 @@ def test_every_snippet_runs(card, name, tmp_path, monkeypatch):
         known: dict[str, Any] = {}
         exec(code, known)
         if "episodes=train" in code:
-            assert known["data"].num_episodes == len(known["train"]) == (1 if "per task" in name else 2)
+            assert (
+                known["data"].num_episodes
+                == len(known["train"])
+                == (1 if "per task" in name else 2)
+            )
 
 
 def test_the_card_of_failures_shows_no_demonstrations(card):
     text, front = card("lerobot, failures").text, card("lerobot, failures").front
-    assert text.startswith("# Dynamic manipulation, failed attempts: ") and "\n2 failed attempts, 13 frames" in text
-    assert "not demonstrations" in text and "Demonstrations come from" not in text and "are left out" not in text
-    assert "| replay | missed | 2 |" in text and "failed attempts" in card("aloha, failures").front["pretty_name"]
+    assert (
+        text.startswith("# Dynamic manipulation, failed attempts: ")
+        and "\n2 failed attempts, 13 frames" in text
+    )
+    assert (
+        "not demonstrations" in text
+        and "Demonstrations come from" not in text
+        and "are left out" not in text
+    )
+    assert (
+        "| replay | missed | 2 |" in text
+        and "failed attempts" in card("aloha, failures").front["pretty_name"]
+    )
     assert front["license"] == "apache-2.0"
 
 
-@pytest.mark.parametrize(("corrected", "meta"), [(0, {}), (0, {"expert": "reactive"}), (3, {"corrects": "static@1"})])
-def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(tmp_path, corrected, meta):
-    path = make_episode(episode_path(tmp_path), frames=6, corrected=corrected, meta=meta | {"physics_id": "a"})
+@pytest.mark.parametrize(
+    ("corrected", "meta"), [(0, {}), (0, {"expert": "reactive"}), (3, {"corrects": "static@1"})]
+)
+def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(
+    tmp_path, corrected, meta
+):
+    path = make_episode(
+        episode_path(tmp_path), frames=6, corrected=corrected, meta=meta | {"physics_id": "a"}
+    )
     out = tmp_path / "out"
     EXPORTERS["parquet"].export(
-        Job(tmp_path, out, [path], EXPORTERS["parquet"].options(), describe=describe(tmp_path, [path])),
+        Job(
+            tmp_path,
+            out,
+            [path],
+            EXPORTERS["parquet"].options(),
+            describe=describe(tmp_path, [path]),
+        ),
     )
     text = (out / "README.md").read_text()
     described = json.loads((out / "croissant.json").read_text())
@@ -148,14 +226,19 @@ def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(tmp_pa
         assert ("know the target's motion in advance" in said) == (meta == {})
         assert ("nothing of its future but which arm is to act" in said) == (meta != {})
         assert ("`intervention` is false" in said) == ("static@1" in said) == (corrected > 0)
-    assert any("`action` where `intervention`" in use for use in described["rai:dataUseCases"]) == (corrected > 0)
+    assert any("`action` where `intervention`" in use for use in described["rai:dataUseCases"]) == (
+        corrected > 0
+    )
 
 
 def test_several_robots_are_several_datasets(card):
     made = card("lerobot, several robots")
     assert [config["config_name"] for config in made.front["configs"]] == list(ROBOTS)
     assert "It holds 2 LeRobot datasets" in made.text and "- `franka-panda`\n" in made.text
-    assert "| cam_high | 320 x 240 | 37 | 358.6 | fixed in the world | aloha-agilex, franka-panda |" in made.text
+    assert (
+        "| cam_high | 320 x 240 | 37 | 358.6 | fixed in the world | aloha-agilex, franka-panda |"
+        in made.text
+    )
 
 
 def test_a_camera_that_robots_carry_on_other_links_has_a_row_for_each(tmp_path):
@@ -163,7 +246,9 @@ def test_a_camera_that_robots_carry_on_other_links_has_a_row_for_each(tmp_path):
     for robot, link in zip(ROBOTS, ("left_link6", "left_panda_hand"), strict=True):
         one = look(make_episode(episode_path(tmp_path, robot), embodiment=robot))
         info = one.meta.drawing.cameras["head_camera"].model_copy(update={"link": link})
-        drawing = one.meta.drawing.model_copy(update={"cameras": dict(one.meta.drawing.cameras) | {"head_camera": info}})
+        drawing = one.meta.drawing.model_copy(
+            update={"cameras": dict(one.meta.drawing.cameras) | {"head_camera": info}}
+        )
         seen.append(replace(one, meta=one.meta.model_copy(update={"drawing": drawing})))
     rows = _cameras([*seen, seen[0]], {"format": "robotwin", "options": {}})
     for robot, link in zip(ROBOTS, ("left_link6", "left_panda_hand"), strict=True):
@@ -173,24 +258,37 @@ def test_a_camera_that_robots_carry_on_other_links_has_a_row_for_each(tmp_path):
 def test_a_card_tells_how_much_of_the_target_is_visible_and_which_frames_are_idle(tmp_path):
     one = look(make_episode(episode_path(tmp_path), frames=12))
     assert one.visible == {} and visibility([one], {"head_camera": "cam_high"}) == ""
-    parts = [(0.9, (0.9, 0.9, 0.9)), (0.5, (0.1, 0.2, 0.9)), (0.1, (0.0, 0.1, 0.2)), (0.1, (0.2, 0.2, 0.2))]
+    parts = [
+        (0.9, (0.9, 0.9, 0.9)),
+        (0.5, (0.1, 0.2, 0.9)),
+        (0.1, (0.0, 0.1, 0.2)),
+        (0.1, (0.2, 0.2, 0.2)),
+    ]
     seen = [
-        replace(one, visible={"head_camera": np.full(5, share)}, last_visible={"head_camera": np.array(last)})
+        replace(
+            one,
+            visible={"head_camera": np.full(5, share)},
+            last_visible={"head_camera": np.array(last)},
+        )
         for share, last in parts
     ]
     text = visibility(seen, {"head_camera": "cam_high", "left_camera": "cam_left_wrist"})
     assert "| cam_high | 10 | 30 | 90 | 50 | 75 |" in text and "cam_left_wrist" not in text
-    idle_frames = [replace(one, frames=20, after_success=5, still=3), replace(one, frames=20, after_success=3, still=0)]
-    assert idle(idle_frames).startswith("20.0 % of the frames come after the success") and "In 7.5 % no command" in idle(
-        idle_frames
-    )
+    idle_frames = [
+        replace(one, frames=20, after_success=5, still=3),
+        replace(one, frames=20, after_success=3, still=0),
+    ]
+    assert idle(idle_frames).startswith(
+        "20.0 % of the frames come after the success"
+    ) and "In 7.5 % no command" in idle(idle_frames)
 
 
 def test_frames_after_the_success_and_still_ones_are_counted(tmp_path):
     path = make_episode(episode_path(tmp_path), frames=12)
     with open_episode(path) as file:
         log = file.read().log
-    assert look(path).after_success == 0 and look(path).still == 0  # it succeeds in its last frame, and always moves
+    # it succeeds in its last frame, and always moves
+    assert look(path).after_success == 0 and look(path).still == 0
     log.action[3:7] = log.action[3]
     log.events = [Event("success", float(log.times[8]))]
     with open_episode(path) as file:
@@ -204,8 +302,13 @@ def test_splits_follow_physics_and_nothing_else(card):
     # sha256("a") begins with ca97..., 0x19 = 25 of 256 begins the train split after 20 %
     assert position_of("a") == pytest.approx(0xCA978112CA1BBDCA / 2**64)
     ids = [f"physics{i}" for i in range(2000)]
-    shares = {split: np.mean([split_of(one) == split for one in ids]) for split in ("train", "validation", "test")}
-    assert shares["train"] == pytest.approx(0.8, abs=0.03) and shares["validation"] == pytest.approx(0.1, abs=0.02)
+    shares = {
+        split: np.mean([split_of(one) == split for one in ids])
+        for split in ("train", "validation", "test")
+    }
+    assert shares["train"] == pytest.approx(0.8, abs=0.03) and shares[
+        "validation"
+    ] == pytest.approx(0.1, abs=0.02)
     for name, file in (("aloha", "episodes.parquet"), ("lerobot", "meta/domino_episodes.parquet")):
         rows = pq.read_table(card(name).out / file).to_pylist()
         assert [row["split"] for row in rows] == [split_of(row["physics_id"]) for row in rows]
@@ -217,7 +320,10 @@ def test_splits_follow_physics_and_nothing_else(card):
 def test_croissant_names_files_records_and_responsible_use(card, name):
     made = card(name)
     said = json.loads((made.out / "croissant.json").read_text())
-    assert said["conformsTo"] == ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"]
+    assert said["conformsTo"] == [
+        "http://mlcommons.org/croissant/1.0",
+        "http://mlcommons.org/croissant/RAI/1.0",
+    ]
     sets = {one["@id"]: one for one in said["distribution"]}
     assert set(sets) - {"episode-files"}  # what holds the frames
     for one in sets.values():
@@ -226,13 +332,19 @@ def test_croissant_names_files_records_and_responsible_use(card, name):
         for field in records["field"]:
             assert records["@id"] == "splits" or field["source"]["fileSet"]["@id"] in sets
     assert [records["@id"] for records in said["recordSet"]][:2] == ["splits", "episodes"]
-    assert all(said[f"rai:{key}"] for key in ("dataUseCases", "dataLimitations", "dataBiases", "personalSensitiveInformation"))
+    assert all(
+        said[f"rai:{key}"]
+        for key in ("dataUseCases", "dataLimitations", "dataBiases", "personalSensitiveInformation")
+    )
     identifier = said["identifier"]
     assert identifier in made.text and identifier in said["citeAs"]
 
 
 def test_one_identifier_for_all_formats_of_the_same_physics(card):
-    said = {name: json.loads((card(name).out / "croissant.json").read_text())["identifier"] for name in KINDS}
+    said = {
+        name: json.loads((card(name).out / "croissant.json").read_text())["identifier"]
+        for name in KINDS
+    }
     assert len({said[name] for name in ONE}) == 1 and said["aloha"] != said["aloha, several robots"]
 
 
@@ -242,7 +354,9 @@ def test_the_same_episodes_give_the_same_plots(card):
 
 def test_tables_and_choices():
     assert table(["a"], [["x|y"]]) == "| a |\n| --- |\n| x&#124;y |\n\n"
-    assert spread([*map(Path, "abcdefghi")], 3) == [*map(Path, "aei")] and spread([Path("a")], 3) == [Path("a")]
+    assert spread([*map(Path, "abcdefghi")], 3) == [*map(Path, "aei")] and spread(
+        [Path("a")], 3
+    ) == [Path("a")]
 
 
 def test_a_task_whose_target_leaves_an_image_is_named(tmp_path):
@@ -250,15 +364,21 @@ def test_a_task_whose_target_leaves_an_image_is_named(tmp_path):
     with open_episode(path) as e:
         head, log, target = e.meta.drawing.cameras["head_camera"], e.read().log, e.meta.target
     seen, summary = look(path), {"format": "robotwin", "options": {}}
-    forward, left, up = np.linalg.inv(matrix(head.pose))[:3] @ np.c_[log.pose(target)[:, :3], np.ones(8)].T
+    forward, left, up = (
+        np.linalg.inv(matrix(head.pose))[:3] @ np.c_[log.pose(target)[:, :3], np.ones(8)].T
+    )
     half = np.tan(np.radians(head.fovy) / 2) * forward
-    inside = (forward > 0) & (np.abs(up) <= half) & (np.abs(left) <= half * head.width / head.height)
+    inside = (
+        (forward > 0) & (np.abs(up) <= half) & (np.abs(left) <= half * head.width / head.height)
+    )
     np.testing.assert_array_equal(seen.target_in_view["head_camera"], inside)
     assert "left_camera" not in seen.target_in_view, "it moves with the arm"
     shown = np.arange(8) % 4 > 0
     partly = [replace(seen, target_in_view={"head_camera": each}) for each in (shown, ~shown)]
     assert "| click_bell | head_camera | 50 | 50 |" in _out_of_view(partly, summary)
-    assert _out_of_view([replace(seen, target_in_view={"head_camera": shown | True})], summary) == ""
+    assert (
+        _out_of_view([replace(seen, target_in_view={"head_camera": shown | True})], summary) == ""
+    )
 
 
 def test_speeds_that_differ_by_rounding_only_are_plotted():
@@ -272,15 +392,30 @@ def test_what_a_dataset_says_of_itself_is_text_on_its_card(tmp_path):
     hostile = "<img src=x onerror=alert(1)>\x1b[31m [a](javascript:1) ``` | b"
     made = {"renderer": hostile, "processor": hostile, "packages": {hostile: hostile}}
     (tmp_path / "provenance.json").write_text(json.dumps(made))
-    (tmp_path / "manifest.yaml").write_text("name: x # " + hostile.replace("\x1b", "") + "\n```\n<script>\n\x1b[2J\n````\n<b>\n")
+    (tmp_path / "manifest.yaml").write_text(
+        "name: x # " + hostile.replace("\x1b", "") + "\n```\n<script>\n\x1b[2J\n````\n<b>\n"
+    )
     exporter = EXPORTERS["puma-gt"]
-    exporter.export(Job(tmp_path, tmp_path / "out", [path], exporter.options(), describe=describe(tmp_path, [path])))
+    exporter.export(
+        Job(
+            tmp_path,
+            tmp_path / "out",
+            [path],
+            exporter.options(),
+            describe=describe(tmp_path, [path]),
+        )
+    )
     text = (tmp_path / "out" / "README.md").read_text()
     assert all(c.isprintable() or c == "\n" for c in text)
     blocks = re.compile(r"^(`{3,})\w*\n.*?^\1$", re.S | re.M)
     recipe = next(block[0] for block in blocks.finditer(text) if "<script>" in block[0])
     assert "<b>" in recipe and recipe.startswith("`````yaml\n")
     outside = blocks.sub("", text)
-    assert "&lt;img src=x" in outside and "<img" not in outside and "](javascript" not in outside and "<b>" not in outside
+    assert (
+        "&lt;img src=x" in outside
+        and "<img" not in outside
+        and "](javascript" not in outside
+        and "<b>" not in outside
+    )
     rows = [line for line in outside.splitlines() if "onerror" in line]
     assert len(rows) == 3 and all(len(row.split("|")) == 4 for row in rows)

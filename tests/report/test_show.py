@@ -24,7 +24,10 @@ def test_the_film_has_every_frame_of_every_camera_side_by_side(tmp_path):
         assert len(images) == len(e) == 7 and film.streams.video[0].average_rate == e.fps
         first = e.rgb(e.cameras[0], 6)
         width = images[0].shape[1] // len(e.cameras)
-        assert images[0].shape == (64, width * len(e.cameras), 3) and abs(width - first.shape[1] * 64 / first.shape[0]) <= 1
+        assert (
+            images[0].shape == (64, width * len(e.cameras), 3)
+            and abs(width - first.shape[1] * 64 / first.shape[0]) <= 1
+        )
         # each camera's mean colour stands where the camera stands
         for i, camera in enumerate(e.cameras):
             shown = images[6][:, i * width : (i + 1) * width].mean((0, 1))

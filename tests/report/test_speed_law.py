@@ -4,11 +4,26 @@ import pytest
 
 from pipeline.report.speed_law import drawn_and_accepted, law
 
-CELL = {"task": "click_bell", "embodiment": "aloha-agilex", "level": 1, "alpha": 0.1, "domain": "clean"}
+CELL = {
+    "task": "click_bell",
+    "embodiment": "aloha-agilex",
+    "level": 1,
+    "alpha": 0.1,
+    "domain": "clean",
+}
 
 
 def row(slot, attempt, outcome, speed=None, moved=0.1):
-    motion = {} if speed is None else {"average_speed": speed, "end_speed": speed, "maximum_speed": speed, "displacement": moved}
+    motion = (
+        {}
+        if speed is None
+        else {
+            "average_speed": speed,
+            "end_speed": speed,
+            "maximum_speed": speed,
+            "displacement": moved,
+        }
+    )
     return CELL | {"slot": slot, "attempt": attempt, "outcome": outcome} | motion
 
 

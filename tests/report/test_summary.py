@@ -17,7 +17,18 @@ from pipeline.html import render_page
 from pipeline.report import summary
 from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import MEETING_COLOR, draw_path, film, pick_frames, target_path
-from pipeline.report.sections import Bar, CellCard, Figure, Moves, Report, Section, Strip, TaskSection, report_page, speed_histogram
+from pipeline.report.sections import (
+    Bar,
+    CellCard,
+    Figure,
+    Moves,
+    Report,
+    Section,
+    Strip,
+    TaskSection,
+    report_page,
+    speed_histogram,
+)
 from pipeline.report.speed_law import Law
 from pipeline.report.summary import Material, cell_of, observe, write_report
 from tests.synthetic import COLORS, HALF, SPEED, episode_path, make_episode, square_corner
@@ -47,7 +58,9 @@ def report(root, paths, rows, extras=(), keys=None):
     cells = {}
     for row in rows:
         cells.setdefault(cell_of(row), []).append(row)
-    return write_report(root, Material([observe(path) for path in paths], cells, keys or {}), extras)
+    return write_report(
+        root, Material([observe(path) for path in paths], cells, keys or {}), extras
+    )
 
 
 class Tags(HTMLParser):
@@ -83,7 +96,9 @@ def parse(text: str) -> Tags:
 def dataset(tmp_path_factory) -> tuple[Path, list[Path], str]:
     root = tmp_path_factory.mktemp("a <dataset>")
     paths = [
-        make_episode(episode_path(root, level=n, slot=s), level=n, slot=s, seed=s, frames=30) for n in (0, 1, 2) for s in (0, 1)
+        make_episode(episode_path(root, level=n, slot=s), level=n, slot=s, seed=s, frames=30)
+        for n in (0, 1, 2)
+        for s in (0, 1)
     ]
     rows = [attempt(level=n, slot=s) for n in (0, 1, 2) for s in (0, 1)]
     rows += [attempt(outcome="failed", stage="replay", reason="missed<b>", attempt=1)] * 3
@@ -114,10 +129,17 @@ def test_every_link_of_the_contents_has_its_section(dataset):
 def test_tiles_and_bars_state_the_counts(dataset):
     text = dataset[2]
     assert "<b>6</b><span>episodes" in text and "<b>13</b><span>attempts" in text
-    assert f"<b>{100 * 6 / 13:.1f} %</b>" in text and "<b>6,500</b><span>physics steps" in text and "<b>19.5 s</b>" in text
+    assert (
+        f"<b>{100 * 6 / 13:.1f} %</b>" in text
+        and "<b>6,500</b><span>physics steps" in text
+        and "<b>19.5 s</b>" in text
+    )
     assert "<b>3.25 s</b><span>spent an episode" in text
     assert "<b>0.2 min</b>" in text  # 6 episodes of 30 frames at 15 Hz are 12 s
-    assert re.search(r"replay: missed&lt;b&gt;</span><div><i[^>]*></i>3<", text) and "missed<b>" not in text
+    assert (
+        re.search(r"replay: missed&lt;b&gt;</span><div><i[^>]*></i>3<", text)
+        and "missed<b>" not in text
+    )
     assert re.search(r"dry run: no plan</span><div><i[^>]*></i>4<", text)
     assert text.count("No episode was accepted.") == 1  # the level 3 cell
 
@@ -139,21 +161,36 @@ def test_a_dataset_without_attempts_or_episodes_still_reports(tmp_path):
     assert "No attempts are recorded." in text and "Nothing moves in this dataset." in text
 
 
-def test_many_cells_have_a_page_for_each_task_that_is_drawn_again_when_it_changed(tmp_path, monkeypatch):
+def test_many_cells_have_a_page_for_each_task_that_is_drawn_again_when_it_changed(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(summary, "MANY_CELLS", 3)
     tasks = ("click_bell", "grab_roller")
-    paths = [make_episode(episode_path(tmp_path, task=t, slot=s), task=t, slot=s, seed=s, frames=3) for t in tasks for s in (0, 1)]
-    rows = [attempt(task=t, level=n, slot=s, seconds=2.0) for t in tasks for n in (1, 2) for s in (0, 1)]
+    paths = [
+        make_episode(episode_path(tmp_path, task=t, slot=s), task=t, slot=s, seed=s, frames=3)
+        for t in tasks
+        for s in (0, 1)
+    ]
+    rows = [
+        attempt(task=t, level=n, slot=s, seconds=2.0) for t in tasks for n in (1, 2) for s in (0, 1)
+    ]
     page = report(tmp_path, paths, rows, keys=dict.fromkeys(tasks, "a"))
     text, pages = page.read_text(), sorted((tmp_path / "report" / "tasks").iterdir())
     assert [p.name for p in pages] == ["click_bell.html", "grab_roller.html"]
-    assert '<a href="tasks/grab_roller.html">grab roller</a></td><td>2</td><td>4</td><td>4</td>' in text
+    assert (
+        '<a href="tasks/grab_roller.html">grab roller</a></td><td>2</td><td>4</td><td>4</td>'
+        in text
+    )
     assert "<img" not in text and "<b>8</b><span>attempts" in text
-    assert [parse(p.read_text()).seen and p.read_text().count("<img") for p in pages] == [3, 3]  # three frames of one episode
+    # three frames of one episode
+    assert [parse(p.read_text()).seen and p.read_text().count("<img") for p in pages] == [3, 3]
     assert "<b>4</b><span>attempts" in pages[0].read_text()
     before = [p.stat().st_mtime_ns for p in pages]
     report(tmp_path, paths, rows, keys={"click_bell": "a", "grab_roller": "b"})
-    assert [p.stat().st_mtime_ns == old for p, old in zip(pages, before, strict=True)] == [True, False]
+    assert [p.stat().st_mtime_ns == old for p, old in zip(pages, before, strict=True)] == [
+        True,
+        False,
+    ]
     monkeypatch.setattr(summary, "MANY_CELLS", 40)
     report(tmp_path, paths, rows)
     assert not pages[0].exists() and page.read_text().count("<img") == 4 * 3
@@ -175,29 +212,48 @@ def test_observed_speed_is_the_one_the_target_had(tmp_path):
 def test_the_histogram_puts_counts_and_alpha_in_their_places():
     h = speed_histogram([0.05] * 3 + [0.10], [0.2], alpha=0.1, bins=10)
     step, top = 344 / 10, 0.2 * 1.08
-    expected = [(8 + step * int(v / top * 10) + 0.7, 112 * n / 3) for v, n in ((0.05, 3), (0.10, 1), (0.2, 1))]
+    expected = [
+        (8 + step * int(v / top * 10) + 0.7, 112 * n / 3)
+        for v, n in ((0.05, 3), (0.10, 1), (0.2, 1))
+    ]
     assert np.allclose([(c.x, c.height) for c in (*h.average, *h.maximum)], expected)
     assert all(c.y + c.height == pytest.approx(h.base) for c in (*h.average, *h.maximum))
     assert (h.alpha_x, h.top) == pytest.approx((8 + 344 * 0.1 / top, top))
 
 
-def test_drawn_and_accepted_motions_stand_beside_each_other_for_the_level_and_for_the_cell(tmp_path):
+def test_drawn_and_accepted_motions_stand_beside_each_other_for_the_level_and_for_the_cell(
+    tmp_path,
+):
     fast = {"average_speed": 0.09, "end_speed": 0.09, "maximum_speed": 0.09, "displacement": 0.3}
     slow = {"average_speed": 0.01, "end_speed": 0.01, "maximum_speed": 0.01, "displacement": 0.04}
     rows = [attempt(outcome="failed", **fast), attempt(attempt=1, **slow)]
-    text = report(tmp_path, [make_episode(episode_path(tmp_path, level=1), level=1)], rows).read_text()
-    drawn = "<td>drawn</td><td>1</td><td>0.0900</td><td>0.0900</td><td>0.300</td><td>0 %</td><td>0 %</td><td>100 %</td>"
-    accepted = "<td>accepted</td><td>1</td><td>0.0100</td><td>0.0100</td><td>0.040</td><td>100 %</td><td>100 %</td><td>0 %</td>"
+    text = report(
+        tmp_path, [make_episode(episode_path(tmp_path, level=1), level=1)], rows
+    ).read_text()
+    drawn = (
+        "<td>drawn</td><td>1</td><td>0.0900</td><td>0.0900</td><td>0.300</td><td>0 %</td><td>0"
+        " %</td><td>100 %</td>"
+    )
+    accepted = (
+        "<td>accepted</td><td>1</td><td>0.0100</td><td>0.0100</td><td>0.040</td><td>100"
+        " %</td><td>100 %</td><td>0 %</td>"
+    )
     assert text.count(drawn) == text.count(accepted) == 2
 
 
 def test_the_page_draws_the_histogram(dataset):
     svg = dataset[2][dataset[2].index("<svg") : dataset[2].index("</svg>")]
-    # two episodes of level 1, both at SPEED all the time: one filled and one outlined rectangle of full height
-    heights = re.findall(r'<rect x="[\d.]+" width="[\d.]+" y="([\d.]+)" height="([\d.]+)" (?:fill="none"|fill="var)', svg)
+    # two episodes of level 1, both at SPEED all the time: one filled and one outlined rectangle of
+    # full height
+    heights = re.findall(
+        r'<rect x="[\d.]+" width="[\d.]+" y="([\d.]+)" height="([\d.]+)" (?:fill="none"|fill="var)',
+        svg,
+    )
     assert heights == [("28.0", "112.0")] * 2
     line = re.search(r'<line x1="([\d.]+)" x2="([\d.]+)" y1="14"', svg)
-    assert line and float(line[1]) == float(line[2]) == pytest.approx(8 + 344 * 0.1 / (1.08 * max(0.1, SPEED)), abs=0.06)
+    assert line and float(line[1]) == float(line[2]) == pytest.approx(
+        8 + 344 * 0.1 / (1.08 * max(0.1, SPEED)), abs=0.06
+    )
     assert ">alpha 0.1<" in svg and f">{1.08 * max(0.1, SPEED):.2f} m/s<" in svg
 
 
@@ -217,7 +273,18 @@ def test_hostile_names_are_escaped_wherever_they_stand(tmp_path):
     assert "<script" not in written and written.count(ESCAPED) >= 4
     text = report_page(shown)
     tags = parse(text)
-    assert {tag for tag, _ in tags.seen} <= {"html", "head", "meta", "title", "style", "body", "nav", "a", "article", "header"} | {
+    assert {tag for tag, _ in tags.seen} <= {
+        "html",
+        "head",
+        "meta",
+        "title",
+        "style",
+        "body",
+        "nav",
+        "a",
+        "article",
+        "header",
+    } | {
         *("h1", "h2", "h3", "p", "div", "span", "b", "i", "figure", "img", "figcaption"),
         *("table", "thead", "tbody", "tr", "th", "td"),
     }
@@ -261,7 +328,9 @@ def test_the_path_runs_through_the_middle_of_the_square_that_the_camera_saw(tmp_
         pixels, in_front = target_path(e, episode, "head_camera")
         assert in_front.all()
         for i in (0, 9, 19):
-            red = np.argwhere(np.abs(e.rgb("head_camera", i).astype(int) - COLORS["head_camera"]).sum(-1) < 60)
+            red = np.argwhere(
+                np.abs(e.rgb("head_camera", i).astype(int) - COLORS["head_camera"]).sum(-1) < 60
+            )
             assert np.allclose(red.mean(0)[::-1] + 0.5, pixels[i], atol=1.0)
 
 
@@ -269,7 +338,11 @@ def test_the_meeting_is_ringed_and_what_is_behind_the_camera_is_not_drawn():
     pixels = np.array([[20.0, 30], [60, 30], [100, 30]])
     image = np.zeros((60, 320, 3), np.uint8)
     draw_path(image, pixels, np.array([True, True, True]), now=0, meeting=2)
-    assert (image[30, 93] == MEETING_COLOR).all() and image[30, 80].max() > 100 and image[45].max() == 0
+    assert (
+        (image[30, 93] == MEETING_COLOR).all()
+        and image[30, 80].max() > 100
+        and image[45].max() == 0
+    )
     hidden = np.zeros_like(image)
     draw_path(hidden, pixels, np.array([False, False, False]), now=0, meeting=2)
     assert hidden.max() == 0
@@ -287,18 +360,31 @@ def test_the_contact_sheet_has_one_row_an_episode_with_its_pictures(tmp_path):
     style = Style()
     sheet = contact_sheet(paths, columns=4, frame_width=320)
     row = style.caption + 240 + style.margin
-    assert sheet.shape == (3 * row + style.margin // 2 * 2, 2 * style.margin + 4 * 320 + 3 * style.gap, 3)
+    assert sheet.shape == (
+        3 * row + style.margin // 2 * 2,
+        2 * style.margin + 4 * 320 + 3 * style.gap,
+        3,
+    )
     with open_episode(paths[1]) as e:
         target, camera = e.array("target/pose"), e.array("observation/head_camera/pose")[0]
-    column, line = square_corner(Camera("head_camera", CAMERA_TYPES["D435"], None, camera), 0, target)
+    column, line = square_corner(
+        Camera("head_camera", CAMERA_TYPES["D435"], None, camera), 0, target
+    )
     top, left = style.margin // 2 + row + style.caption, style.margin
-    assert np.abs(sheet[top + line + 4, left + column + HALF // 4].astype(int) - COLORS["head_camera"]).max() < 20
+    assert (
+        np.abs(
+            sheet[top + line + 4, left + column + HALF // 4].astype(int) - COLORS["head_camera"]
+        ).max()
+        < 20
+    )
     assert (sheet[:4] == style.paper).all()
 
 
 def test_saving_a_sheet(tmp_path):
     episode = make_episode(tmp_path / "e.hdf5", frames=6)
-    path = save_contact_sheet(tmp_path / "images" / "sheet.png", [episode], columns=3, frame_width=100)
+    path = save_contact_sheet(
+        tmp_path / "images" / "sheet.png", [episode], columns=3, frame_width=100
+    )
     assert np.array_equal(cv2.imread(str(path))[..., ::-1], contact_sheet([episode], 3, 100))
     with pytest.raises(ValueError, match=r"\.png or a \.jpg"):
         save_contact_sheet(tmp_path / "sheet.gif", [episode])

@@ -1,4 +1,5 @@
-"""The viewer: its data against the episode, and the page itself in a browser without a network, by clicks and keys."""
+"""The viewer: its data against the episode, and the page itself in a browser without a network, by
+clicks and keys."""
 
 import base64
 import io
@@ -36,15 +37,31 @@ FAILED = {"attempt": 2, "stage": "replay", "reason": "missed", "conditions": ["h
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """A dataset of two episodes, the first with a mask of the target and flow in the head camera."""
+    """A dataset of two episodes, the first with a mask of the target and flow in the head
+    camera."""
     root = tmp_path_factory.mktemp("viewed")
-    paths = [make_episode(episode_path(root, slot=i, level=i + 1), slot=i, seed=i, level=i + 1, frames=FRAMES) for i in range(2)]
+    paths = [
+        make_episode(
+            episode_path(root, slot=i, level=i + 1), slot=i, seed=i, level=i + 1, frames=FRAMES
+        )
+        for i in range(2)
+    ]
     mask = np.zeros((FRAMES, 1, 240, 320), bool)
     mask[:, :, 100:121, 50:91] = True
-    write_stage(root, "masks@00000001", {"stage": "masks", "version": 1, "parameters": {"camera": "head_camera"}})
+    write_stage(
+        root,
+        "masks@00000001",
+        {"stage": "masks", "version": 1, "parameters": {"camera": "head_camera"}},
+    )
     place = annotation_path(root, "masks@00000001", paths[0].relative_to(root / "episodes"))
-    write_entry(place, "key", {"mask": pack(mask)}, {"objects": ["target"], "height": 240, "width": 320})
-    write_stage(root, "flow@00000001", {"stage": "flow", "version": 1, "parameters": {"camera": "head_camera"}})
+    write_entry(
+        place, "key", {"mask": pack(mask)}, {"objects": ["target"], "height": 240, "width": 320}
+    )
+    write_stage(
+        root,
+        "flow@00000001",
+        {"stage": "flow", "version": 1, "parameters": {"camera": "head_camera"}},
+    )
     place = annotation_path(root, "flow@00000001", paths[0].relative_to(root / "episodes"))
     write_entry(place, "key", {"rgb": np.full((FRAMES, 240, 320, 3), (40, 80, 160), np.uint8)}, {})
     return root, paths
@@ -54,16 +71,26 @@ def test_what_is_shown_is_the_episode(dataset):
     root, (path, other) = dataset
     shown = episode_data(path, root)
     with open_episode(path) as e:
-        np.testing.assert_allclose(np.array(shown["state"]).T, e.array("joint_state/vector"), atol=1e-4)
-        np.testing.assert_allclose(np.array(shown["action"]).T, e.array("joint_action/vector"), atol=1e-4)
-        np.testing.assert_allclose(np.array(shown["path"]["target"]).T, e.array("target/pose")[:, :3], atol=1e-4)
+        np.testing.assert_allclose(
+            np.array(shown["state"]).T, e.array("joint_state/vector"), atol=1e-4
+        )
+        np.testing.assert_allclose(
+            np.array(shown["action"]).T, e.array("joint_action/vector"), atol=1e-4
+        )
+        np.testing.assert_allclose(
+            np.array(shown["path"]["target"]).T, e.array("target/pose")[:, :3], atol=1e-4
+        )
         kind = e.meta.drawing.cameras["head_camera"].camera("head_camera").type
-        uv, _ = project(kind, e.array("observation/head_camera/pose")[2], e.array("target/pose")[2, :3])
+        uv, _ = project(
+            kind, e.array("observation/head_camera/pose")[2], e.array("target/pose")[2, :3]
+        )
         np.testing.assert_allclose(shown["cameras"]["head_camera"]["track"][2], uv, atol=0.06)
     assert [event["name"] for event in shown["events"]] == ["meeting", "release", "success"]
     assert shown["spans"] == [{"name": "left touches", "start": 4 / 15, "end": 5 / 15}]
     middle = FRAMES // 2 / 15
-    assert [(run["arm"], run["said"], run["half"], run["start"], run["end"]) for run in shown["skills"]] == [
+    assert [
+        (run["arm"], run["said"], run["half"], run["start"], run["end"]) for run in shown["skills"]
+    ] == [
         ("left", "grasp high target", "meet", 0, middle),
         ("right", "home", "meet", 0, middle),
         ("left", "lift target", "finish", middle + 0.5 / 15, (FRAMES - 1) / 15),
@@ -88,13 +115,19 @@ def test_what_is_shown_is_the_episode(dataset):
 def test_a_choice_is_spread_and_its_levels_are_balanced(tmp_path):
     many = [episode_path(tmp_path, slot=i) for i in range(20)]
     few = [episode_path(tmp_path, slot=i, level=2) for i in range(2)]
-    assert choose(many, 4) == [many[0], many[5], many[10], many[15]] and choose([*reversed(few)], 3) == few
+    assert (
+        choose(many, 4) == [many[0], many[5], many[10], many[15]]
+        and choose([*reversed(few)], 3) == few
+    )
     assert [path.parent.parent.name for path in choose(many + few, 4)] == ["L1", "L1", "L2", "L2"]
     assert len(choose(many + few, 10)) == 10 and set(few) < set(choose(many + few, 10))
     assert choose([], 3) == []
     tasks = [f"task_{i}" for i in range(6)]
     cells = [(task, level, slot) for task in tasks for level in (1, 3) for slot in range(5)]
-    paths = [tmp_path / task / "aloha" / f"L{level}" / "clean" / f"{slot}.hdf5" for task, level, slot in cells]
+    paths = [
+        tmp_path / task / "aloha" / f"L{level}" / "clean" / f"{slot}.hdf5"
+        for task, level, slot in cells
+    ]
     chosen = choose(paths, 12)
     shown = Counter((path.parts[-5], path.parts[-3]) for path in chosen)
     assert shown == dict.fromkeys(product(tasks, ("L1", "L3")), 1)
@@ -102,10 +135,16 @@ def test_a_choice_is_spread_and_its_levels_are_balanced(tmp_path):
 
 def test_a_failed_attempt_is_shown_with_its_reason(dataset):
     root, paths = dataset
-    failed = make_episode(root / "failures/click_bell/failed.hdf5", frames=FRAMES, meta={"failure": FAILED})
+    failed = make_episode(
+        root / "failures/click_bell/failed.hdf5", frames=FRAMES, meta={"failure": FAILED}
+    )
     shown, listed = episode_data(failed, root), listing(failed, root)
     assert shown["failure"] == listed["failure"] == "replay: missed (held)"
-    assert (listed["outcome"], listed["attempt"], listing(paths[0], root)["outcome"]) == ("failed", 2, "accepted")
+    assert (listed["outcome"], listed["attempt"], listing(paths[0], root)["outcome"]) == (
+        "failed",
+        2,
+        "accepted",
+    )
 
 
 def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
@@ -116,8 +155,14 @@ def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
         try:
             host, port = server.server_address[:2]
             assert host == "127.0.0.1"
-            read = lambda name: urllib.request.urlopen(f"http://{host}:{port}/{name}").read().decode()  # noqa: E731
-            assert "<title>" in read("") and json.loads(re.fullmatch(r"DOMINO = (.*);\n", read("list.js"))[1])["total"] == 2
+
+            def read(name):
+                return urllib.request.urlopen(f"http://{host}:{port}/{name}").read().decode()
+
+            assert (
+                "<title>" in read("")
+                and json.loads(re.fullmatch(r"DOMINO = (.*);\n", read("list.js"))[1])["total"] == 2
+            )
             assert read("episode_1.js").startswith("episodeLoaded(1, {")
             for name in ("episode_2.js", "../manifest.yaml", "episodes/", "episode_0.hdf5"):
                 with pytest.raises(urllib.error.HTTPError, match="404"):
@@ -143,7 +188,9 @@ def test_rerun_reads_the_recording(dataset, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
     _, (path, _) = dataset
     recording = chunk.RrdReader(log_episode(path, "one", tmp_path / "one.rrd"))
-    assert [(r.application_id, r.recording_id) for r in recording.recordings()] == [("domino-data", "one")]
+    assert [(r.application_id, r.recording_id) for r in recording.recordings()] == [
+        ("domino-data", "one")
+    ]
     rows = Counter()
     for part in recording.stream().to_chunks():
         rows[part.entity_path] += part.num_rows
@@ -154,7 +201,11 @@ def test_rerun_reads_the_recording(dataset, tmp_path):
         "/joints/left_joint6/state",
         "/joints/right_gripper/action",
     ]
-    assert [rows[name] for name in wanted] == [FRAMES] * 5 and rows["/events"] == 3 and rows["/world/target/path"] == 1
+    assert (
+        [rows[name] for name in wanted] == [FRAMES] * 5
+        and rows["/events"] == 3
+        and rows["/world/target/path"] == 1
+    )
 
 
 @needs_browser
@@ -170,11 +221,17 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
         caption = page.run("document.querySelector('#wall figcaption').textContent")
         assert caption == "click bell · aloha-agilex · L1 · 0.08 m/s · 0"
         page.click("#wall figure:nth-child(1)")
-        page.wait("!at('episode').hidden && document.querySelectorAll('.js-plotly-plot').length == 3 && frame == 0 && !!data")
+        page.wait(
+            "!at('episode').hidden && document.querySelectorAll('.js-plotly-plot').length == 3 &&"
+            " frame == 0 && !!data"
+        )
         with open_episode(paths[0]) as e:
             log = e.read().log
         arms = [i for i, name in enumerate(log.vector_names) if not name.endswith("gripper")]
-        assert page.run("Number(at('joint').value)") == arms[int(np.argmax(np.ptp(log.state[:, arms], axis=0)))]
+        assert (
+            page.run("Number(at('joint').value)")
+            == arms[int(np.argmax(np.ptp(log.state[:, arms], axis=0)))]
+        )
         rectangle = "(b => [b.x, b.y, b.right, b.bottom])(e.getBoundingClientRect())"
         boxes = page.run(f"[...document.querySelectorAll('.event span')].map(e => {rectangle})")
         assert len(boxes) == 3
@@ -185,7 +242,12 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
         page.press("ArrowLeft")
         assert page.run("at('clock').textContent") == f"frame 1 of {FRAMES}, 0.07 s"
         wanted = ["left arm: grasp high target, 0.00 to 0.27 s", "right arm: home, 0.00 to 0.27 s"]
-        assert page.run("[...document.querySelectorAll('.skill')].map(skill => skill.title).slice(0, 2)") == wanted
+        assert (
+            page.run(
+                "[...document.querySelectorAll('.skill')].map(skill => skill.title).slice(0, 2)"
+            )
+            == wanted
+        )
         page.wait("location.hash.endsWith('episode_0000000.hdf5&frame=1')")
         page.press("End")
         assert page.run("frame") == FRAMES - 1
@@ -199,12 +261,16 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
             # the middle of the wrist image, away from its square, is as in the episode
             x, y = 300, 220
             wanted = e.rgb("left_camera", 0)[y, x].astype(int)
-        pixel = f"[...at('canvas-left_camera').getContext('2d').getImageData({x}, {y}, 1, 1).data].slice(0, 3)"
+        pixel = (
+            f"[...at('canvas-left_camera').getContext('2d').getImageData({x}, {y}, 1,"
+            " 1).data].slice(0, 3)"
+        )
         # images are drawn when they are decoded
         page.wait(f"{pixel}.some(value => value > 0)")
         got = page.run(pixel)
         assert np.abs(np.array(got) - wanted).max() < 12
-        # the square of the wrist camera drifts by 3 pixels a frame: the frame that is asked for is the one that is drawn
+        # the square of the wrist camera drifts by 3 pixels a frame: the frame that is asked for is
+        # the one that is drawn
         page.run("go(6)")
         row = "[...at('canvas-left_camera').getContext('2d').getImageData(0, 80, 320, 1).data]"
         page.wait(f"({row})[4 * 130 + 1] > 160")

@@ -24,11 +24,14 @@ PATIENCE = 400
 def start(*arguments, extra=None, new_session=False):
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | (extra or {})
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([COMMAND, *map(str, arguments)], env=environment, start_new_session=new_session, **pipes)
+    return subprocess.Popen(
+        [COMMAND, *map(str, arguments)], env=environment, start_new_session=new_session, **pipes
+    )
 
 
 def run(*arguments, code=0, extra=None):
-    """Run the command to its end; its standard output, or its standard error where it must fail with `code`."""
+    """Run the command to its end; its standard output, or its standard error where it must fail
+    with `code`."""
     process = start(*arguments, extra=extra)
     out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == code, f"{arguments}: {process.returncode}\n{out}\n{err}"
@@ -37,7 +40,8 @@ def run(*arguments, code=0, extra=None):
 
 
 def inside(*arguments):
-    """The command in this process, which saves its start: exit code, standard output, standard error."""
+    """The command in this process, which saves its start: exit code, standard output, standard
+    error."""
     out, err = io.StringIO(), io.StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
@@ -59,11 +63,16 @@ def build(out, *more, **options):
 
 def slots(out):
     dataset = Dataset(out)
-    return sorted(slot.path for slot in dataset.rows(dataset.recipe()).slots) if dataset.index.exists() else []
+    return (
+        sorted(slot.path for slot in dataset.rows(dataset.recipe()).slots)
+        if dataset.index.exists()
+        else []
+    )
 
 
 def contents(out, timed=True):
-    """What must not depend on who built it: bytes of episodes, records and attempts without times, recipe and provenance."""
+    """What must not depend on who built it: bytes of episodes, records and attempts without times,
+    recipe and provenance."""
     records, dataset = {}, Dataset(out)
     for slot, record in dataset.records(dataset.recipe()):
         assert record.file.changed and record.file.assets

@@ -21,7 +21,9 @@ def parents() -> dict[int, tuple[int, int]]:
     out = {}
     for pid in (int(name) for name in os.listdir("/proc") if name.isdigit()):
         try:
-            state, parent, _, session = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[:4]
+            state, parent, _, session = (
+                Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[:4]
+            )
         except OSError:
             continue
         if state != "Z":

@@ -1,4 +1,5 @@
-"""The promises of `annotate`: incremental, keyed by content, resumable, honest about what failed."""
+"""The promises of `annotate`: incremental, keyed by content, resumable, honest about what
+failed."""
 
 import dataclasses
 import multiprocessing
@@ -24,12 +25,23 @@ OPTIONS = AnnotateOptions(flow=FlowOptions(stride=2))
 
 def dataset(root: Path, slots: range = range(3), **extra: object) -> Path:
     for slot in slots:
-        make_episode(episode_path(root, slot=slot), slot=slot, seed=slot, frames=6, cameras=("head_camera",), **extra)
+        make_episode(
+            episode_path(root, slot=slot),
+            slot=slot,
+            seed=slot,
+            frames=6,
+            cameras=("head_camera",),
+            **extra,
+        )
     return root
 
 
 def tree(root: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(root)): p.read_bytes() for p in sorted((root / "annotations").rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted((root / "annotations").rglob("*"))
+        if p.is_file()
+    }
 
 
 def one(report: dict, name: str = "flow") -> dict:
@@ -57,7 +69,9 @@ def test_two_at_once_are_refused_and_a_dry_run_is_not(tmp_path: Path):
     with exclusive(tmp_path / "annotations"):
         with pytest.raises(Busy, match=r"/annotations: another command is writing it"):
             annotate(tmp_path, ["flow"], options=OPTIONS)
-        assert counts(annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))) == (1, 0, 0)
+        assert counts(
+            annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))
+        ) == (1, 0, 0)
     assert tree(tmp_path) == {}
     with exclusive(tmp_path):  # a build
         assert counts(annotate(tmp_path, ["flow"], options=OPTIONS)) == (1, 0, 0)
@@ -66,7 +80,9 @@ def test_two_at_once_are_refused_and_a_dry_run_is_not(tmp_path: Path):
 def test_one_file_per_episode_indexed_by_absolute_frame(tmp_path: Path):
     dataset(tmp_path, range(1))
     directory = one(annotate(tmp_path, ["flow"], options=OPTIONS))["directory"]
-    path = tmp_path / "annotations" / directory / "click_bell/aloha-agilex/L1/clean/episode_0000000.h5"
+    path = (
+        tmp_path / "annotations" / directory / "click_bell/aloha-agilex/L1/clean/episode_0000000.h5"
+    )
     arrays = read_entry(path).arrays
     assert arrays["flow"].shape == (6, 64, 64, 2) and arrays["flow"].dtype == np.float16
     assert arrays["rgb"].shape == (6, 64, 64, 3) and arrays["rgb"].dtype == np.uint8
@@ -112,7 +128,9 @@ def test_corrupt_and_truncated_files_are_found_and_recomputed(tmp_path: Path):
 def test_changed_frames_make_an_entry_stale(tmp_path: Path):
     dataset(tmp_path)
     annotate(tmp_path, ["flow"], options=OPTIONS)
-    make_episode(episode_path(tmp_path, slot=1), slot=1, seed=99, frames=6, cameras=("head_camera",))
+    make_episode(
+        episode_path(tmp_path, slot=1), slot=1, seed=99, frames=6, cameras=("head_camera",)
+    )
     report = annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))
     assert counts(report) == (1, 2, 1)
     assert one(report)["plan"][0]["state"] == "stale"
@@ -212,7 +230,10 @@ def test_sim_flow_of_stored_truth_and_by_rendering_agree(tmp_path: Path):
             return make_view(camera, e.read().log, "D435", True, True)
 
     s = one(annotate(tmp_path / "plain", ["flow"], options=options))
-    assert s["failed"] == 1 and "stores no actor_segmentation and depth of head_camera" in s["problems"][0]
+    assert (
+        s["failed"] == 1
+        and "stores no actor_segmentation and depth of head_camera" in s["problems"][0]
+    )
     results = []
     for name in ("stored", "plain"):
         s = one(annotate(tmp_path / name, ["flow"], options=options, render=render))
@@ -220,7 +241,11 @@ def test_sim_flow_of_stored_truth_and_by_rendering_agree(tmp_path: Path):
         results.append(read_entry(next((tmp_path / name).rglob("*.h5"))).arrays["flow"])
     np.testing.assert_array_equal(*results)
     assert rendered == ["head_camera"]
-    assert counts(annotate(tmp_path / "plain", ["flow"], options=options, render=render)) == (0, 1, 0)
+    assert counts(annotate(tmp_path / "plain", ["flow"], options=options, render=render)) == (
+        0,
+        1,
+        0,
+    )
     assert rendered == ["head_camera"]
 
 
@@ -247,7 +272,9 @@ def test_a_dry_run_needs_no_weights_and_downloads_none(tmp_path: Path, monkeypat
     dataset(tmp_path / "data")
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("socket.socket.connect", lambda *_: pytest.fail("a dry run asks the network"))
+    monkeypatch.setattr(
+        "socket.socket.connect", lambda *_: pytest.fail("a dry run asks the network")
+    )
     options = AnnotateOptions(masks=MaskOptions(detector=str(tmp_path / "nowhere")))
     report = annotate(tmp_path / "data", options=options, execution=Execution(dry_run=True))
     assert [counts(report, name) for name in ("flow", "masks", "features")] == [(3, 0, 0)] * 3

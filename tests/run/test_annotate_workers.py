@@ -1,4 +1,5 @@
-"""Annotation on workers: the same bytes as inline, and an episode that kills its worker costs that episode only."""
+"""Annotation on workers: the same bytes as inline, and an episode that kills its worker costs that
+episode only."""
 
 import os
 import signal
@@ -26,7 +27,8 @@ pytestmark = pytest.mark.usefixtures("ray_session")
 
 @dataclass(frozen=True)
 class Fatal(FlowStage):
-    """A stage whose process is killed, or stops, at episodes of four frames, as in a faulty native library."""
+    """A stage whose process is killed, or stops, at episodes of four frames, as in a faulty native
+    library."""
 
     name = "fatal"
     signal: int = signal.SIGKILL
@@ -43,12 +45,22 @@ class Fatal(FlowStage):
 def dataset(root: Path) -> Path:
     for slot in range(6):
         frames = 4 if slot == FATAL else 5
-        make_episode(episode_path(root, slot=slot), slot=slot, seed=slot, frames=frames, cameras=("head_camera",))
+        make_episode(
+            episode_path(root, slot=slot),
+            slot=slot,
+            seed=slot,
+            frames=frames,
+            cameras=("head_camera",),
+        )
     return root
 
 
 def tree(root: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(root)): p.read_bytes() for p in sorted((root / "annotations").rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted((root / "annotations").rglob("*"))
+        if p.is_file()
+    }
 
 
 def test_two_workers_give_the_bytes_of_inline(tmp_path: Path):
@@ -62,18 +74,25 @@ def test_two_workers_give_the_bytes_of_inline(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGKILL, "died"), (signal.SIGSTOP, "hung")])
-def test_an_episode_that_takes_two_workers_is_reported_and_the_rest_done(tmp_path: Path, monkeypatch, number: int, word: str):
+def test_an_episode_that_takes_two_workers_is_reported_and_the_rest_done(
+    tmp_path: Path, monkeypatch, number: int, word: str
+):
     monkeypatch.setattr(module, "EPISODE_SECONDS", 3.0)
     # all six in one lease
     monkeypatch.setattr(module, "leases", lambda episodes, _: iter([tuple(episodes)]))
     root = dataset(tmp_path)
-    found = {o.episode: o for o in outcomes(Fatal(FlowOptions(), signal=number), root, episode_paths(root), TWO)}
+    found = {
+        o.episode: o
+        for o in outcomes(Fatal(FlowOptions(), signal=number), root, episode_paths(root), TWO)
+    }
     assert len(found) == 6
     failed = [o for o in found.values() if o.action == "failed"]
     assert [Path(o.episode).stem for o in failed] == [f"episode_{FATAL:07d}"]
     assert f"{word} twice" in failed[0].reason
     # the first three were written before their worker was lost
-    assert [o.action for _, o in sorted(found.items())] == ["reused"] * 3 + ["failed"] + ["computed"] * 2
+    assert [o.action for _, o in sorted(found.items())] == ["reused"] * 3 + ["failed"] + [
+        "computed"
+    ] * 2
 
 
 def test_leases_are_small_many_and_complete():

@@ -1,4 +1,5 @@
-"""The whole way through the real command: build, stop, go on, verify, export; the same bytes whoever does the work."""
+"""The whole way through the real command: build, stop, go on, verify, export; the same bytes
+whoever does the work."""
 
 import json
 import os
@@ -34,7 +35,8 @@ def mine(built, tmp_path):
     return Path(shutil.copytree(built, tmp_path / "mine"))
 
 
-# --- one dataset ------------------------------------------------------------------------------------------------------------
+# --- one dataset
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_built_dataset_keeps_its_promises(built):
@@ -42,7 +44,12 @@ def test_a_built_dataset_keeps_its_promises(built):
     assert (found["ok"], found["problems"], found["episodes"]) == (True, [], 3)
     _, out, _ = inside("status", built, "--json")
     status = json.loads(out)
-    assert (status["wanted"], status["accepted"], status["given_up"], status["open"]) == (3, 3, 0, 0)
+    assert (status["wanted"], status["accepted"], status["given_up"], status["open"]) == (
+        3,
+        3,
+        0,
+        0,
+    )
     rows = pq.read_table(built / "attempts.parquet").to_pylist()
     assert status["attempts"] == len(rows)
     assert [r["level"] for r in rows if r["outcome"] == "accepted"] == [1, 2, 3]
@@ -64,7 +71,17 @@ def test_a_finished_dataset_is_left_as_it_is(mine):
 
 def test_a_dataset_grows_and_keeps_what_it_holds(mine):
     before = {p: p.read_bytes() for p in mine.glob("episodes/**/*.hdf5")}
-    larger = (*WANTED, "--levels", "0,1,2,3", "--out", mine, "--quiet", "--json", "--executor", "inline")
+    larger = (
+        *WANTED,
+        "--levels",
+        "0,1,2,3",
+        "--out",
+        mine,
+        "--quiet",
+        "--json",
+        "--executor",
+        "inline",
+    )
     code, out, err = inside("build", *larger)
     assert (code, err) == (0, "")
     assert (json.loads(out)["made"], json.loads(out)["accepted"]) == (1, 4)
@@ -80,16 +97,22 @@ def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(m
         physics = Key(record.keys.physics.parts | {"core": "0" * 32})
         record_all(dataset, [(slot, replace(record, keys=replace(record.keys, physics=physics)))])
     for words, warned in (
-        (("export", mine, "--format", "parquet"), False),  # it loads no code that keys are made from
+        # it loads no code that keys are made from
+        (("export", mine, "--format", "parquet"), False),
         (("annotate", mine, "--stages", "flow", "--flow-stride", "2"), True),
     ):
         code, out, err = inside(*words, "--json")
         assert (code, json.loads(out)["episodes"]) == (0, 3)
-        assert not warned or ("warning: 3 episodes are of another version" in err and err.count("\n") == 1)
+        assert not warned or (
+            "warning: 3 episodes are of another version" in err and err.count("\n") == 1
+        )
 
 
 def test_exports_take_the_episodes_asked_for_and_are_checked_with_the_dataset(mine):
-    for name, some, count in (("aloha", ("--embodiment", "aloha", "--where", "level>1"), 2), ("parquet", (), 3)):
+    for name, some, count in (
+        ("aloha", ("--embodiment", "aloha", "--where", "level>1"), 2),
+        ("parquet", (), 3),
+    ):
         code, out, err = inside("export", mine, "--format", name, *some, "--json")
         assert code == 0, err
         assert json.loads(out)["episodes"] == count
@@ -108,9 +131,13 @@ def test_a_damaged_episode_is_found_and_made_again(mine, built):
     code, out, err = inside("verify", mine, "--json")
     assert (code, err) == (1, "")
     problems = json.loads(out)["problems"]
-    assert {problem.partition(":")[0] for problem in problems} == {path.relative_to(mine).as_posix()}
+    assert {problem.partition(":")[0] for problem in problems} == {
+        path.relative_to(mine).as_posix()
+    }
     path.unlink()
-    code, out, err = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, err = inside(
+        "build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline"
+    )
     assert (code, err, json.loads(out)["made"]) == (0, "", 1)
     assert contents(mine) == contents(built)
 
@@ -122,7 +149,9 @@ def test_a_damaged_and_a_missing_episode_and_missing_assets_are_made_again(mine,
     damaged.unlink()
     first.write_bytes(first.read_bytes()[:5000])
     second.unlink()
-    code, out, err = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, err = inside(
+        "build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline"
+    )
     assert (code, err) == (0, "")
     assert json.loads(out)["made"] == 3
     assert contents(mine) == contents(built)
@@ -132,7 +161,9 @@ def test_a_damaged_and_a_missing_episode_and_missing_assets_are_made_again(mine,
     assert others
 
 
-@pytest.mark.parametrize("verb", [("export", "--format", "parquet"), ("annotate", "--stages", "flow")])
+@pytest.mark.parametrize(
+    "verb", [("export", "--format", "parquet"), ("annotate", "--stages", "flow")]
+)
 def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, verb):
     path = next(mine.glob("episodes/**/L2/**/*.hdf5"))
     with h5py.File(path, "r+") as file:
@@ -142,10 +173,13 @@ def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, verb
     said = err if verb[0] == "export" else json.loads(out)["stages"][0]["problems"][0]
     assert str(path) in said
     assert "bytes differ from the index's sha256" in said
-    assert not list(mine.glob("exports/*")) and len(list(mine.glob("annotations/*/**/*.h5"))) == (0 if verb[0] == "export" else 2)
+    assert not list(mine.glob("exports/*")) and len(list(mine.glob("annotations/*/**/*.h5"))) == (
+        0 if verb[0] == "export" else 2
+    )
 
 
-# --- who does the work ------------------------------------------------------------------------------------------------------
+# --- who does the work
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_path, monkeypatch):
@@ -188,10 +222,14 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path, monkeypatc
             opened(self, *arguments, **options)
 
         monkeypatch.setattr(h5py.File, "__init__", cramped)
-        code, _, err = inside("build", *WANTED, "--levels", "1", "--out", out, "--quiet", "--executor", "inline")
+        code, _, err = inside(
+            "build", *WANTED, "--levels", "1", "--out", out, "--quiet", "--executor", "inline"
+        )
     assert (code, err.count("\n")) == (2, 1)
     assert "too large" in err
-    assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == ["provenance.json"]
+    assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == [
+        "provenance.json"
+    ]
 
 
 def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, monkeypatch):
@@ -199,15 +237,31 @@ def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, mo
         raise Failure("back_calculate", "no_motion", "workspace 828, visibility 1, blocked 171")
 
     monkeypatch.setattr("pipeline.run.slot.fill.attempt", failing)
-    arguments = (*WANTED, "--attempts", "2", "--out", tmp_path / "out", "--quiet", "--executor", "inline")
+    arguments = (
+        *WANTED,
+        "--attempts",
+        "2",
+        "--out",
+        tmp_path / "out",
+        "--quiet",
+        "--executor",
+        "inline",
+    )
     code, out, err = inside("build", *arguments)
     assert code == 3
     assert "0 of 3 episodes" in out
-    assert err.count("\n") == 1 and "slots given up after 2 attempts each: 3;" in err and "domino-data status" in err
+    assert (
+        err.count("\n") == 1
+        and "slots given up after 2 attempts each: 3;" in err
+        and "domino-data status" in err
+    )
     assert inside("build", *arguments)[0] == 3
     code, out, _ = inside("status", tmp_path / "out")
     assert code == 0
-    assert "6 x back_calculate: no_motion (motions refused: workspace 4968, blocked 1026, visibility 6)" in out
+    assert (
+        "6 x back_calculate: no_motion (motions refused: workspace 4968, blocked 1026,"
+        " visibility 6)" in out
+    )
     assert NO_MOTION_HINTS["workspace"] in out
     rows = pq.read_table(tmp_path / "out" / "attempts.parquet").to_pylist()
     assert {row["detail"] for row in rows} == {"workspace 828, visibility 1, blocked 171"}
@@ -215,25 +269,50 @@ def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, mo
 
 def test_a_policy_that_cannot_be_made_leaves_no_dataset(tmp_path):
     (tmp_path / "policy.py").write_text("x = 1\n")
-    wanted = ("build", *WANTED, "--corrections", tmp_path / "policy.py", "--out", tmp_path / "out", "--executor", "inline")
+    wanted = (
+        "build",
+        *WANTED,
+        "--corrections",
+        tmp_path / "policy.py",
+        "--out",
+        tmp_path / "out",
+        "--executor",
+        "inline",
+    )
     code, _, err = inside(*wanted)
     assert code == 2 and "make_policy()" in err and err.count("\n") == 1
     (tmp_path / "policy.py").write_text("import os\nos._exit(0)\n")
     code, _, err = inside(*wanted)
     assert code == 2 and "policy.py" in err and err.count("\n") == 1
-    contract = "from pipeline.evaluate.policies.contract import Contract\nfrom pipeline.evaluate.policies.reference import Random\n"
-    (tmp_path / "policy.py").write_text(contract + "class Fast(Random):\n    contract = Contract(rate=30)\nmake_policy = Fast\n")
+    contract = (
+        "from pipeline.evaluate.policies.contract import Contract\nfrom"
+        " pipeline.evaluate.policies.reference import Random\n"
+    )
+    (tmp_path / "policy.py").write_text(
+        contract + "class Fast(Random):\n    contract = Contract(rate=30)\nmake_policy = Fast\n"
+    )
     code, _, err = inside(*wanted)
     assert code == 2 and "30" in err and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
-# --- planning and bad input -------------------------------------------------------------------------------------------------
+# --- planning and bad input
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_plan_writes_nothing(monkeypatch, tmp_path, built):
     monkeypatch.chdir(tmp_path)
-    arguments = ("--tasks", "click_bell,grab_roller", "--levels", "0,2", "--alpha", "0.1,0.2", "--episodes", "7", "--json")
+    arguments = (
+        "--tasks",
+        "click_bell,grab_roller",
+        "--levels",
+        "0,2",
+        "--alpha",
+        "0.1,0.2",
+        "--episodes",
+        "7",
+        "--json",
+    )
     code, out, _ = inside("plan", *arguments, "--workers", "2", "--out", tmp_path / "none")
     values = json.loads(out)
     assert code == 0
@@ -246,7 +325,11 @@ def test_a_plan_writes_nothing(monkeypatch, tmp_path, built):
     assert list(tmp_path.iterdir()) == []
     _, out, _ = inside("plan", *WANTED, "--out", built, "--json")
     values = json.loads(out)
-    assert (values["finished"], values["estimated_bytes"], values["estimate_from"]) == (3, 0, "this dataset")
+    assert (values["finished"], values["estimated_bytes"], values["estimate_from"]) == (
+        3,
+        0,
+        "this dataset",
+    )
 
 
 def test_lists_are_for_programs_to_read():
@@ -256,7 +339,9 @@ def test_lists_are_for_programs_to_read():
     assert bell["objects"] == ["bell"]
     assert bell["step_limit"] > 0
     _, out, _ = inside("embodiments", "--json")
-    assert {"aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg"} <= {e["name"] for e in json.loads(out)}
+    assert {"aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg"} <= {
+        e["name"] for e in json.loads(out)
+    }
 
 
 @pytest.mark.parametrize(
@@ -298,7 +383,9 @@ def test_bad_input_is_one_line_and_nothing_is_written(monkeypatch, tmp_path, arg
 
 def test_a_cluster_that_cannot_be_joined_leaves_no_dataset(tmp_path):
     # which would refuse another recipe
-    code, out, err = inside("build", "--tasks", "click_bell", "--address", "127.0.0.1:1", "--out", str(tmp_path / "set"))
+    code, out, err = inside(
+        "build", "--tasks", "click_bell", "--address", "127.0.0.1:1", "--out", str(tmp_path / "set")
+    )
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "no Ray cluster at 127.0.0.1:1" in err and "another --address" in err
     assert list(tmp_path.iterdir()) == []
@@ -323,7 +410,9 @@ def test_a_build_leaves_other_peoples_files_alone(tmp_path, place):
     (tmp_path / "foreign").mkdir()
     (tmp_path / "foreign" / "thesis.txt").write_text("precious")
     (tmp_path / "file").write_text("x")
-    code, _, err = inside("build", *WANTED, "--executor", "inline", "--quiet", "--out", tmp_path / place)
+    code, _, err = inside(
+        "build", *WANTED, "--executor", "inline", "--quiet", "--out", tmp_path / place
+    )
     assert code == 2
     assert err.count("\n") == 1
     assert [p.name for p in (tmp_path / "foreign").iterdir()] == ["thesis.txt"]
@@ -342,8 +431,13 @@ def test_exports_of_nothing_and_of_an_unknown_kind_are_refused(tmp_path):
 
 
 def test_the_index_may_go_at_any_time(built, tmp_path, monkeypatch):
-    """Removed or cut while a build runs: the build ends with what one that was left alone has, and nothing is made twice."""
-    out, damage, attempts = tmp_path / "out", [Path.unlink, lambda path: os.truncate(path, 5000)], []
+    """Removed or cut while a build runs: the build ends with what one that was left alone has, and
+    nothing is made twice."""
+    out, damage, attempts = (
+        tmp_path / "out",
+        [Path.unlink, lambda path: os.truncate(path, 5000)],
+        [],
+    )
 
     def disturbed(*arguments):
         attempts.append(arguments[0])
@@ -352,7 +446,9 @@ def test_the_index_may_go_at_any_time(built, tmp_path, monkeypatch):
         return attempt(*arguments)
 
     monkeypatch.setattr("pipeline.run.slot.fill.attempt", disturbed)
-    code, said, err = inside("build", *WANTED, "--out", out, "--quiet", "--json", "--executor", "inline")
+    code, said, err = inside(
+        "build", *WANTED, "--out", out, "--quiet", "--json", "--executor", "inline"
+    )
     assert (code, err, json.loads(said)["made"], damage) == (0, "", 3, [])
     assert len({spec.seed for spec in attempts}) == len(attempts) == json.loads(said)["attempts"]
     files, records, rows = contents(built)
@@ -364,6 +460,8 @@ def test_an_episode_without_a_row_is_read_by_the_next_build(mine, built):
     dataset = Dataset(mine)
     with IndexWriter(dataset, dataset.recipe()) as writer, writer.index._file as file:
         file.execute("DELETE FROM slot WHERE id = 2")
-    code, out, _ = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, _ = inside(
+        "build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline"
+    )
     assert (code, json.loads(out)["made"]) == (0, 0)
     assert contents(mine, timed=False)[0] == contents(built)[0]

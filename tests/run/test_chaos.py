@@ -1,5 +1,5 @@
-"""A build that is killed at any moment ends as if nothing had been. With Ray workers, driver and Ray
-killed a hundred times: python -m benchmarks.chaos."""
+"""A build that is killed at any moment ends as if nothing had been. With Ray workers, driver and
+Ray killed a hundred times: python -m benchmarks.chaos."""
 
 import multiprocessing
 import time

@@ -1,4 +1,5 @@
-"""A cluster of two nodes on this machine: the same bytes, shares of a GPU, and nodes that are not alike, or leave."""
+"""A cluster of two nodes on this machine: the same bytes, shares of a GPU, and nodes that are not
+alike, or leave."""
 
 import os
 import threading
@@ -40,10 +41,16 @@ def sleeper() -> Callable[[int], None]:
 
 def test_two_nodes_build_the_bytes_of_one_process(cluster, built, tmp_path):
     out, seen = tmp_path / "out", set()
-    process = start("build", *WANTED, "--out", out, "--quiet", "--address", cluster.address, "--workers", 2)
+    process = start(
+        "build", *WANTED, "--out", out, "--quiet", "--address", cluster.address, "--workers", 2
+    )
     nodes = {node.all_processes["raylet"][0].process.pid for node in cluster.list_all_nodes()}
     while process.poll() is None:
-        seen |= {tree[0] for pid, tree in parents().items() if tree[0] in nodes and title(pid).startswith("ray::CrewWorker.")}
+        seen |= {
+            tree[0]
+            for pid, tree in parents().items()
+            if tree[0] in nodes and title(pid).startswith("ray::CrewWorker.")
+        }
         time.sleep(0.05)
     printed, err = process.communicate()
     assert process.returncode == 0, printed + err
@@ -87,7 +94,9 @@ def test_a_runtime_environment_reaches_the_workers(cluster):
     def make() -> Callable[[int], tuple[str, str]]:
         return lambda _: (os.environ["WANTED"], os.environ["OMP_NUM_THREADS"])
 
-    assert [end.result for end in run(make, deque([0]), crew, LONG) if isinstance(end, Done)] == [("yes", "1")]
+    assert [end.result for end in run(make, deque([0]), crew, LONG) if isinstance(end, Done)] == [
+        ("yes", "1")
+    ]
 
 
 def test_a_node_that_leaves_is_not_the_fault_of_its_jobs(cluster, tmp_path: Path):

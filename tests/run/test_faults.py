@@ -1,4 +1,5 @@
-"""A build whose workers are killed ends by itself; a seed whose workers are killed or hang is recorded and the next is tried."""
+"""A build whose workers are killed ends by itself; a seed whose workers are killed or hang is
+recorded and the next is tried."""
 
 import json
 import os
@@ -23,10 +24,13 @@ from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
 from tests.run.processes import of_session, shared_memory, title, wait_for, workers
 
-RECIPE = recipe_from({"tasks": "click_bell", "embodiments": "aloha", "levels": [1], "episodes": 3, "attempts": 4})
+RECIPE = recipe_from(
+    {"tasks": "click_bell", "embodiments": "aloha", "levels": [1], "episodes": 3, "attempts": 4}
+)
 
 
-# --- the slot ---------------------------------------------------------------------------------------------------------------
+# --- the slot
+# ------------------------------------------------------------------------------------------
 
 
 def failing(spec, _recipe, _phases, _perform=None):
@@ -36,12 +40,15 @@ def failing(spec, _recipe, _phases, _perform=None):
 
 def seeds(recipe: Recipe) -> list[list[int]]:
     """Seeds of the attempts at each slot."""
-    return [[recipe.spec(one, number).seed for number in range(recipe.attempts)] for one in recipe.slots()]
+    return [
+        [recipe.spec(one, number).seed for number in range(recipe.attempts)]
+        for one in recipe.slots()
+    ]
 
 
 def fatal_fill_slot(job: SlotJob) -> Steps[SlotRecord]:
-    """Fill a slot where seeds fail; the second seed of slot 0 kills its worker in the middle of writing an asset, always, and the
-    first of slot 1 kills it once."""
+    """Fill a slot where seeds fail; the second seed of slot 0 kills its worker in the middle of
+    writing an asset, always, and the first of slot 1 kills it once."""
     told = seeds(job.recipe)
     once = Path(job.root) / "killed-once"
 
@@ -87,10 +94,16 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
         assert [row["seed"] for row in rows] == its_seeds
         for number, row in enumerate(rows):
             died = (one.index, number) == (0, 1)
-            assert (row["stage"], row["reason"]) == (("worker", "worker_died") if died else ("dry_run", "no_path"))
+            assert (row["stage"], row["reason"]) == (
+                ("worker", "worker_died") if died else ("dry_run", "no_path")
+            )
             assert row["outcome"] == "failed"
         logged = dataset.log(one).read_text()
-        assert all(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}" in logged for row in rows)
+        assert all(
+            f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}"
+            in logged
+            for row in rows
+        )
 
 
 def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):
@@ -121,14 +134,17 @@ def test_what_a_killed_worker_left_half_written_of_a_slot_is_removed(tmp_path, m
     path = dataset.episode(one)
     path.parent.mkdir(parents=True)
     half = path.with_name(f".{path.name}.another-machine.123.tmp")
-    others = dataset.episode(other).with_name(f".{dataset.episode(other).name}.another-machine.123.tmp")
+    others = dataset.episode(other).with_name(
+        f".{dataset.episode(other).name}.another-machine.123.tmp"
+    )
     for file in (half, others):
         file.touch()
     fill_slot(SlotJob(str(tmp_path), RECIPE, one, code_version()))
     assert (half.exists(), others.exists()) == (False, True)
 
 
-# --- the whole build --------------------------------------------------------------------------------------------------------
+# --- the whole build
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
@@ -138,7 +154,11 @@ def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
     process = start("build", *WANTED, "--out", out, *options, new_session=True)
 
     def at_work() -> list[int]:
-        return [pid for pid in workers(of_session(process.pid)) if title(pid).endswith((".start", ".go_on"))]
+        return [
+            pid
+            for pid in workers(of_session(process.pid))
+            if title(pid).endswith((".start", ".go_on"))
+        ]
 
     wait_for(lambda: len(at_work()) == 2, 180)
     for worker in at_work():

@@ -30,7 +30,15 @@ ASSET = "ab" + "0" * 30
 
 def record(dataset, slot, keys=KEYS, *failed):
     seed = dataset.recipe().spec(slot, 0).seed
-    row = {"attempt": len(failed), "seed": seed, "outcome": "accepted", "seconds": 1.0, "sim_steps": 8, "stage": "", "reason": ""}
+    row = {
+        "attempt": len(failed),
+        "seed": seed,
+        "outcome": "accepted",
+        "seconds": 1.0,
+        "sim_steps": 8,
+        "stage": "",
+        "reason": "",
+    }
     return record_file(dataset, slot, keys, [*failed, row], assets=(ASSET,))
 
 
@@ -41,7 +49,14 @@ def made(root, numbers, recipe=RECIPE):
     for number, slot in enumerate(recipe.slots()):
         if number in numbers:
             cell = slot.cell
-            make_episode(dataset.episode(slot), task=cell.task, level=cell.level, slot=slot.index, seed=number, frames=3)
+            make_episode(
+                dataset.episode(slot),
+                task=cell.task,
+                level=cell.level,
+                slot=slot.index,
+                seed=number,
+                frames=3,
+            )
             record(dataset, slot)
     asset = dataset.bodies / ASSET[:2] / f"{ASSET}.npz"
     asset.parent.mkdir(parents=True)
@@ -53,7 +68,8 @@ def everything(root):
     return {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
 
 
-# --- diff -------------------------------------------------------------------------------------------------------------------
+# --- diff
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_dataset_does_not_differ_from_its_copy(tmp_path):
@@ -73,7 +89,10 @@ def test_what_differs_is_named_with_its_reason(tmp_path):
         file.attrs["touched"] = 1
     record(b, second)
     found = diff(a, b)
-    assert (found["same"], [d["slot"] for d in found["differ"]]) == (0, [first.path, second.path, third.path])
+    assert (found["same"], [d["slot"] for d in found["differ"]]) == (
+        0,
+        [first.path, second.path, third.path],
+    )
     assert found["differ"][0]["parts"] == ("physics.core", "render.shaders")
     assert found["why"] == {
         "other physics.core, render.shaders": 1,
@@ -90,13 +109,17 @@ def test_what_a_recipe_does_not_have_is_no_damage(tmp_path):
     fewer = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 2})
     a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0}, fewer)
     first, second, third = RECIPE.slots()
-    assert diff(a, b)["why"] == {"is there in A, is not finished in B": 1, "not wanted by B, is there in A": 1}
+    assert diff(a, b)["why"] == {
+        "is there in A, is not finished in B": 1,
+        "not wanted by B, is there in A": 1,
+    }
     code, out, _ = inside("diff", b.root, a.root)
     assert code == 1 and f"{third.path}: not wanted by A, is there in B\n" in out
     assert f"{second.path}: is not finished in A, is there in B\n" in out and first.path not in out
 
 
-# --- merge ------------------------------------------------------------------------------------------------------------------
+# --- merge
+# ------------------------------------------------------------------------------------------
 
 
 def test_parts_of_one_recipe_are_joined_by_hard_links(tmp_path):
@@ -121,7 +144,13 @@ def test_kept_failures_come_along(tmp_path):
     slot = list(RECIPE.slots())[1]
     b.failure(slot, 0).parent.mkdir(parents=True)
     b.failure(slot, 0).write_bytes(b"failed")
-    failed = {"attempt": 0, "seed": 1, "outcome": "failed", "stage": "replay", "reason": "no_success"}
+    failed = {
+        "attempt": 0,
+        "seed": 1,
+        "outcome": "failed",
+        "stage": "replay",
+        "reason": "no_success",
+    }
     record(b, slot, KEYS, failed | {"kept": file_hash(b.failure(slot, 0))})
     merge([a, b], out)
     assert intact_failures(out, RECIPE) == [out.failure(slot, 0)]
@@ -137,7 +166,9 @@ def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
 
 @pytest.mark.parametrize("fault", ["recipe", "size", "code", "bytes", "damaged"])
 def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
-    other = RECIPE.model_copy(update={"recipe": {"seed": 3}, "size": {"size": (96, 64)}}.get(fault, {}))
+    other = RECIPE.model_copy(
+        update={"recipe": {"seed": 3}, "size": {"size": (96, 64)}}.get(fault, {})
+    )
     a, b = made(tmp_path / "a", {0, 1}), made(tmp_path / "b", {1, 2}, other)
     _, second, third = RECIPE.slots()
     if fault == "code":
@@ -148,14 +179,20 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
     if fault == "bytes":
         record(b, second)
     code, out, err = inside("merge", a.root, b.root, "--out", tmp_path / "c")
-    said = {"recipe": "seed is 0 there, not 3", "code": "physics: core", "bytes": "with other bytes", "damaged": "bytes differ"}
+    said = {
+        "recipe": "seed is 0 there, not 3",
+        "code": "physics: core",
+        "bytes": "with other bytes",
+        "damaged": "bytes differ",
+    }
     said["size"] = "size is"
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert said[fault] in err and ("lerobot-edit-dataset" in err) == (fault == "recipe")
     assert not list((tmp_path / "c").glob("report/*"))
 
 
-# --- gc ---------------------------------------------------------------------------------------------------------------------
+# --- gc
+# ------------------------------------------------------------------------------------------
 
 
 def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path):
@@ -165,10 +202,16 @@ def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path):
     orphans = {
         f"episodes/{first.cell.path}/episode_0000007.hdf5": "episode of no slot",
         "episodes/gone_task/aloha-agilex/L1/clean/episode_0000000.hdf5": "episode of no slot",
-        f"annotations/flow@12345678/{first.cell.path}/episode_0000002.h5": "annotation of no episode",
+        f"annotations/flow@12345678/{first.cell.path}/episode_0000002.h5": (
+            "annotation of no episode"
+        ),
         f"assets/bodies/cd/{'cd' * 16}.npz": "asset of no episode",
     }
-    mine = {"episodes/notes.txt", f"annotations/flow@12345678/{first.path}.h5", "annotations/flow@12345678/stage.json"}
+    mine = {
+        "episodes/notes.txt",
+        f"annotations/flow@12345678/{first.path}.h5",
+        "annotations/flow@12345678/stage.json",
+    }
     for name in (*orphans, *mine):
         (dataset.root / name).parent.mkdir(parents=True, exist_ok=True)
         (dataset.root / name).write_bytes(b"x")
@@ -197,9 +240,13 @@ def test_a_whole_episode_of_no_slot_is_set_aside_and_what_is_there_stays(tmp_pat
         (path,) = stray(dataset)
         data = path.read_bytes()
         code, out, _ = inside("gc", dataset.root)
-        assert code == 0 and "1 whole episodes of no slot were moved to" in out and not path.exists()
+        assert (
+            code == 0 and "1 whole episodes of no slot were moved to" in out and not path.exists()
+        )
         name = path.name if not number else f"{path.stem}.1.hdf5"
-        assert (dataset.orphans / "episodes/gone_task/aloha-agilex/L1/clean" / name).read_bytes() == data
+        assert (
+            dataset.orphans / "episodes/gone_task/aloha-agilex/L1/clean" / name
+        ).read_bytes() == data
     assert collect(dataset) == []
 
 
@@ -207,7 +254,10 @@ def test_more_than_a_quarter_of_the_episodes_is_not_touched(tmp_path):
     dataset = made(tmp_path / "out", {0, 1, 2})
     stray(dataset, 2)
     before = everything(dataset.root)
-    with pytest.raises(DatasetError, match=r"2 of 5 whole episodes belong to no slot of manifest.yaml, more than 25 %"):
+    with pytest.raises(
+        DatasetError,
+        match=r"2 of 5 whole episodes belong to no slot of manifest.yaml, more than 25 %",
+    ):
         collect(dataset)
     assert everything(dataset.root) == before
 
@@ -236,7 +286,17 @@ def test_an_edited_manifest_is_named_and_costs_nothing(tmp_path, old, new):
     said = f"{dataset.manifest}: was edited"
     for words in (
         ("gc", dataset.root),
-        ("build", "--tasks", "click_bell", "--levels", "1", "--episodes", "3", "--out", dataset.root),
+        (
+            "build",
+            "--tasks",
+            "click_bell",
+            "--levels",
+            "1",
+            "--episodes",
+            "3",
+            "--out",
+            dataset.root,
+        ),
         ("merge", dataset.root, tmp_path / "b", "--out", tmp_path / "c"),
         ("render", dataset.root, "--out", tmp_path / "c"),
     ):
@@ -278,17 +338,33 @@ def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path):
     before = everything(out.root)
     with exclusive(out.root):
         for words in (
-            ("build", "--tasks", "click_bell", "--levels", "1", "--episodes", "3", "--out", out.root, "--quiet"),
+            (
+                "build",
+                "--tasks",
+                "click_bell",
+                "--levels",
+                "1",
+                "--episodes",
+                "3",
+                "--out",
+                out.root,
+                "--quiet",
+            ),
             ("render", a.root, "--out", out.root, "--quiet"),
             ("merge", a.root, b.root, "--out", out.root),
             ("gc", out.root),
         ):
             code, text, err = inside(*words)
-            assert (code, text) == (2, "") and err.count("\n") == 1 and f"{out.root}: another command is writing it" in err, words
+            assert (
+                (code, text) == (2, "")
+                and err.count("\n") == 1
+                and f"{out.root}: another command is writing it" in err
+            ), words
     assert everything(out.root) == before
 
 
-# --- regenerate -------------------------------------------------------------------------------------------------------------
+# --- regenerate
+# ------------------------------------------------------------------------------------------
 
 
 def test_an_episode_is_made_again_to_the_same_bytes_and_a_change_is_found(built, tmp_path):
@@ -300,14 +376,23 @@ def test_an_episode_is_made_again_to_the_same_bytes_and_a_change_is_found(built,
         file["joint_action/vector"][0, 0] += 1e-3
     before = everything(mine)
     code, out, _ = inside("regenerate", mine, "--episode", f"episodes/{name}.hdf5", "--json")
-    assert (code, json.loads(out)["differ"], json.loads(out)["changed"]) == (1, ["joint_action/vector"], [])
+    assert (code, json.loads(out)["differ"], json.loads(out)["changed"]) == (
+        1,
+        ["joint_action/vector"],
+        [],
+    )
     assert everything(mine) == before
 
 
 def test_an_episode_is_found_by_its_path_however_written(tmp_path):
     dataset = made(tmp_path / "out", {0})
     slot = next(RECIPE.slots())
-    for text in (slot.path, f"episodes/{slot.path}.hdf5", str(dataset.episode(slot)), str(dataset.episode(slot).resolve())):
+    for text in (
+        slot.path,
+        f"episodes/{slot.path}.hdf5",
+        str(dataset.episode(slot)),
+        str(dataset.episode(slot).resolve()),
+    ):
         assert find_slot(dataset, RECIPE, text) == slot
     for text in ("3", "../x", f"{slot.path}_v1"):
         with pytest.raises(DatasetError, match="has no such slot; write it as"):
@@ -321,9 +406,22 @@ def test_what_this_machine_keeps_of_a_url_is_listed_and_removed(tmp_path, monkey
         (root / "manifest.yaml").parent.mkdir(exist_ok=True)
         (root / "manifest.yaml").write_text("seed: 1")
     code, out, err = inside("gc", url, "--local", "--dry-run")
-    assert (code, err) == (0, "") and out.startswith(f"{root}: 0.0 MB\n") and "would be removed" in out and root.exists()
+    assert (
+        (code, err) == (0, "")
+        and out.startswith(f"{root}: 0.0 MB\n")
+        and "would be removed" in out
+        and root.exists()
+    )
     code, out, _ = inside("gc", url, "--local", "--json")
-    assert code == 0 and json.loads(out)["directories"][0]["path"] == str(root) and not root.exists()
+    assert (
+        code == 0 and json.loads(out)["directories"][0]["path"] == str(root) and not root.exists()
+    )
     assert list(Store(url).list()) == ["manifest.yaml"]
     code, _, err = inside("gc", tmp_path, "--local")
-    assert (code, err) == (2, f"domino-data: --local is for the URL of a store, and {tmp_path} is a directory: leave it out\n")
+    assert (code, err) == (
+        2,
+        (
+            f"domino-data: --local is for the URL of a store, and {tmp_path} is a directory: leave"
+            " it out\n"
+        ),
+    )

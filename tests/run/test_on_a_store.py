@@ -1,4 +1,5 @@
-"""A build straight to an object server: killed, gone on with from another machine, verified from there, with the same bytes."""
+"""A build straight to an object server: killed, gone on with from another machine, verified from
+there, with the same bytes."""
 
 import logging
 import shutil
@@ -13,11 +14,15 @@ from tests.run.processes import wait_for
 URL = "s3://bucket/sets/bells"
 
 
-def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built, tmp_path, monkeypatch):
+def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(
+    built, tmp_path, monkeypatch
+):
     logging.getLogger("werkzeug").disabled = True
     with object_server() as server:
         environment = server.environment(tmp_path / "cache")
-        process = start("build", *WANTED, "--out", URL, "--quiet", "--executor", "inline", extra=environment)
+        process = start(
+            "build", *WANTED, "--out", URL, "--quiet", "--executor", "inline", extra=environment
+        )
         wait_for(lambda: server.names("sets/bells/episodes/") or process.poll() is not None, 200)
         process.send_signal(signal.SIGKILL)
         process.communicate()
@@ -29,11 +34,17 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
             monkeypatch.setenv(name, value)
         fetched = []
         get = Mirror._fetch
-        monkeypatch.setattr(Mirror, "_fetch", lambda self, path: (fetched.append(path.name), get(self, path)))
+        monkeypatch.setattr(
+            Mirror, "_fetch", lambda self, path: (fetched.append(path.name), get(self, path))
+        )
         code, out, err = inside("status", URL)
         assert code == 0 and "of 3 accepted" in out, err
         code, out, err = inside("build", *WANTED, "--out", URL, "--quiet", "--executor", "inline")
-        assert code == 0 and f"3 of 3 episodes in {URL}" in out and f"images: {URL}/report/index.html" in out, err
+        assert (
+            code == 0
+            and f"3 of 3 episodes in {URL}" in out
+            and f"images: {URL}/report/index.html" in out
+        ), err
         assert f"{3 - len(finished)} slots by this run" in out
         assert all(not name.endswith(".npz") for name in fetched)
         shutil.rmtree(tmp_path / "elsewhere")
@@ -42,7 +53,9 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
 
         with open_url(URL, writes=False) as root:
             mirror = Mirror(root)
-            assert sorted(f"sets/bells/{mirror.name(p)}" for p in root.rglob("*") if p.is_file()) == server.names("sets/bells/")
+            assert sorted(
+                f"sets/bells/{mirror.name(p)}" for p in root.rglob("*") if p.is_file()
+            ) == server.names("sets/bells/")
             mirror.fetch_below(root)
             assert not any(is_listed(path) for path in root.rglob("*"))
             # seconds are only in the index, and an episode of the killed build has no row there
@@ -53,9 +66,13 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
         server.accept_everybody()
         assert (code, out) == (2, "")
         assert err.startswith(
-            f"domino-data: cannot open {URL}: the credential is not accepted: check it, then rerun the same command"
+            f"domino-data: cannot open {URL}: the credential is not accepted: check it, then rerun"
+            " the same command"
         )
         code, _, err = inside("status", "s3://nowhere/set")
         assert (code, err.count("\n")) == (2, 1) and "there is no such bucket" in err
         code, _, err = inside("evaluate", "--out", URL, "--policy", "scripted")
-        assert (code, err) == (2, f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n")
+        assert (code, err) == (
+            2,
+            f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n",
+        )

@@ -46,7 +46,10 @@ def test_a_dataset_of_an_own_motion(sway, tmp_path):
     np.testing.assert_allclose(log.pose("bell")[until], motion.pose(log.times[until]), atol=1e-5)
     for form in ("lerobot", "parquet", "puma-gt"):
         assert domino("export", out, "--format", form) == 0
-    assert "sway level 4 (swaying from side to side)" in (out / "exports/parquet/README.md").read_text()
+    assert (
+        "sway level 4 (swaying from side to side)"
+        in (out / "exports/parquet/README.md").read_text()
+    )
     assert json.loads((out / "provenance.json").read_text())
     own = MODELS.remove("sway")
     assert domino("verify", out) == 0
@@ -56,7 +59,9 @@ def test_a_dataset_of_an_own_motion(sway, tmp_path):
         partial(export, request=Request("parquet")),
         lambda held: write_viewer(held.root, [path], tmp_path / "pages", 1),
     ):
-        with pytest.raises(DominoError, match="needs the motion 'sway', which is not installed: give --plugins"):
+        with pytest.raises(
+            DominoError, match="needs the motion 'sway', which is not installed: give --plugins"
+        ):
             of(dataset)
     register(own)
 

@@ -14,7 +14,16 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.run.cost_model import mean_frames
-from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, mean_parts, plan, typical
+from pipeline.run.plan import (
+    BOUNDS,
+    Cost,
+    Unbounded,
+    check_bounded,
+    cost_of,
+    mean_parts,
+    plan,
+    typical,
+)
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.recording import record_all
 from tests.synthetic import CAMERAS, make_episode
@@ -28,7 +37,15 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     slot = next(iter(RECIPE.slots()))
     write_atomic(dataset.episode(slot), bytes(5000))
     rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
-    record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)))])
+    record_all(
+        dataset,
+        [
+            (
+                slot,
+                SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)),
+            )
+        ],
+    )
     assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)
     assert values["finished"] == 1
@@ -39,7 +56,10 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert values["estimated_core_hours"] == pytest.approx(4 * 9 / 3600)
     assert values["estimated_cost"] is None and values["estimated_bytes_by_part"] == {}
     measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
-    assert measured["estimated_hours"] == pytest.approx(4 * 100 / 3600 / 2) and measured["estimate_from"] == "here"
+    assert (
+        measured["estimated_hours"] == pytest.approx(4 * 100 / 3600 / 2)
+        and measured["estimate_from"] == "here"
+    )
     dataset.episode(slot).unlink()  # an episode that is missing is made once, not twice
     gone = plan(RECIPE, dataset, 2, Cost(9.0, 5000.0, "here"))
     assert gone["finished"] == 0 and gone["redo"] == [] and gone["estimated_bytes"] == 20000
@@ -54,7 +74,10 @@ def test_a_plan_of_nothing_uses_the_benchmarks():
 
 def test_a_new_build_that_nothing_bounds_is_refused_with_what_it_would_make(tmp_path):
     dataset = Dataset(tmp_path / "new")
-    with pytest.raises(Unbounded, match=r"^this build would make 4 episodes, about 1 min on 1 worker and .* MB .*--yes$"):
+    with pytest.raises(
+        Unbounded,
+        match=r"^this build would make 4 episodes, about 1 min on 1 worker and .* MB .*--yes$",
+    ):
         check_bounded(["seed", "alpha"], RECIPE, dataset, 1)
     assert not dataset.root.exists()
     for key in BOUNDS:
@@ -64,18 +87,36 @@ def test_a_new_build_that_nothing_bounds_is_refused_with_what_it_would_make(tmp_
 
 
 def test_a_plan_reckons_with_the_setup():
-    """Bytes measured of one episode of handover_block at level 2: 172 frames at 15 Hz, four cameras, all sensors, 640x480."""
-    wanted = {"tasks": "handover_block", "levels": 2, "episodes": 1, "cameras": ["head", "left", "right", "observer"]}
+    """Bytes measured of one episode of handover_block at level 2: 172 frames at 15 Hz, four
+    cameras, all sensors, 640x480."""
+    wanted = {
+        "tasks": "handover_block",
+        "levels": 2,
+        "episodes": 1,
+        "cameras": ["head", "left", "right", "observer"],
+    }
     sensors = {"depth": True, "segmentation": True, "pointcloud": True}
-    measured = {"images": 231_600, "depth": 70_808, "segmentation": 10_904, "point clouds": 10_550, "states": 5_991}
+    measured = {
+        "images": 231_600,
+        "depth": 70_808,
+        "segmentation": 10_904,
+        "point clouds": 10_550,
+        "states": 5_991,
+    }
     parts = typical(parse_recipe(wanted | sensors | {"size": [640, 480]})).parts
     assert parts.keys() == measured.keys()
     assert all(1 / 1.5 < parts[name] / (172 * size) < 1.5 for name, size in measured.items())
     small = parse_recipe(wanted | {"size": [160, 120]})
     assert 1 / 1.5 < typical(small).parts["images"] / (172 * 30_973) < 1.5
     twice = small.override({"fps": 30, "lead": 1.0})
-    assert typical(twice).parts["images"] / typical(small).parts["images"] == pytest.approx(2 + 30 / mean_frames(small))
-    assert typical(small).seconds < typical(twice).seconds < typical(twice.override({"render": "rt"})).seconds / 10
+    assert typical(twice).parts["images"] / typical(small).parts["images"] == pytest.approx(
+        2 + 30 / mean_frames(small)
+    )
+    assert (
+        typical(small).seconds
+        < typical(twice).seconds
+        < typical(twice.override({"render": "rt"})).seconds / 10
+    )
 
 
 def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path):
@@ -87,7 +128,8 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
     file = FileFacts(size=dataset.episode(slot).stat().st_size)
     rows = (attempt_row(0) | {"seconds": 7.0},)
     record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, phases, file=file))])
-    values = plan(RECIPE, dataset, workers=1, price=0.5)  # the finished slot has keys of other code: it is made again
+    # the finished slot has keys of other code: it is made again
+    values = plan(RECIPE, dataset, workers=1, price=0.5)
     assert values["estimated_hours"] == pytest.approx(4 * 7 / 3600)
     assert values["estimated_core_hours"] == pytest.approx(4 * 1.5 / 3600)
     assert values["estimated_cost"] == pytest.approx(4 * 1.5 / 3600 * 0.5)
@@ -96,7 +138,9 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
     parts = values["estimated_bytes_by_part"]
     assert list(parts) == ["images", "depth", "states"]
     assert parts["images"] == 4 * rgb and 0 < parts["depth"] < parts["images"] + parts["states"]
-    assert sum(parts.values()) == values["estimated_bytes"] == 4 * dataset.episode(slot).stat().st_size
+    assert (
+        sum(parts.values()) == values["estimated_bytes"] == 4 * dataset.episode(slot).stat().st_size
+    )
 
 
 def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_path, monkeypatch):
@@ -107,7 +151,9 @@ def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_pat
         make_episode(dataset.episode(slot), frames=frames)
         file = FileFacts(size=dataset.episode(slot).stat().st_size)
         rows = (attempt_row(0) | {"seconds": 7.0},)
-        record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=file))])
+        record_all(
+            dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=file))]
+        )
     cost = cost_of(dataset, RECIPE)
     assert sum(cost.parts.values()) == pytest.approx(cost.size)
 
@@ -133,10 +179,25 @@ def test_progress_as_json_lines_counts_what_changed():
     lines.show_activity("compiling")
     lines.add([attempt_row(0, "failed"), attempt_row(1, "failed")])
     start, slot, lost, note, last = map(json.loads, out.getvalue().splitlines())
-    assert (start["event"], start["wanted"], start["done"], start["eta_seconds"]) == ("start", 10, 4, None)
-    assert (slot["task"], slot["slot"], slot["done"], slot["accepted"], slot["attempts"]) == ("click_bell", 0, 5, 1, 2)
+    assert (start["event"], start["wanted"], start["done"], start["eta_seconds"]) == (
+        "start",
+        10,
+        4,
+        None,
+    )
+    assert (slot["task"], slot["slot"], slot["done"], slot["accepted"], slot["attempts"]) == (
+        "click_bell",
+        0,
+        5,
+        1,
+        2,
+    )
     # one slot in 10 s, of which five are left
-    assert (slot["elapsed_seconds"], slot["episodes_per_hour"], slot["eta_seconds"]) == (10.0, 360.0, 50.0)
+    assert (slot["elapsed_seconds"], slot["episodes_per_hour"], slot["eta_seconds"]) == (
+        10.0,
+        360.0,
+        50.0,
+    )
     assert (lost["event"], lost["workers_lost"]) == ("worker_lost", 1)
     assert note == {"event": "note", "text": "compiling"}
     reason = attempt_row(0, "failed")["reason"]

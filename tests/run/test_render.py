@@ -1,4 +1,5 @@
-"""`domino-data render` on a real dataset: the stored frames again, other looks and sensors, interruptions, workers, bad input."""
+"""`domino-data render` on a real dataset: the stored frames again, other looks and sensors,
+interruptions, workers, bad input."""
 
 import json
 import shutil
@@ -36,7 +37,12 @@ from tests.recording import record_all
 from tests.run.command import inside, slots, start
 
 DRAWN = {"render": "raster-fast", "size": [160, 120]}
-RECIPE = {"tasks": "click_bell", "embodiments": "aloha-agilex", "levels": [1, 2], "episodes": 1} | DRAWN
+RECIPE = {
+    "tasks": "click_bell",
+    "embodiments": "aloha-agilex",
+    "levels": [1, 2],
+    "episodes": 1,
+} | DRAWN
 SENSORS = "noise=2,drift=0.1,latency=0.5"
 SMALL = {"size": (64, 48), "cameras": ["head"], "visuals": "randomized", "sensors": SENSORS}
 PATIENCE = 300
@@ -65,9 +71,14 @@ def draw(source, out, **changes):
 
 
 def files(dataset, *patterns):
-    """Bytes by path of everything that must not depend on who drew it or how often it was stopped."""
+    """Bytes by path of everything that must not depend on who drew it or how often it was
+    stopped."""
     patterns = patterns or ("episodes/**/*.hdf5", "assets/**/*.npz", "manifest.yaml")
-    return {p.relative_to(dataset.root).as_posix(): p.read_bytes() for pattern in patterns for p in dataset.root.glob(pattern)}
+    return {
+        p.relative_to(dataset.root).as_posix(): p.read_bytes()
+        for pattern in patterns
+        for p in dataset.root.glob(pattern)
+    }
 
 
 def failed(dataset):
@@ -78,7 +89,8 @@ def paths(dataset):
     return dataset.accepted(dataset.recipe())
 
 
-# --- what is drawn ----------------------------------------------------------------------------------------------------------
+# --- what is drawn
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_film_has_every_frame_and_both_arms_and_the_path_in_view(source, tmp_path, monkeypatch):
@@ -93,28 +105,60 @@ def test_a_film_has_every_frame_and_both_arms_and_the_path_in_view(source, tmp_p
         assert (stream.width, stream.height, stream.average_rate) == (64, 48, fps)
         assert sum(1 for _ in shown.decode(video=0)) == len(episode.log)
     camera = facing(episode.log, episode.meta.target)
-    seen = [name for name in episode.log.bodies if name.startswith(("left_", "right_")) or name == episode.meta.target]
+    seen = [
+        name
+        for name in episode.log.bodies
+        if name.startswith(("left_", "right_")) or name == episode.meta.target
+    ]
     assert len(seen) > 12
-    assert all(visible(kind, camera.pose, episode.log.pose(name)[:, :3], margin=4).all() for name in seen)
+    assert all(
+        visible(kind, camera.pose, episode.log.pose(name)[:, :3], margin=4).all() for name in seen
+    )
 
 
 def test_stored_looks_are_drawn_again_byte_for_byte(source, tmp_path):
     out = Dataset(tmp_path / "out")
     result = draw(source, out)
-    assert (result.slots, result.accepted, result.drawn, result.open, result.problems) == (2, 2, 2, 0, ())
+    assert (result.slots, result.accepted, result.drawn, result.open, result.problems) == (
+        2,
+        2,
+        2,
+        0,
+        (),
+    )
     assert files(out) == files(source)
     assert failed(out) == []
     before = {p: p.stat().st_mtime_ns for p in out.episodes.rglob("*.hdf5")}
     again = draw(source, out)
     assert (again.drawn, again.accepted) == (0, 2)
     assert {p: p.stat().st_mtime_ns for p in out.episodes.rglob("*.hdf5")} == before
-    assert json.loads(out.provenance.read_text())["drawn_from"] == json.loads(source.provenance.read_text())
+    assert json.loads(out.provenance.read_text())["drawn_from"] == json.loads(
+        source.provenance.read_text()
+    )
 
 
 def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, tmp_path):
-    corner = {"name": "corner", "pose": [0.9, 0.2, 1.3, 0, 0, 0, 1], "width": 100, "height": 60, "fovy": 70.0}
-    wrist = {"name": "finger", "link": "left_link6", "pose": [0.1, 0, 0, 1, 0, 0, 0], "width": 32, "height": 32, "fovy": 60.0}
-    changes = {"depth": True, "segmentation": True, "pointcloud": True, "cameras": ["observer", "head", corner, wrist]}
+    corner = {
+        "name": "corner",
+        "pose": [0.9, 0.2, 1.3, 0, 0, 0, 1],
+        "width": 100,
+        "height": 60,
+        "fovy": 70.0,
+    }
+    wrist = {
+        "name": "finger",
+        "link": "left_link6",
+        "pose": [0.1, 0, 0, 1, 0, 0, 0],
+        "width": 32,
+        "height": 32,
+        "fovy": 60.0,
+    }
+    changes = {
+        "depth": True,
+        "segmentation": True,
+        "pointcloud": True,
+        "cameras": ["observer", "head", corner, wrist],
+    }
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, **changes)
     build(built.root, recipe_from(RECIPE | changes), Crew(), shown="none")
@@ -123,15 +167,24 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
     for path, plain in zip(paths(out), paths(source), strict=True):
         with EpisodeFile(path) as e, EpisodeFile(plain) as s:
             assert e.cameras == ("corner", "finger", "head_camera", "observer_camera")
-            np.testing.assert_array_equal(e.array("observation/head_camera/rgb"), s.array("observation/head_camera/rgb"))
-            assert e.array("observation/corner/depth").shape == (len(e), 120, 160)  # the recipe's size is that of every camera
+            np.testing.assert_array_equal(
+                e.array("observation/head_camera/rgb"), s.array("observation/head_camera/rgb")
+            )
+            # the recipe's size is that of every camera
+            assert e.array("observation/corner/depth").shape == (len(e), 120, 160)
             bell = e.read().log.bodies.index("bell")
             assert (e.array("observation/observer_camera/actor_segmentation") == bell + 1).any()
             cloud = e.array("pointcloud")
             assert cloud.shape == (len(e), 1024, 6) and cloud.dtype == np.float32
-            assert (cloud[..., 2] > 0.744).all() and (cloud[..., 3:] >= 0).all() and (cloud[..., 3:] <= 1).all()
+            assert (
+                (cloud[..., 2] > 0.744).all()
+                and (cloud[..., 3:] >= 0).all()
+                and (cloud[..., 3:] <= 1).all()
+            )
             # the bell stands where the log says
-            gap = np.linalg.norm(cloud[:, :, :2] - e.array("objects/bell/pose")[:, None, :2], axis=-1).min(1)
+            gap = np.linalg.norm(
+                cloud[:, :, :2] - e.array("objects/bell/pose")[:, None, :2], axis=-1
+            ).min(1)
             assert gap[0] < 0.03
 
 
@@ -141,10 +194,18 @@ def test_a_late_camera_shows_the_frames_before_byte_for_byte(source, tmp_path):
     for path, plain in zip(paths(out), paths(source), strict=True):
         with EpisodeFile(path) as e, EpisodeFile(plain) as s:
             for camera in e.cameras:
-                late, now = e.array(f"observation/{camera}/rgb"), s.array(f"observation/{camera}/rgb")
+                late, now = (
+                    e.array(f"observation/{camera}/rgb"),
+                    s.array(f"observation/{camera}/rgb"),
+                )
                 assert np.array_equal(late[2:], now[:-2]) and (late[:2] == now[0]).all()
-                assert np.array_equal(e.array(f"observation/{camera}/pose")[2:], s.array(f"observation/{camera}/pose")[:-2])
-            assert physics_id(e.read().spec, e.read().log) == physics_id(s.read().spec, s.read().log)
+                assert np.array_equal(
+                    e.array(f"observation/{camera}/pose")[2:],
+                    s.array(f"observation/{camera}/pose")[:-2],
+                )
+            assert physics_id(e.read().spec, e.read().log) == physics_id(
+                s.read().spec, s.read().log
+            )
     assert failed(out) == []
     again = Dataset(tmp_path / "again")
     draw(out, again, sensors="none")
@@ -162,12 +223,19 @@ def test_textures_and_light_of_ones_own_are_kept_with_the_dataset(source, tmp_pa
     shutil.rmtree(own)
     _held_textures.cache_clear()
     assert failed(out) == []
-    assert json.loads(out.provenance.read_text())["licences"].items() >= {("textures", "CC-BY-4.0"), ("environment", "CC-BY-4.0")}
+    assert json.loads(out.provenance.read_text())["licences"].items() >= {
+        ("textures", "CC-BY-4.0"),
+        ("environment", "CC-BY-4.0"),
+    }
     for path in paths(out):
         with EpisodeFile(path) as e:
             red, _, blue = e.rgb("head_camera", 0)[20:-20].reshape(-1, 3).mean(0)
             visuals = e.meta.drawing.visuals
-        assert red > 2 * blue and (visuals.table.pattern, visuals.wall.pattern, visuals.points) == ("image", "workshop", ())
+        assert red > 2 * blue and (visuals.table.pattern, visuals.wall.pattern, visuals.points) == (
+            "image",
+            "workshop",
+            (),
+        )
     draw(out, again)
     assert files(again) == files(out)
     draw(out, back, textures="seen", environment="none")
@@ -175,7 +243,10 @@ def test_textures_and_light_of_ones_own_are_kept_with_the_dataset(source, tmp_pa
 
 
 def test_variants_show_the_same_physics_in_other_looks(source, tmp_path):
-    out, changes = Dataset(tmp_path / "out"), {"size": (128, 96), "cameras": ["head"], "visuals": "randomized", "visual_seed": 7}
+    out, changes = (
+        Dataset(tmp_path / "out"),
+        {"size": (128, 96), "cameras": ["head"], "visuals": "randomized", "visual_seed": 7},
+    )
     result = draw(source, out, variants=3, **changes)
     assert (result.slots, result.drawn) == (6, 6)
     names = [p.name for p in paths(out)[:3]]
@@ -196,13 +267,20 @@ def test_variants_show_the_same_physics_in_other_looks(source, tmp_path):
         assert min(np.abs(a - b).max() for i, a in enumerate(means) for b in means[:i]) > 5
     assert failed(out) == []
     counts = status(out)
-    assert (counts["wanted"], counts["accepted"], counts["attempt_success"]) == (6, 6, status(source)["attempt_success"])
+    assert (counts["wanted"], counts["accepted"], counts["attempt_success"]) == (
+        6,
+        6,
+        status(source)["attempt_success"],
+    )
     # every export says which rows must stay together
     run_export("parquet", out.root, out.exports("parquet"), paths(out))
     table = pq.read_table(out.exports("parquet") / "episodes.parquet")
     assert table.column("variant").to_pylist() == [0, 1, 2] * 2
     assert len(set(table.column("physics_id").to_pylist())) == 2
-    rows = pq.read_table(out.exports("parquet") / "data-00000.parquet", columns=["physics_id", "variant", "episode_index"])
+    rows = pq.read_table(
+        out.exports("parquet") / "data-00000.parquet",
+        columns=["physics_id", "variant", "episode_index"],
+    )
     assert set(zip(*rows.to_pydict().values(), strict=True)) == {
         (row["physics_id"], row["variant"], row["episode_index"]) for row in table.to_pylist()
     }
@@ -240,7 +318,8 @@ def test_a_build_of_several_variants_has_those_of_a_rendering(source, tmp_path):
     assert files(built) == files(out)
 
 
-# --- old and damaged sources ------------------------------------------------------------------------------------------------
+# --- old and damaged sources
+# ------------------------------------------------------------------------------------------
 
 
 def rename(dataset, task):
@@ -249,7 +328,9 @@ def rename(dataset, task):
     (dataset.episodes / "click_bell").rename(dataset.episodes / task)
     dataset.index.unlink()
     lines = dataset.manifest.read_text().replace("click_bell", task).splitlines(keepends=True)
-    dataset.manifest.write_bytes(seal_yaml("".join(line for line in lines if not line.startswith(SEAL))))
+    dataset.manifest.write_bytes(
+        seal_yaml("".join(line for line in lines if not line.startswith(SEAL)))
+    )
     for slot, record in zip(dataset.recipe().slots(), records, strict=True):
         with h5py.File(dataset.episode(slot), "r+") as f:
             f.attrs["spec"] = f.attrs["spec"].replace("click_bell", task)
@@ -258,7 +339,9 @@ def rename(dataset, task):
 
 def reseal(dataset, slot, record):
     path = dataset.episode(slot)
-    file = replace(record.file, size=path.stat().st_size, changed=path.stat().st_mtime_ns, physics_id="")
+    file = replace(
+        record.file, size=path.stat().st_size, changed=path.stat().st_mtime_ns, physics_id=""
+    )
     record_all(dataset, [(slot, replace(record, sha256=file_hash(path), file=file))])
 
 
@@ -270,7 +353,9 @@ def test_a_task_and_a_robot_that_are_gone_can_still_be_drawn(mine, source, tmp_p
         with EpisodeFile(path) as e, EpisodeFile(original) as s:
             assert e.spec.task == "click_gong"
             for camera in s.cameras:
-                assert np.array_equal(e.array(f"observation/{camera}/rgb"), s.array(f"observation/{camera}/rgb"))
+                assert np.array_equal(
+                    e.array(f"observation/{camera}/rgb"), s.array(f"observation/{camera}/rgb")
+                )
     assert draw(mine, out).drawn == 0
     assert verify(out)["ok"]
 
@@ -279,13 +364,28 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     first, second = mine.recipe().slots()
     path, out = mine.episode(first), tmp_path / "out"
     path.write_bytes(path.read_bytes()[:-100])
-    arguments = ("render", mine.root, "--out", out, "--size", "64x48", "--cameras", "head", "--executor", "inline", "--json")
+    arguments = (
+        "render",
+        mine.root,
+        "--out",
+        out,
+        "--size",
+        "64x48",
+        "--cameras",
+        "head",
+        "--executor",
+        "inline",
+        "--json",
+    )
     code, said, err = inside(*arguments)
     values = json.loads(said)
     assert (code, values["drawn"], values["accepted"]) == (1, 1, 1)
     assert len(values["problems"]) == 1 and str(path) in values["problems"][0]
     assert "Traceback" not in err
-    assert Dataset(out).episode(second).exists() and first not in Dataset(out).rows(Dataset(out).recipe()).slots
+    assert (
+        Dataset(out).episode(second).exists()
+        and first not in Dataset(out).rows(Dataset(out).recipe()).slots
+    )
     # an asset that is missing is the problem of those episodes that show it
     with EpisodeFile(mine.episode(second)) as e:
         lost = Dataset(mine.root).bodies / e.meta.drawing.assets["bell"][:2]
@@ -299,16 +399,37 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     assert code == 1 and any("is missing" in p for p in problems)
 
 
-# --- who draws --------------------------------------------------------------------------------------------------------------
+# --- who draws
+# ------------------------------------------------------------------------------------------
 
 
-OPTIONS = ("--size", "64x48", "--cameras", "head", "--sensors", SENSORS, "--visuals", "randomized", "--quiet")
+OPTIONS = (
+    "--size",
+    "64x48",
+    "--cameras",
+    "head",
+    "--sensors",
+    SENSORS,
+    "--visuals",
+    "randomized",
+    "--quiet",
+)
 
 
 def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_path):
     whole, out, variants = Dataset(tmp_path / "whole"), Dataset(tmp_path / "out"), 3
     draw(source, whole, variants=variants, **SMALL)
-    process = start("render", source.root, "--out", out.root, *OPTIONS, "--variants", variants, "--executor", "inline")
+    process = start(
+        "render",
+        source.root,
+        "--out",
+        out.root,
+        *OPTIONS,
+        "--variants",
+        variants,
+        "--executor",
+        "inline",
+    )
     began = time.monotonic()
     while not slots(out.root) and process.poll() is None:
         assert time.monotonic() - began < PATIENCE
@@ -324,7 +445,9 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
     assert not list(out.root.rglob(".*.tmp"))
 
 
-def test_an_episode_that_was_drawn_and_not_recorded_is_not_drawn_again(source, tmp_path, monkeypatch):
+def test_an_episode_that_was_drawn_and_not_recorded_is_not_drawn_again(
+    source, tmp_path, monkeypatch
+):
     out, written = Dataset(tmp_path / "out"), []
 
     def stopped_at_the_second(job):
@@ -342,9 +465,13 @@ def test_an_episode_that_was_drawn_and_not_recorded_is_not_drawn_again(source, t
     assert out.rows(out.recipe()).slots == written
 
 
-# --- bad input --------------------------------------------------------------------------------------------------------------
+# --- bad input
+# ------------------------------------------------------------------------------------------
 
-TOP = '{"name": "%s", "link": %s, "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48, "fovy": 40}'
+TOP = (
+    '{"name": "%s", "link": %s, "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48,'
+    ' "fovy": 40}'
+)
 
 
 @pytest.mark.parametrize(

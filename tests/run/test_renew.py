@@ -1,4 +1,5 @@
-"""Editing sources and building again: only what an edit can change is made again, and it has the bytes of a build from nothing."""
+"""Editing sources and building again: only what an edit can change is made again, and it has the
+bytes of a build from nothing."""
 
 import json
 import shutil
@@ -18,9 +19,11 @@ PHRASE = "Would {arm} be so kind as to ring {bell}?"
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    """A copy of the sources to edit, from which this process takes its keys. It runs the sources themselves: no edit of the
-    test but that of the phrases does anything."""
-    root = shutil.copytree(code.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    """A copy of the sources to edit, from which this process takes its keys. It runs the sources
+    themselves: no edit of the test but that of the phrases does anything."""
+    root = shutil.copytree(
+        code.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
+    )
     monkeypatch.setattr(code, "package_root", lambda: root)
     yield root
     monkeypatch.undo()
@@ -29,7 +32,13 @@ def tree(tmp_path, monkeypatch):
 
 def forget_sources():
     """Make this process read all sources again, as a new one would."""
-    for cached in (code.cell_code, code.drawing_code, code.hash_files, code._hash_imported, code._hash_file):
+    for cached in (
+        code.cell_code,
+        code.drawing_code,
+        code.hash_files,
+        code._hash_imported,
+        code._hash_file,
+    ):
         cached.cache_clear()
 
 
@@ -49,7 +58,10 @@ def edit(tree, file, text):
 
 
 def contents(out):
-    return {p.relative_to(out).as_posix(): p.read_bytes() for p in sorted(out.glob("episodes/**/*.hdf5"))}
+    return {
+        p.relative_to(out).as_posix(): p.read_bytes()
+        for p in sorted(out.glob("episodes/**/*.hdf5"))
+    }
 
 
 def arrays(out):
@@ -80,7 +92,8 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     assert first_build["parts"] == {"open": 2}
     first, spoken = arrays(out)
 
-    # phrases: no physics and no rendering, only that task's sentences; another task: its slot, and to the same bytes
+    # phrases: no physics and no rendering, only that task's sentences; another task: its slot, and
+    # to the same bytes
     edit(tree, "tasks/library/domino/press/phrases/click_bell.txt", f"{PHRASE}\n")
     monkeypatch.setattr(bell, "unseen", (*bell.unseen, PHRASE))
     edit(tree, "tasks/library/domino/handle/move_playingcard_away.py", CODE)
@@ -93,7 +106,10 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     kept, words = arrays(out)
     assert kept == first
     changed = {key for key in words if words[key] != spoken[key]}
-    assert changed <= {("click_bell", "instruction/unseen"), ("click_bell", "instruction/seen")} and changed
+    assert (
+        changed <= {("click_bell", "instruction/unseen"), ("click_bell", "instruction/seen")}
+        and changed
+    )
 
     # the renderer: all images from the stored logs; a remark, a third task and a listing: nothing
     edit(tree, "world/drawing/renderer.py", CODE)
@@ -101,7 +117,11 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     edit(tree, "intake/catalogue/tasks.py", CODE)
     edit(tree, "world/physics/simulation.py", "\n# a remark\n")
     told, built, again, checked, _ = say(
-        ("status", out), building(out), building(out), ("verify", out), building(tmp_path / "nothing")
+        ("status", out),
+        building(out),
+        building(out),
+        ("verify", out),
+        building(tmp_path / "nothing"),
     )
     assert told["redo"] == [{"what": "images", "because": ["renderer"], "slots": 2}]
     assert (built["parts"], again["parts"]) == ({"images": 2}, {})

@@ -14,7 +14,17 @@ from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.data.reread import IndexWriter
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
-from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, missing, states
+from pipeline.run.state import (
+    DONE,
+    IMAGES,
+    OPEN,
+    PHYSICS,
+    REDO,
+    SENTENCES,
+    SlotState,
+    missing,
+    states,
+)
 from pipeline.run.status import status
 from pipeline.stages.reasons import reasons_in
 from tests.recording import record_all
@@ -41,12 +51,27 @@ def attempts(slot, accepted, rng):
     rows = []
     for number in range(rng.randint(1, 4)):
         failed = rng.choice(FAILURES)
-        row = vars(slot.cell) | {"slot": slot.index, "attempt": number, "seed": number, "outcome": "failed"}
+        row = vars(slot.cell) | {
+            "slot": slot.index,
+            "attempt": number,
+            "seed": number,
+            "outcome": "failed",
+        }
         row |= dict(zip(("stage", "reason", "detail"), failed, strict=True))
-        row["conditions"] = rng.sample(["held", "lifted", "placed"], rng.randint(0, 2)) if failed[1] == "no_success" else []
+        row["conditions"] = (
+            rng.sample(["held", "lifted", "placed"], rng.randint(0, 2))
+            if failed[1] == "no_success"
+            else []
+        )
         rows.append(row)
     if accepted:
-        rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "conditions": []}
+        rows[-1] |= {
+            "outcome": "accepted",
+            "stage": "",
+            "reason": "",
+            "detail": "",
+            "conditions": [],
+        }
     return tuple(rows)
 
 
@@ -57,12 +82,26 @@ def other(keys, kind):
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """Slots of every state: open, given up, accepted, out of date in each way, with a file that is missing or a link to nothing."""
+    """Slots of every state: open, given up, accepted, out of date in each way, with a file that is
+    missing or a link to nothing."""
     dataset, rng = Dataset(tmp_path_factory.mktemp("status") / "data"), random.Random(0)
     dataset.create(RECIPE)
     entries = []
     for slot in RECIPE.slots():
-        case = rng.choice(["open", "given up", "done", "done", "done", "missing", "link", PHYSICS, "render", "language"])
+        case = rng.choice(
+            [
+                "open",
+                "given up",
+                "done",
+                "done",
+                "done",
+                "missing",
+                "link",
+                PHYSICS,
+                "render",
+                "language",
+            ]
+        )
         if case == "open":
             continue
         keys, accepted = slot_keys(RECIPE, slot), case != "given up"
@@ -74,7 +113,9 @@ def dataset(tmp_path_factory):
             entries.append((slot, write_given_up(dataset, slot, keys, rows)))
             continue
         path.write_bytes(b"")
-        entries.append((slot, SlotRecord(keys, True, file_hash(path), rows, file=FileFacts.of(path.stat()))))
+        entries.append(
+            (slot, SlotRecord(keys, True, file_hash(path), rows, file=FileFacts.of(path.stat())))
+        )
         if case == "link":
             path.unlink()
             path.symlink_to(path.with_name("nothing"))
@@ -100,7 +141,9 @@ def test_status_is_the_sum_over_the_slots(dataset):
     assert found["wanted"] == 160 and found["open"] == 160 - len(records)
     rows = [row for record in records.values() for row in record.attempts]
     assert found["reasons"] == dict(Counter(row["reason"] for row in rows if row["reason"]))
-    assert {(f["stage"], f["reason"]): (f["attempts"], f["conditions"]) for f in found["failures"]} == counted(rows)
+    assert {
+        (f["stage"], f["reason"]): (f["attempts"], f["conditions"]) for f in found["failures"]
+    } == counted(rows)
     solved = sum(record.accepted for slot, record in records.items() if not slot.variant)
     assert found["attempt_success"] == solved / len(rows)
     redo = Counter()
@@ -112,17 +155,30 @@ def test_status_is_the_sum_over_the_slots(dataset):
 
 
 def test_states_of_single_slots(dataset):
-    found, records = dict(states(dataset, RECIPE)), dict(dataset.ask(lambda index: list(index.records(index.rows(RECIPE, *FULL)))))
+    found, records = (
+        dict(states(dataset, RECIPE)),
+        dict(dataset.ask(lambda index: list(index.records(index.rows(RECIPE, *FULL))))),
+    )
     for slot, record in records.items():
-        held, wanted, path = record.keys, slot_keys(RECIPE, slot), dataset.file(slot, record.accepted)
-        changed = [name for name in ("physics", "render", "language") if getattr(held, name) != getattr(wanted, name)]
+        held, wanted, path = (
+            record.keys,
+            slot_keys(RECIPE, slot),
+            dataset.file(slot, record.accepted),
+        )
+        changed = [
+            name
+            for name in ("physics", "render", "language")
+            if getattr(held, name) != getattr(wanted, name)
+        ]
         if "physics" in changed:
             expected = PHYSICS
         elif not path.exists():
             expected = OPEN
             assert found[slot].because == (REDO,)
         else:
-            expected = IMAGES if "render" in changed else SENTENCES if "language" in changed else DONE
+            expected = (
+                IMAGES if "render" in changed else SENTENCES if "language" in changed else DONE
+            )
         assert found[slot].todo == expected, slot
     with IndexWriter(dataset, RECIPE) as writer:
         todo = missing(dataset, RECIPE, writer)
@@ -139,7 +195,10 @@ def counted(rows):
     for row in rows:
         if row["reason"]:
             attempts, conditions = found.get((row["stage"], row["reason"]), (0, Counter()))
-            found[row["stage"], row["reason"]] = attempts + 1, conditions + Counter(row.get("conditions"))
+            found[row["stage"], row["reason"]] = (
+                attempts + 1,
+                conditions + Counter(row.get("conditions")),
+            )
     return found
 
 
@@ -147,6 +206,8 @@ def test_reasons_are_counted_over_the_rows(dataset):
     table = dataset.write_attempts(RECIPE)
     rows = table.select(["stage", "reason", "detail", "conditions"]).to_pylist()
     found = reasons_in(tuple(row.values()) for row in rows)
-    assert {(r.stage, r.reason): (r.attempts, r.conditions) for r in found} == counted(table.to_pylist())
+    assert {(r.stage, r.reason): (r.attempts, r.conditions) for r in found} == counted(
+        table.to_pylist()
+    )
     assert [r.attempts for r in found] == sorted((r.attempts for r in found), reverse=True)
     assert reasons_in(()) == []

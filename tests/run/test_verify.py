@@ -1,4 +1,5 @@
-"""What `verify` finds: every kind of damage in the file that has it, and an episode that cannot be made again."""
+"""What `verify` finds: every kind of damage in the file that has it, and an episode that cannot be
+made again."""
 
 import json
 import os
@@ -20,7 +21,9 @@ from tests.run.command import inside
 from tests.synthetic import make_episode
 
 pytestmark = pytest.mark.usefixtures("without_report")
-FIRST, SECOND = (f"episodes/click_bell/aloha-agilex/L{level}/clean/episode_0000000.hdf5" for level in (1, 2))
+FIRST, SECOND = (
+    f"episodes/click_bell/aloha-agilex/L{level}/clean/episode_0000000.hdf5" for level in (1, 2)
+)
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +84,12 @@ def change(**attributes):
     def damage(path):
         with h5py.File(path, "r+") as file:
             meta = json.loads(file.attrs["meta"])
-            file.attrs["meta"] = json.dumps(meta | {key: of(meta[key]) for key, of in attributes.items()})
-            file.attrs["hashes"] = canonical(content_hashes(file, lambda name: file[name][()])).decode()
+            file.attrs["meta"] = json.dumps(
+                meta | {key: of(meta[key]) for key, of in attributes.items()}
+            )
+            file.attrs["hashes"] = canonical(
+                content_hashes(file, lambda name: file[name][()])
+            ).decode()
 
     return damage
 
@@ -95,7 +102,9 @@ def put(name, of):
             values = of(file[name][()])
             del file[name]
             file[name] = values
-            file.attrs["hashes"] = canonical(content_hashes(file, lambda name: file[name][()])).decode()
+            file.attrs["hashes"] = canonical(
+                content_hashes(file, lambda name: file[name][()])
+            ).decode()
 
     return damage
 
@@ -105,7 +114,8 @@ def of_another_recipe(keys):
 
 
 def without_index(root):
-    """Without the cache that knows the hashes of the files, which must then be found by what the files say themselves."""
+    """Without the cache that knows the hashes of the files, which must then be found by what the
+    files say themselves."""
     (root / "index.sqlite").unlink()
 
 
@@ -157,7 +167,10 @@ def test_a_build_puts_right_what_is_damaged_and_what_is_missing(mine, built):
     (mine / SECOND).unlink()
     garble(mine / "provenance.json")
     build(mine, Dataset(mine).recipe(), Crew(), shown="none")
-    assert all((mine / path).read_bytes() == (built / path).read_bytes() for path in (FIRST, SECOND)) and problems(mine) == []
+    assert (
+        all((mine / path).read_bytes() == (built / path).read_bytes() for path in (FIRST, SECOND))
+        and problems(mine) == []
+    )
 
 
 def test_damage_that_leaves_length_and_time_is_found_and_put_right(mine, built):
@@ -183,7 +196,10 @@ def test_a_file_of_another_place_and_one_of_no_slot_are_found(mine):
     make_episode(mine / foreign, task="gone_task", frames=3)
     lines = problems(mine)
     assert {line.partition(": ")[0] for line in lines} == {SECOND, foreign}
-    for path, said in ((SECOND, f"holds {FIRST.removesuffix('.hdf5')}"), (foreign, "belongs to no slot")):
+    for path, said in (
+        (SECOND, f"holds {FIRST.removesuffix('.hdf5')}"),
+        (foreign, "belongs to no slot"),
+    ):
         assert any(line.startswith(path) and said in line for line in lines)
 
 
@@ -205,7 +221,9 @@ def test_damage_of_an_export_is_found_in_it_alone(damage, mine):
     assert blamed(mine) == {"exports/parquet"}
 
 
-@pytest.mark.parametrize("damage", [empty_list, garble, cut, lambda path: path.write_text('{"renderer": "x"}')])
+@pytest.mark.parametrize(
+    "damage", [empty_list, garble, cut, lambda path: path.write_text('{"renderer": "x"}')]
+)
 def test_provenance_that_was_changed_is_one_line(damage, mine):
     damage(mine / "provenance.json")
     assert blamed(mine) == {"provenance.json"}
@@ -225,7 +243,12 @@ def test_an_index_that_is_gone_costs_nothing(mine):
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), [("levels:\n- 1\n", "levels:\n- 0\n"), ("alpha:\n- 0.1\n", "alpha:\n- 0.9\n"), ("lead: 0.0", "lead: 0.5")]
+    ("old", "new"),
+    [
+        ("levels:\n- 1\n", "levels:\n- 0\n"),
+        ("alpha:\n- 0.1\n", "alpha:\n- 0.9\n"),
+        ("lead: 0.0", "lead: 0.5"),
+    ],
 )
 def test_an_edited_manifest_is_found_and_no_episode_is_blamed(old, new, mine):
     manifest = mine / "manifest.yaml"
@@ -265,4 +288,8 @@ def test_episodes_of_another_version_cannot_be_made_again(mine, monkeypatch):
     code.cell_code.cache_clear()
     status, out, _ = inside("verify", mine, "--again", "2", "--quiet")
     code.cell_code.cache_clear()
-    assert status == 1 and "2 of 2 episodes are not made again" in out and "3 made by another version" in out
+    assert (
+        status == 1
+        and "2 of 2 episodes are not made again" in out
+        and "3 made by another version" in out
+    )

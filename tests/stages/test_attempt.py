@@ -19,8 +19,11 @@ from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks.contract import Draw, Placement
 from pipeline.tasks.library.domino.press.beat_block_hammer import BeatBlockHammer
 
-BLOCKED = EpisodeSpec("move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876)
-"""A can in the corner of its workspace: the hand that comes in level stands where it would have to come from."""
+BLOCKED = EpisodeSpec(
+    "move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876
+)
+"""A can in the corner of its workspace: the hand that comes in level stands where it would have to
+come from."""
 
 RECIPE = Recipe()
 
@@ -33,7 +36,9 @@ def test_another_grasp_lets_the_drawn_motion_in(monkeypatch):
     done = attempt(BLOCKED, RECIPE, Phases())
     assert done.scene.succeeded(done.replay.log)
     drawn = refused.value.drawn
-    assert drawn is not None and done.motion.features().average_speed == pytest.approx(drawn.average_speed)
+    assert drawn is not None and done.motion.features().average_speed == pytest.approx(
+        drawn.average_speed
+    )
     # both dry runs and the replay count
     assert done.steps > refused.value.steps + done.replay.steps
 
@@ -68,7 +73,9 @@ def test_an_avoided_approach_is_not_taken_again():
     assert np.arccos(first.approach @ second.approach) > 0.7
 
 
-CROSSING = EpisodeSpec("beat_block_hammer", "aloha-agilex", 1, 0.1, "clean", 1, 1, 8409852660330008463)
+CROSSING = EpisodeSpec(
+    "beat_block_hammer", "aloha-agilex", 1, 0.1, "clean", 1, 1, 8409852660330008463
+)
 """A block that has to come across the place of the hammer which is to strike it."""
 
 
@@ -78,7 +85,11 @@ LAYOUT = BeatBlockHammer.layout
 def head_towards_the_robot(self: BeatBlockHammer, draw: Draw) -> Iterator[Placement]:
     """The task's layout with the hammer turned by half a turn: its head lies where blocks pass."""
     for each in LAYOUT(self, draw):
-        yield replace(each, region=replace(each.region, yaw=(-1.7, -1.4))) if each.name == "hammer" else each
+        yield (
+            replace(each, region=replace(each.region, yaw=(-1.7, -1.4)))
+            if each.name == "hammer"
+            else each
+        )
 
 
 def test_a_robot_waits_until_what_it_takes_is_out_of_the_way(monkeypatch):
@@ -90,7 +101,9 @@ def test_a_robot_waits_until_what_it_takes_is_out_of_the_way(monkeypatch):
     done = attempt(CROSSING, RECIPE, Phases())
     assert done.scene.succeeded(done.replay.log)
     drawn = refused.value.drawn
-    assert drawn is not None and done.motion.features().average_speed == pytest.approx(drawn.average_speed)
+    assert drawn is not None and done.motion.features().average_speed == pytest.approx(
+        drawn.average_speed
+    )
 
 
 def test_a_pause_delays_the_meeting_and_nothing_else():

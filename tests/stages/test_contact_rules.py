@@ -22,13 +22,23 @@ SPEED, TAP = 0.04, 2.5
 
 
 def passing(pose):
-    """A straight motion towards the robot at SPEED that passes over `pose` at the time of the tap."""
+    """A straight motion towards the robot at SPEED that passes over `pose` at the time of the
+    tap."""
     start = np.add(pose[:2], (0, SPEED * TAP))
-    return PlanarMotion(1, 0.1, 3.0, 0.0, float(pose[2]), pose[3:], (Segment(0.0, 3.0, np.array([start, [0, -SPEED * 3.0]]).T),))
+    return PlanarMotion(
+        1,
+        0.1,
+        3.0,
+        0.0,
+        float(pose[2]),
+        pose[3:],
+        (Segment(0.0, 3.0, np.array([start, [0, -SPEED * 3.0]]).T),),
+    )
 
 
 def tapped_and_then_served(scene: Scene):
-    """The actor of a policy that stops the pad with a closed gripper and then does what the expert does in the still scene."""
+    """The actor of a policy that stops the pad with a closed gripper and then does what the expert
+    does in the still scene."""
     arm = scene.arms["arm"]
     actor = scene.start(passing(scene.bodies["pad"].pose), 15, "test")
     actor.perform(close(arm))
@@ -36,7 +46,15 @@ def tapped_and_then_served(scene: Scene):
     spot[2] += 0.0035  # half a millimetre into the pad, which is elsewhere while this is planned
     for number, step in enumerate(press(arm, spot, depth=0.0)(actor)):
         if number == 1:
-            actor.wait(max(0.0, TAP + TIMING.press - actor.simulation.time - len(next(iter(step.values())).q) / 240))
+            actor.wait(
+                max(
+                    0.0,
+                    TAP
+                    + TIMING.press
+                    - actor.simulation.time
+                    - len(next(iter(step.values())).q) / 240,
+                )
+            )
         actor.execute(step)
     assert actor.simulation.released
     assert actor.simulation.touched_by.startswith(arm)
@@ -89,7 +107,9 @@ def test_a_target_that_continues_follows_its_motion_through_the_meeting():
     assert release is not None
     assert release > meeting + 0.5
     following = log.times <= release
-    gap = np.linalg.norm(log.pose("pad")[following, :3] - motion.position(log.times[following]), axis=1)
+    gap = np.linalg.norm(
+        log.pose("pad")[following, :3] - motion.position(log.times[following]), axis=1
+    )
     assert gap.max() < 1e-4
     assert rollout.scene.succeeded(log)
     # the bottle went with the pad, not with the place where the gripper let it go

@@ -14,23 +14,34 @@ ROOT = Path(pipeline.__file__).parent
 
 
 def strings(node: ast.expr, scope: ast.AST) -> Iterator[str]:
-    """The texts that an expression can be: those in it, or those that its name is given in the function around it."""
+    """The texts that an expression can be: those in it, or those that its name is given in the
+    function around it."""
     if isinstance(node, ast.Name):
         for other in ast.walk(scope):
-            if isinstance(other, ast.Assign) and any(isinstance(t, ast.Name) and t.id == node.id for t in other.targets):
+            if isinstance(other, ast.Assign) and any(
+                isinstance(t, ast.Name) and t.id == node.id for t in other.targets
+            ):
                 yield from strings(other.value, scope)
     else:
         branches = (node.body, node.orelse) if isinstance(node, ast.IfExp) else (node,)
-        yield from (n.value for branch in branches for n in ast.walk(branch) if isinstance(n, ast.Constant))
+        yield from (
+            n.value for branch in branches for n in ast.walk(branch) if isinstance(n, ast.Constant)
+        )
 
 
 def raised() -> set[str]:
     """Reasons with which the sources make a PlanFailure or a Failure."""
     found = set()
-    for path in [p for room in ("planning", "expert", "tasks", "stages") for p in (ROOT / room).rglob("*.py")]:
+    for path in [
+        p for room in ("planning", "expert", "tasks", "stages") for p in (ROOT / room).rglob("*.py")
+    ]:
         tree = ast.parse(path.read_text())
         for scope in [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]:
-            for call in [n for n in ast.walk(scope) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]:
+            for call in [
+                n
+                for n in ast.walk(scope)
+                if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+            ]:
                 place = {"PlanFailure": 0, "Failure": 1}.get(call.func.id)
                 if place is not None and len(call.args) > place:
                     found |= set(strings(call.args[place], scope))
@@ -38,7 +49,8 @@ def raised() -> set[str]:
 
 
 def test_every_reason_has_a_hint_and_every_hint_a_reason():
-    lost = {*Died.__annotations__["reason"].__args__} - {"node_lost"}  # for which no attempt is blamed
+    # for which no attempt is blamed
+    lost = {*Died.__annotations__["reason"].__args__} - {"node_lost"}
     reasons = raised() | {no_success("replay", ()).reason} | lost
     assert {"grasp_blocked", "place_unreachable", "missed", "no_motion"} <= reasons
     assert reasons == set(HINTS)
@@ -49,7 +61,10 @@ def test_every_check_of_a_motion_has_a_hint():
 
 
 def test_the_hint_for_no_motion_is_about_what_refused_most():
-    details = ("no motion of level 3 at alpha 0.1 m/s over 2 s: workspace 10, blocked 8", "blocked 5")
+    details = (
+        "no motion of level 3 at alpha 0.1 m/s over 2 s: workspace 10, blocked 8",
+        "blocked 5",
+    )
     assert hint("no_motion", details) == NO_MOTION_HINTS["blocked"]
     assert hint("no_motion", ["no candidate was allowed"]) == HINTS["no_motion"]
     assert hint("gremlins") == ""

@@ -42,13 +42,18 @@ def recorded(scene: Scene, motion: PlanarMotion, sight: Sight) -> StateLog:
         return failure.log
 
 
-@pytest.mark.parametrize("sight", [EXACT, Sight(delay=0.1, noise=0.005)], ids=["exact", "late and noisy"])
+@pytest.mark.parametrize(
+    "sight", [EXACT, Sight(delay=0.1, noise=0.005)], ids=["exact", "late and noisy"]
+)
 def test_futures_that_differ_give_the_same_bytes_until_they_do(scene, sight):
-    one, other = (recorded(scene, turning(scene, after), sight) for after in ((0.1, 0.0), (-0.05, 0.05)))
+    one, other = (
+        recorded(scene, turning(scene, after), sight) for after in ((0.1, 0.0), (-0.05, 0.05))
+    )
     same = one.times <= 2.0
     for name in ("poses", "qpos", "qvel", "tcp", "state"):
         assert np.array_equal(getattr(one, name)[same], getattr(other, name)[: same.sum()]), name
-    # an action is commanded after its frame: that of the frame at 2 s already answers what is seen then, which is still the same
+    # an action is commanded after its frame: that of the frame at 2 s already answers what is seen
+    # then, which is still the same
     assert np.array_equal(one.action[same], other.action[: same.sum()])
     assert not np.array_equal(one.action[: same.sum() + 30], other.action[: same.sum() + 30])
 
@@ -57,13 +62,18 @@ def test_where_the_target_is_to_end_makes_no_difference(scene):
     """The scene knows the manipulation pose; the expert must not."""
     motion = turning(scene, (0.0, 0.04))
     bell = scene.bodies["bell"]
-    elsewhere = replace(scene, bodies={"bell": replace(bell, pose=bell.pose + np.array([0.03, -0.05, 0, 0, 0, 0, 0]))})
+    elsewhere = replace(
+        scene,
+        bodies={"bell": replace(bell, pose=bell.pose + np.array([0.03, -0.05, 0, 0, 0, 0, 0]))},
+    )
     one, other = recorded(scene, motion, EXACT), recorded(elsewhere, motion, EXACT)
     assert np.array_equal(one.action, other.action)
 
 
 def test_no_command_of_a_reactive_episode_exceeds_a_limit():
-    recipe = Recipe.model_validate({"tasks": ["grab_roller"], "levels": [1], "episodes": 1, "expert": "reactive"})
+    recipe = Recipe.model_validate(
+        {"tasks": ["grab_roller"], "levels": [1], "episodes": 1, "expert": "reactive"}
+    )
     worst = fill((recipe, next(iter(recipe.slots()))))
     assert worst is not None
     for kind in ("velocity", "acceleration", "jerk"):
@@ -89,7 +99,8 @@ def test_a_hand_that_is_off_its_path_stops_gently(scene, monkeypatch):
 
 
 def test_a_target_that_leaps_away_is_met_all_the_same(scene):
-    """It stands until the hand is about to touch it, moves 12 cm in 0.4 s and stands: the hand draws back and comes again."""
+    """It stands until the hand is about to touch it, moves 12 cm in 0.4 s and stands: the hand
+    draws back and comes again."""
     bell = scene.bodies["bell"].pose
     touch = recorded(scene, PlanarMotion.still(bell, 3.0), EXACT).time_of("meeting")
     assert touch is not None

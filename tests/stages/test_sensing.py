@@ -1,4 +1,5 @@
-"""Images as sensors take them: an open shutter collects light, and evaluations see what datasets show."""
+"""Images as sensors take them: an open shutter collects light, and evaluations see what datasets
+show."""
 
 from types import SimpleNamespace
 
@@ -47,13 +48,20 @@ def test_motion_blur_is_the_mean_light_of_the_moments_of_the_shutter(filmed):
             at = k - 0.6 * np.arange(8) / 8
             low = np.floor(at).astype(int)
             share = (at - low)[:, None]
-            moments = {n: p[low] * (1 - share) + p[np.minimum(low + 1, 4)] * share for n, p in poses.items()}
-            for drawn, view, plain in zip(drawing.render(moments), blurred.views, sharp.views, strict=True):
+            moments = {
+                n: p[low] * (1 - share) + p[np.minimum(low + 1, 4)] * share
+                for n, p in poses.items()
+            }
+            for drawn, view, plain in zip(
+                drawing.render(moments), blurred.views, sharp.views, strict=True
+            ):
                 mean = 255 * np.sqrt(np.square(drawn.rgb / 255.0).mean(0))
                 assert np.abs(mean - view.rgb[k]).max() <= 1.0
                 assert np.abs(view.rgb[k].astype(int) - plain.rgb[k]).max() > 20
                 assert np.array_equal(view.depth[k], plain.depth[k])
-    assert all(np.array_equal(a.rgb[0], b.rgb[0]) for a, b in zip(blurred.views, sharp.views, strict=True))
+    assert all(
+        np.array_equal(a.rgb[0], b.rgb[0]) for a, b in zip(blurred.views, sharp.views, strict=True)
+    )
 
 
 def test_an_evaluation_sees_what_a_dataset_shows(filmed):
@@ -62,10 +70,14 @@ def test_an_evaluation_sees_what_a_dataset_shows(filmed):
     setup = Setup(**SIZE, depth=True, sensors=every)
     stored, eyes = captured(filmed, depth=True, sensors=every), Eyes(scene, setup)
     for k in (0, 3):
-        seen = eyes.look(SimpleNamespace(past=log.poses[: k + 1], simulation=SimpleNamespace(names=log.bodies)))
+        seen = eyes.look(
+            SimpleNamespace(past=log.poses[: k + 1], simulation=SimpleNamespace(names=log.bodies))
+        )
         for view in stored.views:
             assert np.array_equal(seen.images[view.camera.name], view.rgb[k])
             assert np.array_equal(seen.depth[view.camera.name], view.depth[k])
     eyes.close()
     plain = captured(filmed)
-    assert all((a.rgb != b.rgb).mean() > 0.5 for a, b in zip(stored.views, plain.views, strict=True))
+    assert all(
+        (a.rgb != b.rgb).mean() > 0.5 for a, b in zip(stored.views, plain.views, strict=True)
+    )

@@ -1,4 +1,5 @@
-"""A recorded episode of shake_bottle: what its state log says of velocities and of the arm agrees with what happened."""
+"""A recorded episode of shake_bottle: what its state log says of velocities and of the arm agrees
+with what happened."""
 
 import re
 from pathlib import Path
@@ -18,19 +19,25 @@ PAGE = Path(__file__).parents[2] / "docs/fidelity.md"
 @pytest.fixture(scope="module")
 def log():
     """The state log of an accepted attempt at 60 frames a second."""
-    spec = EpisodeSpec("shake_bottle", "aloha-agilex", 1, 0.1, "clean", 0, 8282955658858097247, 5368980052149100341)
+    spec = EpisodeSpec(
+        "shake_bottle", "aloha-agilex", 1, 0.1, "clean", 0, 8282955658858097247, 5368980052149100341
+    )
     return attempt(spec, Recipe(fps=FPS), Phases()).replay.log
 
 
 def off(stated, rates):
-    """Norms (T-2,) of the differences between what is stated and the central differences at all frames but first and last."""
+    """Norms (T-2,) of the differences between what is stated and the central differences at all
+    frames but first and last."""
     return np.linalg.norm(stated[1:-1] - rates, axis=-1)
 
 
 def test_velocities_of_the_shaken_bottle_are_the_differences_of_its_pose(log):
     poses, released = log.pose("bottle"), log.time_of("release")
     moved = (poses[2:, :3] - poses[:-2, :3]) * FPS / 2
-    turns = [quat_multiply(b, quat_conjugate(a)) for a, b in zip(poses[:-2, 3:], poses[2:, 3:], strict=True)]
+    turns = [
+        quat_multiply(b, quat_conjugate(a))
+        for a, b in zip(poses[:-2, 3:], poses[2:, 3:], strict=True)
+    ]
     turned = np.array([rotation_vector(turn) for turn in turns]) * FPS / 2
     shaken = log.times[1:-1] > released
     assert np.linalg.norm(moved[shaken], axis=1).max() > 0.3
@@ -41,7 +48,10 @@ def test_velocities_of_the_shaken_bottle_are_the_differences_of_its_pose(log):
 
 
 def test_joints_are_as_fast_as_the_page_states_and_twice_as_fast_in_a_shake(log):
-    stated = re.search(r"\| speed of the arms \| ([\d.]+) rad/s \(shaking ([\d.]+)\) and (\d+) rad/s", PAGE.read_text())
+    stated = re.search(
+        r"\| speed of the arms \| ([\d.]+) rad/s \(shaking ([\d.]+)\) and (\d+) rad/s",
+        PAGE.read_text(),
+    )
     assert stated
     usual, shaking, acceleration = map(float, stated.groups())
     (shake,) = (run for run in log.skills if run.skill == "shake")
@@ -50,7 +60,11 @@ def test_joints_are_as_fast_as_the_page_states_and_twice_as_fast_in_a_shake(log)
     within = (log.times[1:] > shake.start / 240) & (log.times[:-1] < shake.end / 240)
     assert 0.9 * usual < rates[~within].max() <= usual * (1 + 1e-5)
     assert usual < rates[within].max() <= shaking * (1 + 1e-5)
-    assert 0.5 * acceleration < np.abs(np.diff(log.action[:, arm], 2, axis=0)).max() * FPS**2 <= acceleration * (1 + 1e-5)
+    assert (
+        0.5 * acceleration
+        < np.abs(np.diff(log.action[:, arm], 2, axis=0)).max() * FPS**2
+        <= acceleration * (1 + 1e-5)
+    )
 
 
 def test_an_episode_ends_after_a_rest_of_0_4_s(log):

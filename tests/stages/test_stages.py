@@ -1,4 +1,5 @@
-"""The three stages on one scene: clearance against brute force, reasons of failure, the time of success."""
+"""The three stages on one scene: clearance against brute force, reasons of failure, the time of
+success."""
 
 import re
 from dataclasses import replace
@@ -47,7 +48,9 @@ def straight(scene, dry, offset):
     """Ends at the bell's place at the meeting, having begun at `offset` (2,) from it."""
     end = scene.bodies["bell"].pose
     c = np.array([[end[i] + offset[i], -offset[i]] for i in range(2)])
-    return PlanarMotion(1, 0.5, dry.meeting, 0.0, float(end[2]), end[3:], (Segment(0.0, dry.meeting, c),))
+    return PlanarMotion(
+        1, 0.5, dry.meeting, 0.0, float(end[2]), end[3:], (Segment(0.0, dry.meeting, c),)
+    )
 
 
 @pytest.mark.parametrize("level", [2, 3])
@@ -55,9 +58,15 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
     scene, dry = prepared
     requests = []
     found = PlanarMotion.still(scene.bodies["bell"].pose, dry.meeting)
-    monkeypatch.setattr(module, "back_calculate_motion", lambda asked, *of: requests.append(asked) or found)
+    monkeypatch.setattr(
+        module, "back_calculate_motion", lambda asked, *of: requests.append(asked) or found
+    )
     back_calculate(scene, dry, Setup())
-    alpha, end, space = requests[0].alpha, np.asarray(requests[0].end_pose)[:3], requests[0].workspace
+    alpha, end, space = (
+        requests[0].alpha,
+        np.asarray(requests[0].end_pose)[:3],
+        requests[0].workspace,
+    )
     paths = DRAW[level](np.random.default_rng(1), 20_000, alpha, 6.0, end[:2], space)
     limits = Limits(space, end, level, alpha, 6.0, end_speed_limit=requests[0].end_speed_limit)
     reasons = judge_shapes(paths, limits)
@@ -73,7 +82,12 @@ def test_jumps_are_capped_as_the_page_says_above_alpha_0_1_or_where_a_recipe_ask
     page = (Path(__file__).parents[2] / "docs/motions.md").read_text()
     stated = re.search(r"bounds the jumps of a level-3 target's velocity by (\d+) alpha", page)
     assert stated
-    for alpha, setup, factor in ((0.1, {}, None), (0.1, {"jumps": "capped"}, 1), (0.3, {}, 1), (0.3, {"rules": "domino"}, None)):
+    for alpha, setup, factor in (
+        (0.1, {}, None),
+        (0.1, {"jumps": "capped"}, 1),
+        (0.3, {}, 1),
+        (0.3, {"rules": "domino"}, None),
+    ):
         limit = module.jump_limit(Setup(**setup), alpha)
         assert limit == (None if factor is None else pytest.approx(factor * int(stated[1]) * alpha))
 
@@ -81,17 +95,21 @@ def test_jumps_are_capped_as_the_page_says_above_alpha_0_1_or_where_a_recipe_ask
 def test_a_point_counts_as_seen_4_pixels_inside_the_image(prepared):
     scene, _ = prepared
     head = cameras_of(scene.embodiment, "D435")[0]
-    points = np.stack(np.meshgrid(np.linspace(-0.6, 0.6, 400), [0.0], [TABLE_TOP], indexing="ij"), -1).reshape(-1, 3)
+    points = np.stack(
+        np.meshgrid(np.linspace(-0.6, 0.6, 400), [0.0], [TABLE_TOP], indexing="ij"), -1
+    ).reshape(-1, 3)
     columns = project(head.type, head.pose, points)[0][:, 0]
     seen = columns[scene.sees(points)]
     assert 4 <= seen.min() < 6 and head.type.width - 6 < seen.max() <= head.type.width - 4
 
 
-# --- clearance --------------------------------------------------------------------------------------------------------------
+# --- clearance
+# ------------------------------------------------------------------------------------------
 
 
 def robot_boxes(scene, dry, steps):
-    """Axis-aligned bounds (S,P,3) twice of every collision piece of both arms at steps of the sweep."""
+    """Axis-aligned bounds (S,P,3) twice of every collision piece of both arms at steps of the
+    sweep."""
     low, high = [], []
     for index, name in enumerate(dry.names):
         side = next((s for s in SIDES if name.startswith(s)), None)
@@ -105,8 +123,11 @@ def robot_boxes(scene, dry, steps):
 
 
 def gap(boxes, scene, motion, times):
-    """Smallest gap (m) between boxes around the bell and around the robot's pieces: a lower bound of the true distance."""
-    corners = np.concatenate([c.support_points() for c in scene.bodies["bell"].instance.shape().collision])
+    """Smallest gap (m) between boxes around the bell and around the robot's pieces: a lower bound
+    of the true distance."""
+    corners = np.concatenate(
+        [c.support_points() for c in scene.bodies["bell"].instance.shape().collision]
+    )
     points = transform(motion.pose(times)[:, None], corners[None])
     low, high = points.min(1)[:, None], points.max(1)[:, None]
     return float(np.maximum(low - boxes[1], boxes[0] - high).max(-1).min())
@@ -131,7 +152,9 @@ def test_a_motion_through_the_hand_is_refused(prepared):
     end, hand = scene.bodies["bell"].pose, fingers_at(scene, dry, t)
     offset = (hand[:2] - end[:2]) * dry.meeting / (dry.meeting - t)
     c = np.array([[end[i] + offset[i], -offset[i]] for i in range(2)])
-    raised = PlanarMotion(1, 1.0, dry.meeting, 0.0, float(hand[2]) - 0.03, end[3:], (Segment(0.0, dry.meeting, c),))
+    raised = PlanarMotion(
+        1, 1.0, dry.meeting, 0.0, float(hand[2]) - 0.03, end[3:], (Segment(0.0, dry.meeting, c),)
+    )
     np.testing.assert_allclose(raised.position(t)[:2], hand[:2], atol=1e-9)
     assert not Clearance(scene, dry).free(raised)
 
@@ -144,7 +167,9 @@ def test_standing_in_the_way_later_than_just_before_the_meeting_is_allowed(prepa
     still = PlanarMotion.still(scene.bodies["bell"].pose, dry.meeting)
     assert clearance.free(still)
     pressed = np.repeat(dry.sweep[-1:], 60, 0)
-    assert not Clearance(scene, replace(touching, sweep=np.concatenate([dry.sweep, pressed]))).free(still)
+    assert not Clearance(scene, replace(touching, sweep=np.concatenate([dry.sweep, pressed]))).free(
+        still
+    )
 
 
 class Seen:
@@ -162,7 +187,8 @@ class Seen:
 
 
 def test_a_target_that_is_touched_too_soon_is_refused(prepared):
-    """The fingertips creep the last 0.6 mm and come down at 0.1 m/s before: a bell 2 mm higher is touched 0.2 s too soon."""
+    """The fingertips creep the last 0.6 mm and come down at 0.1 m/s before: a bell 2 mm higher is
+    touched 0.2 s too soon."""
     scene, dry = prepared
     pose = scene.bodies["bell"].pose
     assert Clearance(scene, dry).free(Seen(pose))
@@ -170,18 +196,29 @@ def test_a_target_that_is_touched_too_soon_is_refused(prepared):
 
 
 def test_nothing_comes_within_2_mm_of_a_target_before_the_last_approach(prepared):
-    """The highest place at which the bell is free there is one where it would be touched by pieces 2 mm larger, and no nearer."""
+    """The highest place at which the bell is free there is one where it would be touched by pieces
+    2 mm larger, and no nearer."""
     scene, dry = prepared
     pose, shape = scene.bodies["bell"].pose, scene.bodies["bell"].instance.shape().collision
     steps = int((dry.meeting - LATE) * 60)
     heights = np.arange(0.0, 0.1, 0.0005)
-    free = [Clearance(scene, dry).free(Seen(lifted(pose, height), (steps - 0.5) / 60)) for height in heights]
+    free = [
+        Clearance(scene, dry).free(Seen(lifted(pose, height), (steps - 0.5) / 60))
+        for height in heights
+    ]
     assert free[0] and not free[-1]
     lowest = lifted(pose, heights[free.index(False)])
-    links = {f"{side}_{link.name}": link.collision for side, arm in scene.embodiment.arms.items() for link in arm.links}
+    links = {
+        f"{side}_{link.name}": link.collision
+        for side, arm in scene.embodiment.arms.items()
+        for link in arm.links
+    }
     pieces = [(dry.names.index(name), piece) for name, shapes in links.items() for piece in shapes]
     sweeps = [Sweep(pieces, dry.sweep[:steps], shape, margin) for margin in (0.0012, 0.0022)]
-    assert [sweep.first_contact(np.repeat(lowest[None], steps, 0)) is None for sweep in sweeps] == [True, False]
+    assert [sweep.first_contact(np.repeat(lowest[None], steps, 0)) is None for sweep in sweeps] == [
+        True,
+        False,
+    ]
 
 
 def test_clearance_agrees_with_brute_force_where_boxes_are_far_apart(prepared):
@@ -202,7 +239,16 @@ def test_clearance_agrees_with_brute_force_where_boxes_are_far_apart(prepared):
 def test_a_motion_through_another_body_is_refused():
     scene = build_scene(EpisodeSpec("place_container_plate", "aloha-agilex", 1, 0.1, "clean", 0, 0))
     names = ("plate", "container", "table")
-    sweep = np.stack([[scene.bodies["plate"].pose, scene.bodies["container"].pose, np.array([0, 0, 0.74, 1, 0, 0, 0])]] * 241)
+    sweep = np.stack(
+        [
+            [
+                scene.bodies["plate"].pose,
+                scene.bodies["container"].pose,
+                np.array([0, 0, 0.74, 1, 0, 0, 0]),
+            ]
+        ]
+        * 241
+    )
     dry = DryRun(np.zeros((0, 14)), np.zeros((0, 14)), 4.0, {}, sweep, names, 0, None)
     plate, container = scene.bodies["plate"].pose, scene.bodies["container"].pose
 
@@ -217,7 +263,8 @@ def test_a_motion_through_another_body_is_refused():
     assert clearance.free(towards(-0.1))
 
 
-# --- back-calculation -------------------------------------------------------------------------------------------------------
+# --- back-calculation
+# ------------------------------------------------------------------------------------------
 
 
 def test_the_motion_keeps_time_place_speed_and_view(prepared):
@@ -247,7 +294,8 @@ def test_an_impossible_motion_is_a_failure_with_its_reason(prepared, monkeypatch
     assert (failure.value.stage, failure.value.reason) == ("back_calculate", "no_motion")
 
 
-# --- replay -----------------------------------------------------------------------------------------------------------------
+# --- replay
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_target_that_is_elsewhere_is_missed(prepared):
@@ -262,12 +310,16 @@ def test_a_target_that_is_elsewhere_is_missed(prepared):
 def test_a_task_that_fails_at_its_end_is_no_success(prepared, monkeypatch):
     scene, dry = prepared
     late = {"early": True, "short": False, "rung_once": False}
-    monkeypatch.setattr(type(scene.task), "success", lambda self, o, arms: late | {"short": len(o.log) < 10})
+    monkeypatch.setattr(
+        type(scene.task), "success", lambda self, o, arms: late | {"short": len(o.log) < 10}
+    )
     with pytest.raises(Failure) as failure:
         replay(scene, dry, PlanarMotion.still(scene.bodies["bell"].pose, dry.meeting), 15)
     assert (failure.value.stage, failure.value.reason) == ("replay", "no_success")
     assert failure.value.conditions == ("short", "rung_once")
-    with pytest.raises(Failure, match=r"no_success \(does not hold at the end: short, rung_once\)") as failure:
+    with pytest.raises(
+        Failure, match=r"no_success \(does not hold at the end: short, rung_once\)"
+    ) as failure:
         dry_run(scene, 15)
     assert (failure.value.stage, failure.value.reason) == ("dry_run", "no_success")
     assert failure.value.conditions == ("short", "rung_once")
@@ -284,7 +336,10 @@ def test_a_script_that_never_reaches_its_target_has_no_meeting(prepared, monkeyp
 def test_too_few_steps_is_a_reason(prepared, monkeypatch):
     scene, dry = prepared
     monkeypatch.setattr(type(scene.task), "step_limit", 5)
-    for run in (lambda: dry_run(scene, 15), lambda: replay(scene, dry, PlanarMotion.still(scene.bodies["bell"].pose, 1.0), 15)):
+    for run in (
+        lambda: dry_run(scene, 15),
+        lambda: replay(scene, dry, PlanarMotion.still(scene.bodies["bell"].pose, 1.0), 15),
+    ):
         with pytest.raises(Failure) as failure:
             run()
         assert failure.value.reason == "step_limit"
@@ -303,18 +358,28 @@ def test_an_accepted_replay_repeats_and_its_plan_is_the_dry_runs(prepared):
     assert first.steps >= len(dry.commands)
 
 
-# --- success ----------------------------------------------------------------------------------------------------------------
+# --- success
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("holds", "since"),
-    [("1111", 0.0), ("0011", 2 / 15), ("1011", 2 / 15), ("0001", 3 / 15), ("1110", None), ("0000", None)],
+    [
+        ("1111", 0.0),
+        ("0011", 2 / 15),
+        ("1011", 2 / 15),
+        ("0001", 3 / 15),
+        ("1110", None),
+        ("0000", None),
+    ],
 )
 def test_success_counts_from_where_it_holds_to_the_end(prepared, monkeypatch, holds, since):
     scene, _ = prepared
     log = four_frames(scene)
     monkeypatch.setattr(
-        type(scene.task), "success", lambda self, o, arms: {"always": True, "sometimes": holds[len(o.log) - 1] == "1"}
+        type(scene.task),
+        "success",
+        lambda self, o, arms: {"always": True, "sometimes": holds[len(o.log) - 1] == "1"},
     )
     assert success_time(scene, log) == (pytest.approx(since) if since is not None else None)
 
@@ -335,15 +400,24 @@ def test_the_runs_of_skills_are_those_of_the_replay(prepared):
     closing, pressing, lifting, homing = log.skills
     arm = scene.arms["arm"]
     assert [(run.skill, run.body, run.part, run.half) for run in log.skills] == [
-        *(("close", "", "", "meet"), ("press", "bell", "button", "meet"), ("lift", "", "", "finish"), ("home", "", "", "finish"))
+        *(
+            ("close", "", "", "meet"),
+            ("press", "bell", "button", "meet"),
+            ("lift", "", "", "finish"),
+            ("home", "", "", "finish"),
+        )
     ]
     assert {run.arms for run in log.skills} == {(arm,)}
-    # the arm first moves in the step after the jaws have closed, and the first half ends with the press
+    # the arm first moves in the step after the jaws have closed, and the first half ends with the
+    # press
     still = np.abs(np.delete(dry.commands - dry.commands[0], [6, 13], 1)).max(1) < 1e-12
-    assert (closing.start, pressing.start) == (0, closing.end) and int(np.argmin(still)) == closing.end
+    assert (closing.start, pressing.start) == (0, closing.end) and int(
+        np.argmin(still)
+    ) == closing.end
     assert dry.commands[closing.end - 1, [6, 13][SIDES.index(arm)]] == 0.0
     assert pressing.end == lifting.start == len(dry.commands) and lifting.end == homing.start
-    # frames lie 16 steps apart: the commands rise by 6 cm from the last frame before the lift to the first one after it
+    # frames lie 16 steps apart: the commands rise by 6 cm from the last frame before the lift to
+    # the first one after it
     first, last = lifting.start // 16, -(-lifting.end // 16)
     height = log.tcp[:, SIDES.index(arm), 2]
     assert height[last] - height[first] == pytest.approx(0.06, abs=0.01)
@@ -357,10 +431,16 @@ def test_a_first_touch_is_the_first_of_all_steps(prepared):
     for command, velocity in zip(dry.commands, dry.velocities, strict=True):
         actor.advance(command, velocity)
         s = actor.simulation
-        rows = [row for row in s.contacts() if s.names[row[0]] == "bell" and s.names[row[1]].startswith(("left_", "right_"))]
+        rows = [
+            row
+            for row in s.contacts()
+            if s.names[row[0]] == "bell" and s.names[row[1]].startswith(("left_", "right_"))
+        ]
         if rows:
             break
-    assert touch.step == s.steps == round(next(e.time for e in s.events if e.name == "meeting") * 240)
+    assert (
+        touch.step == s.steps == round(next(e.time for e in s.events if e.name == "meeting") * 240)
+    )
     assert touch.side == scene.arms["arm"] and s.names[rows[0][1]].startswith(touch.side)
     np.testing.assert_array_equal(touch.tcp, s.tcp(touch.side))
     np.testing.assert_array_equal(touch.target, s.pose("bell"))

@@ -1,4 +1,5 @@
-"""The randomized domain around a task: what it draws and from where, clutter out of the way, table height and head camera."""
+"""The randomized domain around a task: what it draws and from where, clutter out of the way, table
+height and head camera."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -49,7 +50,14 @@ from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.varied import raised
 
-TASKS = ("click_bell", "place_container_plate", "beat_block_hammer", "shake_bottle", "grab_roller", "handover_block")
+TASKS = (
+    "click_bell",
+    "place_container_plate",
+    "beat_block_hammer",
+    "shake_bottle",
+    "grab_roller",
+    "handover_block",
+)
 
 DRAWING = Drawing(preset="raster-fast", visuals=CLEAN)
 KEYS = SlotKeys(Key({}), Key({}), Key({}))
@@ -73,14 +81,23 @@ def contents(scene):
     return {name: (body.instance, *body.pose) for name, body in scene.bodies.items()}
 
 
-# --- what is drawn ----------------------------------------------------------------------------------------------------------
+# --- what is drawn
+# ------------------------------------------------------------------------------------------
 
 
 def test_the_clean_domain_draws_nothing_for_its_surroundings(monkeypatch):
     drawn, rng = [], EpisodeSpec.rng
-    monkeypatch.setattr(EpisodeSpec, "rng", lambda self, purpose: drawn.append(purpose) or rng(self, purpose))
+    monkeypatch.setattr(
+        EpisodeSpec, "rng", lambda self, purpose: drawn.append(purpose) or rng(self, purpose)
+    )
     done = attempt(spec(domain="clean"), Recipe(), Phases())
-    assert set(drawn) == {"objects", "placement", "planning/dry_run", "planning/replay", "target_motion"}
+    assert set(drawn) == {
+        "objects",
+        "placement",
+        "planning/dry_run",
+        "planning/replay",
+        "target_motion",
+    }
     assert done.scene.embodiment is get_embodiment("aloha")
     assert done.scene.clutter == ()
     assert table_drop(done.scene.spec) == 0.0
@@ -104,7 +121,9 @@ def test_a_randomized_scene_follows_from_its_spec(stages):
         assert contents(again) == contents(scene)
         np.testing.assert_array_equal(again.embodiment.head_camera, scene.embodiment.head_camera)
         for side in SIDES:
-            np.testing.assert_array_equal(again.embodiment.arms[side].base, scene.embodiment.arms[side].base)
+            np.testing.assert_array_equal(
+                again.embodiment.arms[side].base, scene.embodiment.arms[side].base
+            )
     cameras = {tuple(scene.embodiment.head_camera) for scene in stages}
     assert len(cameras) == len({table_drop(scene.spec) for scene in stages}) == len(stages)
 
@@ -112,11 +131,14 @@ def test_a_randomized_scene_follows_from_its_spec(stages):
 def test_a_randomized_attempt_repeats_to_the_byte(rollout):
     again = attempt(spec(), Recipe(), Phases())
     for key in ("poses", "qpos", "action", "contacts"):
-        assert getattr(rollout.replay.log, key).tobytes() == getattr(again.replay.log, key).tobytes()
+        assert (
+            getattr(rollout.replay.log, key).tobytes() == getattr(again.replay.log, key).tobytes()
+        )
     assert again.motion.to_json() == rollout.motion.to_json()
 
 
-# --- clutter ----------------------------------------------------------------------------------------------------------------
+# --- clutter
+# ------------------------------------------------------------------------------------------
 
 
 def outline(body, n=24):
@@ -159,22 +181,39 @@ def test_clutter_keeps_clear_of_the_arms_at_home(stages):
             for side in SIDES:
                 arm = scene.embodiment.arms[side]
                 at = arm_poses(arm, arm.home)
-                for corners in (transform(at[x.name], piece.support_points()) for x in arm.links for piece in x.collision):
+                for corners in (
+                    transform(at[x.name], piece.support_points())
+                    for x in arm.links
+                    for piece in x.collision
+                ):
                     low, high = corners.min(0) - ARM_GAP, corners.max(0) + ARM_GAP
-                    assert low[2] > top or not ((points > low[:2]) & (points < high[:2])).all(1).any()
+                    assert (
+                        low[2] > top or not ((points > low[:2]) & (points < high[:2])).all(1).any()
+                    )
 
 
 def test_clutter_is_of_other_kinds_than_the_tasks_own_bodies(stages):
     for scene in stages:
         own = [body for name, body in scene.bodies.items() if name not in scene.clutter]
-        names = {word for b in own for word in (*b.family.split("_"), *b.instance.words().noun.lower().split())}
+        names = {
+            word
+            for b in own
+            for word in (*b.family.split("_"), *b.instance.words().noun.lower().split())
+        }
         families = [scene.bodies[name].family for name in scene.clutter]
         assert len(set(families)) == len(families)
         assert not names & {word for family in families for word in family.split("_")}
 
 
 def test_every_kind_of_clutter_is_small_and_stays_where_it_is_put():
-    bodies = {"target": Body("target", "block", FAMILIES["block"].draw(np.random.default_rng(0)), yawed((0, -0.2, TABLE_TOP), 0))}
+    bodies = {
+        "target": Body(
+            "target",
+            "block",
+            FAMILIES["block"].draw(np.random.default_rng(0)),
+            yawed((0, -0.2, TABLE_TOP), 0),
+        )
+    }
     for i, family in enumerate(CLUTTER_FAMILIES):
         instance = FAMILIES[family].draw(np.random.default_rng(i))
         assert len(instance.shape().collision) <= 5
@@ -192,12 +231,18 @@ def test_every_kind_of_clutter_is_small_and_stays_where_it_is_put():
 
 def test_fewer_distractors_where_there_is_no_room(monkeypatch, stages):
     monkeypatch.setattr("pipeline.stages.surroundings.TASK_GAP", 0.5)
-    numbers = [len(clutter(s.spec, {s.task.target: s.bodies[s.task.target]}, s.embodiment)) for s in stages[:8]]
+    numbers = [
+        len(clutter(s.spec, {s.task.target: s.bodies[s.task.target]}, s.embodiment))
+        for s in stages[:8]
+    ]
     assert min(numbers) < CLUTTER[0]
 
 
 def test_a_recipe_may_want_other_numbers_of_distractors():
-    found = [len(build_scene(spec(seed=seed), Recipe(clutter=(9, 10)).ruling()).clutter) for seed in range(4)]
+    found = [
+        len(build_scene(spec(seed=seed), Recipe(clutter=(9, 10)).ruling()).clutter)
+        for seed in range(4)
+    ]
     assert max(found) in (9, 10) and min(found) > CLUTTER[0]
     assert build_scene(spec(), Recipe(clutter=(0, 0)).ruling()).clutter == ()
 
@@ -215,8 +260,15 @@ def test_only_an_unusual_number_of_distractors_is_written(rollout):
 @pytest.mark.parametrize("kind", ["domain", "randomized"])
 def test_looks_are_drawn_from_the_textures_that_the_recipe_names(kind):
     for seed in range(5):
-        seen, unseen = (visuals_of(spec(seed=seed), Setup(visuals=kind, textures=split)) for split in ("seen", "unseen"))
-        for before, after in ((seen.table, unseen.table), (seen.wall, unseen.wall), (seen.ground, unseen.ground)):
+        seen, unseen = (
+            visuals_of(spec(seed=seed), Setup(visuals=kind, textures=split))
+            for split in ("seen", "unseen")
+        )
+        for before, after in (
+            (seen.table, unseen.table),
+            (seen.wall, unseen.wall),
+            (seen.ground, unseen.ground),
+        ):
             assert before == after or (before.seed % 2, after.seed % 2) == (0, 1)
         assert (seen.sun, seen.ambient) == (unseen.sun, unseen.ambient)
         assert visuals_of(spec(seed=seed), Setup(visuals=kind)) == seen
@@ -243,14 +295,18 @@ def test_path_and_planner_take_clutter_for_obstacles(rollout):
     scene, log = rollout.scene, rollout.replay.log
     assert scene.clutter
     meeting = log.times <= rollout.meeting
-    middles = log.pose("bell")[meeting, :3] + middle(scene.bodies["bell"].pose, scene.bodies["bell"].instance)
+    middles = log.pose("bell")[meeting, :3] + middle(
+        scene.bodies["bell"].pose, scene.bodies["bell"].instance
+    )
     middles -= scene.bodies["bell"].pose[:3]
     assert scene.sees(middles).all()
     actor = scene.start(rollout.motion, 15, "test")
     assert set(scene.clutter) <= set(actor.planning_scene().obstacles)
     reach = scene.bodies["bell"].instance.shape().footprint_radius()
     for name in scene.clutter:
-        near = np.linalg.norm(log.pose("bell")[meeting, :2] - scene.bodies[name].pose[:2], axis=1).min()
+        near = np.linalg.norm(
+            log.pose("bell")[meeting, :2] - scene.bodies[name].pose[:2], axis=1
+        ).min()
         assert near > 0.8 * (reach + scene.bodies[name].instance.shape().footprint_radius())
 
 
@@ -260,8 +316,14 @@ def test_an_attempt_whose_arm_hides_the_target_is_refused_where_that_is_asked(ro
     hidden, at = log.poses.copy(), log.pose(scene.task.target)[:, :3]
     before = at + 0.15 * (scene.embodiment.head_camera[:3] - at)
     for link in scene.embodiment.arms["left"].links:
-        middle_of_link = np.mean([mesh.vertices.mean(0) for mesh, _ in link.visual], axis=0) if link.visual else np.zeros(3)
-        hidden[:, log.bodies.index(f"left_{link.name}")] = [compose(pose(p), pose(-middle_of_link)) for p in before]
+        middle_of_link = (
+            np.mean([mesh.vertices.mean(0) for mesh, _ in link.visual], axis=0)
+            if link.visual
+            else np.zeros(3)
+        )
+        hidden[:, log.bodies.index(f"left_{link.name}")] = [
+            compose(pose(p), pose(-middle_of_link)) for p in before
+        ]
     behind = replace(rollout, replay=replace(rollout.replay, log=replace(log, poses=hidden)))
     with pytest.raises(Failure, match=r"view: occluded .in 100 % of the last 0\.5 s") as refused:
         require_view(behind, Setup(cameras=(), size=(64, 48)))
@@ -270,7 +332,9 @@ def test_an_attempt_whose_arm_hides_the_target_is_refused_where_that_is_asked(ro
     met = log.time_of("meeting")
     for others in (log.times > met, log.times < met - 0.5):
         some = np.where(others[:, None, None], hidden, log.poses)
-        require_view(replace(rollout, replay=replace(rollout.replay, log=replace(log, poses=some))), Setup())
+        require_view(
+            replace(rollout, replay=replace(rollout.replay, log=replace(log, poses=some))), Setup()
+        )
 
 
 def test_an_episode_leaves_clutter_alone(rollout):
@@ -284,11 +348,18 @@ def test_instructions_and_episode_tell_clutter_from_the_task(rollout):
     episode = episode_of(rollout, Recipe(), DRAWING, KEYS)
     assert episode.meta.clutter == rollout.scene.clutter
     assert set(rollout.scene.clutter) | {"bell"} == set(episode.meta.objects)
-    phrases = {words for name in rollout.scene.clutter for words in rollout.scene.bodies[name].instance.words().seen}
-    assert not any(phrase in sentence for phrase in phrases for sentence in episode.instructions["seen"])
+    phrases = {
+        words
+        for name in rollout.scene.clutter
+        for words in rollout.scene.bodies[name].instance.words().seen
+    }
+    assert not any(
+        phrase in sentence for phrase in phrases for sentence in episode.instructions["seen"]
+    )
 
 
-# --- table height and head camera -------------------------------------------------------------------------------------------
+# --- table height and head camera
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_lower_table_is_a_robot_that_stands_higher(stages):
@@ -297,14 +368,22 @@ def test_a_lower_table_is_a_robot_that_stands_higher(stages):
         drop, e = table_drop(scene.spec), scene.embodiment
         assert 0 < drop < TABLE_DROP
         for side in SIDES:
-            np.testing.assert_allclose(e.arms[side].base - plain.arms[side].base, [0, 0, drop, 0, 0, 0, 0], atol=1e-12)
+            np.testing.assert_allclose(
+                e.arms[side].base - plain.arms[side].base, [0, 0, drop, 0, 0, 0, 0], atol=1e-12
+            )
     bottom = min(mesh.vertices[:, 2].min() for mesh, _ in plain.furniture)
     top = max(mesh.vertices[:, 2].max() for mesh, _ in plain.furniture)
     higher = raised(plain, 0.03)
-    assert min(mesh.vertices[:, 2].min() for mesh, _ in higher.furniture) == pytest.approx(bottom, abs=1e-3)
-    assert max(mesh.vertices[:, 2].max() for mesh, _ in higher.furniture) == pytest.approx(top + 0.03, abs=1e-5)
+    assert min(mesh.vertices[:, 2].min() for mesh, _ in higher.furniture) == pytest.approx(
+        bottom, abs=1e-3
+    )
+    assert max(mesh.vertices[:, 2].max() for mesh, _ in higher.furniture) == pytest.approx(
+        top + 0.03, abs=1e-5
+    )
     np.testing.assert_allclose(
-        [c.pose[2] for c in higher.furniture_collision], [c.pose[2] + 0.03 for c in plain.furniture_collision], atol=1e-12
+        [c.pose[2] for c in higher.furniture_collision],
+        [c.pose[2] + 0.03 for c in plain.furniture_collision],
+        atol=1e-12,
     )
 
 
@@ -330,6 +409,8 @@ def test_the_episode_records_the_camera_it_was_seen_from(rollout, tmp_path):
     with open_episode(tmp_path / "e.hdf5") as file:
         recorded = file.array("observation/head_camera/extrinsic_cv")
     head = cameras_of(scene.embodiment)[0]
-    np.testing.assert_allclose(recorded, np.repeat(extrinsics_cv(head.pose)[None], len(log), 0), atol=1e-6)
+    np.testing.assert_allclose(
+        recorded, np.repeat(extrinsics_cv(head.pose)[None], len(log), 0), atol=1e-6
+    )
     clean = extrinsics_cv(get_embodiment("aloha").head_camera)
     assert np.abs(recorded[0] - clean).max() > 1e-3

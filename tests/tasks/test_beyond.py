@@ -1,4 +1,5 @@
-"""The suite beyond: its tasks keep the contract, and meet what moves on belt, disc, ramp, cord and hand to the millimetre."""
+"""The suite beyond: its tasks keep the contract, and meet what moves on belt, disc, ramp, cord and
+hand to the millimetre."""
 
 from collections import Counter
 
@@ -55,20 +56,38 @@ def test_layouts_and_sentences_keep_the_contract(name):
     wording = scene.wording()
     check_templates(wording.seen, wording.unseen, wording.objects, wording.arms)
     made = instructions(wording, np.random.default_rng(0), 60)
-    assert [(text, found) for texts in made.values() for text in texts if (found := faults(text, wording))] == []
+    assert [
+        (text, found)
+        for texts in made.values()
+        for text in texts
+        if (found := faults(text, wording))
+    ] == []
 
 
 @pytest.mark.parametrize(
-    "name", ["pick_from_belt", "stop_rolling_ball", "take_hanging_mug", "catch_dropped_ball", "catch_tossed_ball"]
+    "name",
+    [
+        "pick_from_belt",
+        "stop_rolling_ball",
+        "take_hanging_mug",
+        "catch_dropped_ball",
+        "catch_tossed_ball",
+    ],
 )
 def test_a_target_is_met_in_time_and_place(name):
     done = accepted(name)
     log, task = done.replay.log, TASKS[name]
     real = log.time_of("meeting")
     assert abs(real - done.meeting) <= 1 / 15
-    assert np.linalg.norm(done.motion.pose(real)[:3] - done.scene.bodies[task.target].pose[:3]) < 0.005
+    assert (
+        np.linalg.norm(done.motion.pose(real)[:3] - done.scene.bodies[task.target].pose[:3]) < 0.005
+    )
     on_motion = log.times < real
-    np.testing.assert_allclose(log.pose(task.target)[on_motion, :3], done.motion.pose(log.times[on_motion])[:, :3], atol=1e-6)
+    np.testing.assert_allclose(
+        log.pose(task.target)[on_motion, :3],
+        done.motion.pose(log.times[on_motion])[:, :3],
+        atol=1e-6,
+    )
     if prop := SCENERY.get(task.motion):
         assert prop in log.bodies and len(appearance_of(done.scene).bodies[prop]) > 0
         after = log.pose(prop)[log.times > real]
@@ -82,5 +101,8 @@ def test_two_move_apart_on_motions_of_their_own_until_the_one_to_meet_is_met():
     np.testing.assert_allclose(log.pose("other")[before], other.pose(log.times[before]), atol=1e-6)
     assert np.ptp(log.pose("other")[before, :2], axis=0).max() > 0.02
     radii = sum(done.scene.bodies[name].instance.radius for name in ("ball", "other"))
-    assert np.linalg.norm(log.pose("ball")[before, :2] - log.pose("other")[before, :2], axis=1).min() > radii
+    assert (
+        np.linalg.norm(log.pose("ball")[before, :2] - log.pose("other")[before, :2], axis=1).min()
+        > radii
+    )
     assert motion_from_json(done.motion.to_json()).to_json() == done.motion.to_json()

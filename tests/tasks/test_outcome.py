@@ -1,4 +1,5 @@
-"""Every question of `Outcome` against logs made by hand: once where the answer is yes, once where it is no."""
+"""Every question of `Outcome` against logs made by hand: once where the answer is yes, once where
+it is no."""
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 from pipeline.world.robots import get_embodiment
 
 ROBOT = get_embodiment("aloha-agilex")
-FINGERS = tuple(f"{side}_{f}" for side in ("left", "right") for f in ROBOT.arms[side].gripper.fingers)
+FINGERS = tuple(
+    f"{side}_{f}" for side in ("left", "right") for f in ROBOT.arms[side].gripper.fingers
+)
 NAMES = ("can", "plate", *FINGERS, "left_link1", "table")
 FRAMES = 10
 ORIGIN = (0.0, 0.0, 0.0)
@@ -23,9 +26,12 @@ BODIES = {
 }
 
 
-def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=(), command=None, rules=STRICT, plate=ORIGIN):
-    """An outcome of ten frames at 15 Hz. `can` (10,7) poses; contacts (frame, a, b, point); gripper (left, right) at the end;
-    `command` (10,) of the left gripper, `plate` offsets (10,3) or (3,) of the plate."""
+def outcome(
+    can=None, contacts=(), gripper=(1.0, 1.0), events=(), command=None, rules=STRICT, plate=ORIGIN
+):
+    """An outcome of ten frames at 15 Hz. `can` (10,7) poses; contacts (frame, a, b, point); gripper
+    (left, right) at the end; `command` (10,) of the left gripper, `plate` offsets (10,3) or (3,) of
+    the plate."""
     poses = np.zeros((FRAMES, len(NAMES), 7))
     poses[..., 3] = 1
     poses[:, 0] = BODIES["can"].pose if can is None else can
@@ -37,7 +43,10 @@ def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=(), command=None, 
     action = state.copy()
     if command is not None:
         action[:, vector.index("left_gripper")] = command
-    rows = [(frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point, 1) for frame, a, b, point in contacts]
+    rows = [
+        (frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point, 1)
+        for frame, a, b, point in contacts
+    ]
     log = StateLog(
         times=np.arange(FRAMES) / 15,
         bodies=NAMES,
@@ -62,7 +71,10 @@ def path(*points, turn=None):
     for frame, offset in enumerate(points):
         out[frame:, :3] = BODIES["can"].pose[:3] + offset
     if turn is not None:
-        out[:, 3:] = [compose(p, pose((0, 0, 0), quat_about((1, 0, 0), a)))[3:] for p, a in zip(out, turn, strict=True)]
+        out[:, 3:] = [
+            compose(p, pose((0, 0, 0), quat_about((1, 0, 0), a)))[3:]
+            for p, a in zip(out, turn, strict=True)
+        ]
     return out
 
 
@@ -71,7 +83,9 @@ def test_frames_ride_on_their_body():
     top = CAN.frames()["top"]
     for frame in (0, 1, -1):
         np.testing.assert_allclose(o.frame("can", "top", frame), compose(o.pose("can", frame), top))
-    np.testing.assert_allclose(o.offset(o.frame("can", "top"), o.pose("can")), [0, 0, top[2]], atol=1e-12)
+    np.testing.assert_allclose(
+        o.offset(o.frame("can", "top"), o.pose("can")), [0, 0, top[2]], atol=1e-12
+    )
     with pytest.raises(KeyError, match="no frame"):
         o.frame("can", "lid")
 
@@ -95,10 +109,14 @@ def test_the_rise_and_turn_of_a_target_count_from_the_last_frame_before_it_was_m
     assert outcome(path(*down)).rise("can") == pytest.approx(-0.19)
     beside = np.zeros((FRAMES, 3))
     beside[5:, 2] = 0.04
-    assert outcome(plate=beside, events=[("meeting", 7.5 / 15)]).rise("plate") == pytest.approx(0.04)
+    assert outcome(plate=beside, events=[("meeting", 7.5 / 15)]).rise("plate") == pytest.approx(
+        0.04
+    )
 
 
-@pytest.mark.parametrize(("tilt", "yes"), [(0.0, True), (0.25, True), (0.27, False), (-0.27, False), (np.pi, False)])
+@pytest.mark.parametrize(
+    ("tilt", "yes"), [(0.0, True), (0.25, True), (0.27, False), (-0.27, False), (np.pi, False)]
+)
 def test_upright(tilt, yes):
     assert outcome(path(turn=np.full(FRAMES, tilt))).upright("can") is yes
 
@@ -181,12 +199,16 @@ def test_holding_takes_both_fingers_of_the_arm_now():
     assert not outcome(contacts=left).holds("right", "can")
     assert not outcome(contacts=left[:1]).holds("left", "can")
     assert not outcome(contacts=[(5, f, "can", ORIGIN) for f in FINGERS[:2]]).holds("left", "can")
-    assert outcome(contacts=[(8, FINGERS[0], "can", ORIGIN), (9, FINGERS[1], "can", ORIGIN)]).holds("left", "can")
+    assert outcome(contacts=[(8, FINGERS[0], "can", ORIGIN), (9, FINGERS[1], "can", ORIGIN)]).holds(
+        "left", "can"
+    )
 
 
 def test_handled_is_any_link_of_any_arm():
     assert outcome(contacts=[(9, "left_link1", "can", ORIGIN)]).handled("can")
-    assert not outcome(contacts=[(9, "plate", "can", ORIGIN), (9, "table", "can", ORIGIN)]).handled("can")
+    assert not outcome(contacts=[(9, "plate", "can", ORIGIN), (9, "table", "can", ORIGIN)]).handled(
+        "can"
+    )
     assert not outcome(contacts=[(3, "left_link1", "can", ORIGIN)]).handled("can")
 
 
@@ -194,10 +216,14 @@ def test_resting_on_something_takes_touch_rest_and_no_hand():
     touch = [(9, "can", "plate", ORIGIN)]
     assert failed(outcome(contacts=touch).resting("can", "plate")) == ()
     assert failed(outcome(contacts=touch).resting("can", "table")) == ("on_table",)
-    assert failed(outcome(contacts=[*touch, (9, FINGERS[0], "can", ORIGIN)]).resting("can", "plate")) == ("released",)
+    assert failed(
+        outcome(contacts=[*touch, (9, FINGERS[0], "can", ORIGIN)]).resting("can", "plate")
+    ) == ("released",)
     moving = path(*np.linspace((0, 0, 0), (0.1, 0, 0), FRAMES))
     assert failed(outcome(moving, contacts=touch).resting("can", "plate")) == ("at_rest",)
-    assert failed(outcome(moving, contacts=[(9, FINGERS[0], "can", ORIGIN)]).resting("can", "plate")) == (
+    assert failed(
+        outcome(moving, contacts=[(9, FINGERS[0], "can", ORIGIN)]).resting("can", "plate")
+    ) == (
         "on_plate",
         "at_rest",
         "released",
@@ -222,7 +248,13 @@ def test_within_compares_every_magnitude(values, limits, yes):
 
 @pytest.mark.parametrize(
     ("offset", "yes"),
-    [((0, 0, 0), True), ((0.019, -0.019, 0.009), True), ((0.021, 0, 0), False), ((0, 0.021, 0), False), ((0, 0, 0.011), False)],
+    [
+        ((0, 0, 0), True),
+        ((0.019, -0.019, 0.009), True),
+        ((0.021, 0, 0), False),
+        ((0, 0.021, 0), False),
+        ((0, 0, 0.011), False),
+    ],
 )
 def test_pressed_measures_from_the_frame_where_the_body_was_then(offset, yes):
     moving = path(*np.linspace((0, 0, 0), (0.2, 0, 0), FRAMES))

@@ -1,4 +1,5 @@
-"""The regions of the placing tasks against the original's, written down from its code: dynamic ones where it has two."""
+"""The regions of the placing tasks against the original's, written down from its code: dynamic ones
+where it has two."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +18,8 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Original:
-    """x and y (m) of a body and the largest yaw (rad). With `beside`, x counts away from x = 0 on the side where that body stands.
+    """x and y (m) of a body and the largest yaw (rad). With `beside`, x counts away from x = 0 on
+    the side where that body stands.
 
     Bodies that are round about the vertical stand in the original one way and here any way.
     """
@@ -46,7 +48,8 @@ REGIONS: dict[str, dict[str, Original]] = {
     },
     "place_bread_skillet": {
         "bread": Original((0.2, 0.28), (-0.2, 0.05), PI / 4, "bread"),
-        # y from -0.2 in the original; nearer than -0.12 our handle would reach over the edge of the table
+        # y from -0.2 in the original; nearer than -0.12 our handle would reach over the edge of the
+        # table
         "skillet": Original((-0.25, -0.15), (-0.12, 0.05), PI / 6, "bread"),
     },
     "place_can_basket": {
@@ -61,7 +64,10 @@ REGIONS: dict[str, dict[str, Original]] = {
         "cup": Original((0.15, 0.3), (-0.2, 0.05), PI, "cup"),
         "coaster": Original((-0.05, 0.1), (-0.2, 0.05), 0, "cup"),
     },
-    "place_fan": {"fan": Original((-0.1, 0.1), (-0.15, -0.05), PI), "pad": Original((-0.25, 0.25), (-0.2, 0))},
+    "place_fan": {
+        "fan": Original((-0.1, 0.1), (-0.15, -0.05), PI),
+        "pad": Original((-0.25, 0.25), (-0.2, 0)),
+    },
     "place_mouse_pad": {
         "mouse": Original((0.05, 0.25), (-0.2, 0), PI, "mouse"),
         "pad": Original((0.05, 0.25), (-0.2, 0), 0, "mouse"),
@@ -78,8 +84,14 @@ REGIONS: dict[str, dict[str, Original]] = {
         "phone": Original((0.05, 0.25), (-0.2, 0), 0.7, "phone"),
         "stand": Original((0, 0.15), (0, 0.2), 0, "phone"),
     },
-    "place_shoe": {"shoe": Original((0.229, 0.25), (-0.1, 0.05), PI, "shoe"), "mat": Original((-0.2, 0.2), (-0.15, -0.05))},
-    "stamp_seal": {"stamp": Original((0, 0), (0, 0), PI), "pad": Original((-0.25, 0.25), (-0.15, 0.15))},
+    "place_shoe": {
+        "shoe": Original((0.229, 0.25), (-0.1, 0.05), PI, "shoe"),
+        "mat": Original((-0.2, 0.2), (-0.15, -0.05)),
+    },
+    "stamp_seal": {
+        "stamp": Original((0, 0), (0, 0), PI),
+        "pad": Original((-0.25, 0.25), (-0.15, 0.15)),
+    },
 }
 
 
@@ -98,7 +110,8 @@ LEAST = {
 
 @pytest.fixture(scope="module", autouse=True)
 def shapes_made_once():
-    """The same few instances are drawn again and again: their shapes, most of the time a layout takes, are made once."""
+    """The same few instances are drawn again and again: their shapes, most of the time a layout
+    takes, are made once."""
     with pytest.MonkeyPatch.context() as patch:
         for family in set(FAMILIES.values()):
             patch.setattr(family, "shape", cache(family.shape))
@@ -108,14 +121,19 @@ def shapes_made_once():
 def layouts(task, count):
     """Layouts of a task, without physics: four sets of instances, each time at other places."""
     placement = np.random.default_rng(7)
-    return [lay_out(TASKS[task], Draw(np.random.default_rng(k % 4), placement)) for k in range(count)]
+    return [
+        lay_out(TASKS[task], Draw(np.random.default_rng(k % 4), placement)) for k in range(count)
+    ]
 
 
 @pytest.fixture(scope="module", params=sorted(REGIONS))
 def drawn(request):
     """A task's name and, by body, LAYOUTS rows of x, y, yaw, as they are drawn without physics."""
     bodies = layouts(request.param, LAYOUTS)
-    rows = {n: np.array([[*b[n].pose[:2], 2 * np.arctan2(b[n].pose[6], b[n].pose[3])] for b in bodies]) for n in bodies[0]}
+    rows = {
+        n: np.array([[*b[n].pose[:2], 2 * np.arctan2(b[n].pose[6], b[n].pose[3])] for b in bodies])
+        for n in bodies[0]
+    }
     for values in rows.values():
         values[:, 2] = (values[:, 2] + PI) % (2 * PI) - PI
     return request.param, rows
@@ -161,7 +179,8 @@ def test_where_the_original_keeps_a_distance_from_the_middle():
 
 @pytest.mark.parametrize(("task", "direction"), [("place_a2b_left", -1), ("place_a2b_right", 1)])
 def test_b_leaves_room_on_the_side_a_shall_come_to(task, direction):
-    """B: beyond the goal on A's half, or in the middle; 10 cm in y from A, and A not yet near it on that side."""
+    """B: beyond the goal on A's half, or in the middle; 10 cm in y from A, and A not yet near it on
+    that side."""
     for bodies in layouts(task, LAYOUTS):
         a, b = bodies["a"].pose[:2], bodies["b"].pose[:2]
         side = 1 if a[0] > 0 else -1
@@ -172,10 +191,17 @@ def test_b_leaves_room_on_the_side_a_shall_come_to(task, direction):
 
 
 def original_pairs(rng, direction, count):
-    """Positions (N,2) of A and B by rejection, as the original draws them: B again until it is 10 cm from A in y, then both."""
-    a, b = rng.uniform((-0.22, -0.2), (0.22, 0), (count, 2)), rng.uniform((0, -0.2), (1, 0), (200, count, 2))
+    """Positions (N,2) of A and B by rejection, as the original draws them: B again until it is 10
+    cm from A in y, then both."""
+    a, b = (
+        rng.uniform((-0.22, -0.2), (0.22, 0), (count, 2)),
+        rng.uniform((0, -0.2), (1, 0), (200, count, 2)),
+    )
     side = np.where(a[:, 0] > 0, 1, -1)
-    low, high = np.where(side == direction, -0.1, side * 0.205 - 0.025), np.where(side == direction, 0.1, side * 0.205 + 0.025)
+    low, high = (
+        np.where(side == direction, -0.1, side * 0.205 - 0.025),
+        np.where(side == direction, 0.1, side * 0.205 + 0.025),
+    )
     first = np.argmax(np.abs(b[..., 1] - a[:, 1]) >= 0.1, axis=0)
     b = b[first, np.arange(count)]
     b[:, 0] = low + b[:, 0] * (high - low)

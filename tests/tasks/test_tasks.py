@@ -1,4 +1,5 @@
-"""What every registered task must keep, whichever it is: layout, arms, words, and one attempt still and one at level 3."""
+"""What every registered task must keep, whichever it is: layout, arms, words, and one attempt still
+and one at level 3."""
 
 import re
 from dataclasses import replace
@@ -37,10 +38,20 @@ TRIES = 6
 """Attempts a task may need at level 0 and 3 until one is accepted."""
 
 FIRST_SEED = {"dump_bin_bigbin": 1, "put_object_cabinet": 1, "scan_object": 1}
-"""Where attempts begin, for tasks that seed 0 asks to try again: any other seed only takes longer."""
+"""Where attempts begin, for tasks that seed 0 asks to try again: any other seed only takes
+longer."""
 
-PAGE = (Path(__file__).parents[2] / "docs" / "add_a_task.md").read_text().split("## Names of conditions")[1].split("\n## ")[0]
-CONDITIONS = {name for row in re.findall(r"^\| (`.*?) \|", PAGE, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)}
+PAGE = (
+    (Path(__file__).parents[2] / "docs" / "add_a_task.md")
+    .read_text()
+    .split("## Names of conditions")[1]
+    .split("\n## ")[0]
+)
+CONDITIONS = {
+    name
+    for row in re.findall(r"^\| (`.*?) \|", PAGE, re.MULTILINE)
+    for name in re.findall(r"`(\w+)`", row)
+}
 
 every_task = pytest.mark.parametrize("name", NAMES)
 
@@ -54,8 +65,8 @@ def calculate(scene, dry):
 
 
 def accepted(name):
-    """The first seed whose attempts at levels 0 and 3 both succeed, sharing one dry run, as they do in paired cells, and for
-    which level 2 has a motion."""
+    """The first seed whose attempts at levels 0 and 3 both succeed, sharing one dry run, as they do
+    in paired cells, and for which level 2 has a motion."""
     failures = []
     for seed in range(TRIES):
         try:
@@ -63,7 +74,10 @@ def accepted(name):
             dry = dry_run(scene, 15)
             still = replace(scene, spec=spec(name, seed, level=0))
             motions = calculate(still, dry), calculate(scene, dry)
-            logs = tuple(replay(one, dry, motion, 15).log for one, motion in zip((still, scene), motions, strict=True))
+            logs = tuple(
+                replay(one, dry, motion, 15).log
+                for one, motion in zip((still, scene), motions, strict=True)
+            )
             calculate(replace(scene, spec=spec(name, seed, level=2)), dry)
         except Failure as failure:
             failures.append(str(failure))
@@ -73,7 +87,8 @@ def accepted(name):
 
 
 def paired(name, attempts):
-    """As `accepted`, of the checker's attempts at both levels if they have one seed and one dry run."""
+    """As `accepted`, of the checker's attempts at both levels if they have one seed and one dry
+    run."""
     one, other = attempts
     if one.scene.spec.seed != other.scene.spec.seed or one.dry is not other.dry:
         return accepted(name)
@@ -82,13 +97,16 @@ def paired(name, attempts):
     except Failure:
         return accepted(name)
     motions, logs = (one.motion, other.motion), (one.log, other.log)
-    return SimpleNamespace(scene=other.scene, still=one.scene, dry=one.dry, motions=motions, logs=logs)
+    return SimpleNamespace(
+        scene=other.scene, still=one.scene, dry=one.dry, motions=motions, logs=logs
+    )
 
 
 @pytest.fixture
 def attempts(monkeypatch):
-    """What the contract checker's accepted attempts were made of, in order. The dry runs of one seed are made once for both levels.
-    The checker leaves out what the tests of this folder check in more scenes: repetition, layouts and sentences."""
+    """What the contract checker's accepted attempts were made of, in order. The dry runs of one
+    seed are made once for both levels. The checker leaves out what the tests of this folder check
+    in more scenes: repetition, layouts and sentences."""
     noted, made, order = [], {}, []
 
     def dry_run_once(scene, *arguments):
@@ -100,37 +118,57 @@ def attempts(monkeypatch):
 
     def noting_attempt(wanted, *arguments):
         order.clear()
-        done = attempt(replace(wanted, seed=wanted.seed + FIRST_SEED.get(wanted.task, 0)), *arguments)
-        noted.append(SimpleNamespace(scene=done.scene, dry=order[-1], motion=done.motion, log=done.replay.log))
+        done = attempt(
+            replace(wanted, seed=wanted.seed + FIRST_SEED.get(wanted.task, 0)), *arguments
+        )
+        noted.append(
+            SimpleNamespace(
+                scene=done.scene, dry=order[-1], motion=done.motion, log=done.replay.log
+            )
+        )
         return done
 
     monkeypatch.setattr("pipeline.stages.attempt.dry_run", dry_run_once)
     monkeypatch.setattr("pipeline.intake.check_task.attempt", noting_attempt)
-    for part, found in (("_determinism", Finding("determinism", True, "")), ("_layouts", ()), ("_faulty_instruction", None)):
+    for part, found in (
+        ("_determinism", Finding("determinism", True, "")),
+        ("_layouts", ()),
+        ("_faulty_instruction", None),
+    ):
         monkeypatch.setattr(f"pipeline.intake.check_task.{part}", lambda *_, found=found: found)
     return noted
 
 
 def rectangle(body):
     low, high = body.instance.shape().aabb()
-    corners = [[x, y, 0] for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]
+    corners = [
+        [x, y, 0]
+        for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
+    ]
     return transform(body.pose, np.array(corners))[:, :2]
 
 
 def overlap(a, b):
     """Whether two convex outlines (4,2) share a point: brute force over a grid of both."""
     u = np.linspace(0, 1, 25)
-    grid = [(1 - s) * ((1 - t) * a[0] + t * a[1]) + s * ((1 - t) * a[3] + t * a[2]) for s in u for t in u]
+    grid = [
+        (1 - s) * ((1 - t) * a[0] + t * a[1]) + s * ((1 - t) * a[3] + t * a[2])
+        for s in u
+        for t in u
+    ]
     edges = np.roll(b, -1, 0) - b
     inside = np.cross(edges[None], np.array(grid)[:, None] - b[None]) >= 0
     return bool(inside.all(1).any())
 
 
-# --- the scene --------------------------------------------------------------------------------------------------------------
+# --- the scene
+# ------------------------------------------------------------------------------------------
 
 
 @every_task
-def test_bodies_stand_in_their_regions_and_apart_and_mirrored_tasks_use_both_arms(name, monkeypatch):
+def test_bodies_stand_in_their_regions_and_apart_and_mirrored_tasks_use_both_arms(
+    name, monkeypatch
+):
     layout, drawn, scenes = TASKS[name].layout, [], []
 
     def recorded(draw):
@@ -153,7 +191,9 @@ def test_bodies_stand_in_their_regions_and_apart_and_mirrored_tasks_use_both_arm
             if body.inside or (body.fixed and body.pose[2] == 0.0):
                 continue  # rides in another body, or stands on the floor beside the table
             assert body.pose[2] >= TABLE_TOP
-            assert (np.abs(rectangle(body)) <= TABLE_HALF).all(), f"{body.name} stands over the edge"
+            assert (np.abs(rectangle(body)) <= TABLE_HALF).all(), (
+                f"{body.name} stands over the edge"
+            )
             (x0, x1), (y0, y1) = sorted(placement.region.x), sorted(placement.region.y)
             assert x0 <= body.pose[0] <= x1
             assert y0 <= body.pose[1] <= y1
@@ -161,10 +201,14 @@ def test_bodies_stand_in_their_regions_and_apart_and_mirrored_tasks_use_both_arm
         bodies = [body for body in bodies if not body.inside]
         for i, a in enumerate(bodies):
             for b in bodies[i + 1 :]:
-                assert not overlap(rectangle(a), rectangle(b)), f"seed {seed}: {a.name} overlaps {b.name}"
+                assert not overlap(rectangle(a), rectangle(b)), (
+                    f"seed {seed}: {a.name} overlaps {b.name}"
+                )
         target = scene.bodies[scene.task.target]
         assert not target.fixed
-        assert scene.task.workspace.contains(target.pose), f"seed {seed}: the target does not stand in its workspace"
+        assert scene.task.workspace.contains(target.pose), (
+            f"seed {seed}: the target does not stand in its workspace"
+        )
         assert scene.arms
         assert set(scene.arms.values()) <= set(SIDES)
     xs = [scene.bodies[scene.task.target].pose[0] for scene in scenes]
@@ -189,11 +233,16 @@ def test_the_task_describes_itself(name):
     scene = build_scene(spec(name))
     assert task.name == name
     assert task.category in (INTERCEPTION, TRACKING)
-    assert (task.manipulated == task.target) == (task.category == INTERCEPTION) or task.category == TRACKING
+    assert (task.manipulated == task.target) == (
+        task.category == INTERCEPTION
+    ) or task.category == TRACKING
     assert "Success" in (type(task).__doc__ or "")
     assert 0 < task.step_limit <= 2000
     check_templates(task.seen, task.unseen, list(scene.bodies), list(scene.arms))
-    assert (task.least_seen, task.least_unseen) == (Task.least_seen, Task.least_unseen), "the contract says how many"
+    assert (task.least_seen, task.least_unseen) == (
+        Task.least_seen,
+        Task.least_unseen,
+    ), "the contract says how many"
     assert len(task.seen) >= Task.least_seen
     assert len(task.unseen) >= Task.least_unseen
 
@@ -210,7 +259,12 @@ def test_instructions_are_true_of_their_scene(name):
                 assert not re.search(r"[{}]", sentence)
                 for side in re.findall(r"\b(left|right) arm\b", sentence):
                     assert side in scene.arms.values(), sentence
-                named = [n for n, w in words.items() for phrase in getattr(w, split) if phrase in sentence]
+                named = [
+                    n
+                    for n, w in words.items()
+                    for phrase in getattr(w, split)
+                    if phrase in sentence
+                ]
                 assert named, f"{sentence!r} names no object of the scene"
         assert not set(text["seen"]) & set(text["unseen"])
 
@@ -219,7 +273,11 @@ def test_instructions_are_true_of_their_scene(name):
 def test_no_instruction_speaks_of_motion_in_a_still_scene(name):
     task, scene = TASKS[name], build_scene(spec(name))
     still = instructions(replace(scene.wording(), moving=False), scene.spec.rng("language"), 400)
-    motion = re.compile(r"\b(while (it|they) mov|moving|slides|catch|intercept|travels|on its way|as it (mov|pass|go))", re.I)
+    motion = re.compile(
+        r"\b(while (it|they) mov|moving|slides|catch|intercept|travels|on its way|as it"
+        r" (mov|pass|go))",
+        re.I,
+    )
     assert not [t for split in still.values() for t in split if motion.search(t)]
     for templates, least in ((task.seen, task.least_seen), (task.unseen, task.least_unseen)):
         assert sum(not t.startswith("~") for t in templates) >= least / 2
@@ -231,26 +289,44 @@ def test_nothing_is_solved_before_it_begins(name):
     for seed in range(2):
         scene = build_scene(spec(name, seed))
         body = scene.bodies[scene.task.target]
-        s = Simulation(scene.embodiment, tuple(scene.bodies.values()), body.name, PlanarMotion.still(body.pose, 1.0))
+        s = Simulation(
+            scene.embodiment,
+            tuple(scene.bodies.values()),
+            body.name,
+            PlanarMotion.still(body.pose, 1.0),
+        )
         recorder = Recorder(s, 15)
         for _ in range(80):
             s.step(s.home_vector(), np.zeros(len(s.command)))
             recorder.after_step()
         assert not scene.succeeded(recorder.log())
         for condition in scene.conditions(recorder.log()):
-            assert documented(condition, scene.bodies), f"docs/add_a_task.md has no condition {condition!r}"
+            assert documented(condition, scene.bodies), (
+                f"docs/add_a_task.md has no condition {condition!r}"
+            )
 
 
 def documented(condition, bodies):
     """Whether the page lists the name of a condition, as it is or behind the name of a body."""
-    own = next((condition.removeprefix(f"{body}_") for body in bodies if condition.startswith(f"{body}_")), condition)
-    return condition in CONDITIONS or own in CONDITIONS or re.sub("^(on|met_by)_", "", condition) in {*bodies, "table"}
+    own = next(
+        (condition.removeprefix(f"{body}_") for body in bodies if condition.startswith(f"{body}_")),
+        condition,
+    )
+    return (
+        condition in CONDITIONS
+        or own in CONDITIONS
+        or re.sub("^(on|met_by)_", "", condition) in {*bodies, "table"}
+    )
 
 
 def keeps_its_conditions(scene, log):
-    """The same well-formed names at every frame, not all true at the first, all true from the time of success on and not before."""
+    """The same well-formed names at every frame, not all true at the first, all true from the time
+    of success on and not before."""
     outcome = scene.outcome(log)
-    per_frame = [scene.task.conditions(outcome.until(frames), scene.arms) for frames in range(1, len(log) + 1)]
+    per_frame = [
+        scene.task.conditions(outcome.until(frames), scene.arms)
+        for frames in range(1, len(log) + 1)
+    ]
     names = list(per_frame[0])
     assert names
     assert all(re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) for name in names), names
@@ -263,11 +339,14 @@ def keeps_its_conditions(scene, log):
     assert not true[np.argmax(log.times >= log.time_of("success")) - 1]
 
 
-# --- attempts ---------------------------------------------------------------------------------------------------------------
+# --- attempts
+# ------------------------------------------------------------------------------------------
 
 
 @every_task
-def test_the_contract_is_kept_and_attempts_at_level_0_and_3_are_what_their_level_says(name, attempts):
+def test_the_contract_is_kept_and_attempts_at_level_0_and_3_are_what_their_level_says(
+    name, attempts
+):
     bad = [finding for finding in check_task(name, levels=(0, 3)) if not finding.ok]
     assert not bad, bad
     a = paired(name, attempts)
@@ -285,7 +364,9 @@ def test_the_contract_is_kept_and_attempts_at_level_0_and_3_are_what_their_level
         assert log.time_of("meeting") == release
         assert abs(release - a.dry.meeting) < 0.15
         held = log.times < release
-        gap = np.linalg.norm(log.pose(scene.task.target)[held, :3] - motion.position(log.times[held]), axis=1)
+        gap = np.linalg.norm(
+            log.pose(scene.task.target)[held, :3] - motion.position(log.times[held]), axis=1
+        )
         assert gap.max() < 1e-3
         assert log.time_of("success") <= log.times[-1]
         assert len(log) <= scene.task.step_limit + 1
@@ -320,7 +401,10 @@ def test_tasks_keep_no_state():
 
 def test_a_task_without_a_success_condition_cannot_be_registered():
     whole = type(TASKS["click_bell"])
-    parts = {n: getattr(whole, n) for n in ("category", "target", "seen", "unseen", "layout", "arms", "meet")}
+    parts = {
+        n: getattr(whole, n)
+        for n in ("category", "target", "seen", "unseen", "layout", "arms", "meet")
+    }
     with pytest.raises(TypeError, match="success"):
         register(type("HalfATask", (Task,), parts))
     assert "half_a_task" not in TASKS
@@ -330,7 +414,11 @@ def test_a_task_without_a_success_condition_cannot_be_registered():
 def test_a_task_with_too_few_templates_cannot_be_registered(split):
     whole = TASKS["click_bell"]
     least = getattr(Task, f"least_{split}")
-    short = type("ShortOfWords", (type(whole),), {"seen": whole.seen, "unseen": whole.unseen, split: whole.seen[: least - 1]})
+    short = type(
+        "ShortOfWords",
+        (type(whole),),
+        {"seen": whole.seen, "unseen": whole.unseen, split: whole.seen[: least - 1]},
+    )
     with pytest.raises(ValueError, match=f"{least - 1} {split} templates: write at least {least}"):
         register(short)
     assert "short_of_words" not in TASKS

@@ -37,12 +37,15 @@ from training.ladder.training import train
 class Ladder:
     """What is trained and tried.
 
-    `recipe` names tasks, robot, levels, alpha and demonstrations a cell (`episodes`); one network learns a task at all its levels.
-    `executed` are pairs of a chunk's length and how much of it is executed; networks of states of one length are trained once.
-    Inputs that are IMAGE_RUNGS are trained by LeRobot on the images of `data`, for `image_steps` steps and with the words
-    `train_options` besides. Networks of states also learn from the datasets `corrections`, whose frames are drawn `weight` times
-    as often as others. `rounds` is how often the networks are corrected and trained again. `episodes` are admitted scenes a cell.
-    `code` names the version of this program, `physics` that of what makes demonstrations: those of another version are made again.
+    `recipe` names tasks, robot, levels, alpha and demonstrations a cell (`episodes`); one network
+    learns a task at all its levels. `executed` are pairs of a chunk's length and how much of it is
+    executed; networks of states of one length are trained once. Inputs that are IMAGE_RUNGS are
+    trained by LeRobot on the images of `data`, for `image_steps` steps and with the words
+    `train_options` besides. Networks of states also learn from the datasets `corrections`, whose
+    frames are drawn `weight` times as often as others. `rounds` is how often the networks are
+    corrected and trained again. `episodes` are admitted scenes a cell. `code` names the version of
+    this program, `physics` that of what makes demonstrations: those of another version are made
+    again.
     """
 
     recipe: Recipe
@@ -63,8 +66,8 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Network:
-    """What was trained: its inputs, actions in a chunk, how many of them are executed, demonstrations, and the round of corrections
-    after which it was."""
+    """What was trained: its inputs, actions in a chunk, how many of them are executed,
+    demonstrations, and the round of corrections after which it was."""
 
     inputs: str
     chunk: int
@@ -73,22 +76,29 @@ class Network:
     round: int = 0
 
 
-def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None) -> list[Result]:
-    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise it in OUT/ladder.json.
+def climb(
+    ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None
+) -> list[Result]:
+    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise
+    it in OUT/ladder.json.
 
-    The summary is updated after every network. Raises LadderError if a task has no demonstrations, OSError for a file in place of
-    OUT, and what evaluation and datasets raise.
+    The summary is updated after every network. Raises LadderError if a task has no demonstrations,
+    OSError for a file in place of OUT, and what evaluation and datasets raise.
     """
     check_directory(out)
     rows = list[Tried]()
     for task in ladder.recipe.tasks:
-        for found in itertools.chain(_state_rows(ladder, task, out, run, tell), _image_rows(ladder, task, out, run, tell)):
+        for found in itertools.chain(
+            _state_rows(ladder, task, out, run, tell), _image_rows(ladder, task, out, run, tell)
+        ):
             rows += found
             write_results(out / RESULTS, summary(rows), ladder.code)
     return summary(rows)
 
 
-def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:
+def _state_rows(
+    ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]
+) -> Iterator[list[Tried]]:
     """Rows of the rungs that see states, one list a network, one round after the other.
 
     Every rung and chunk has corrections of its own: those of its network of seed 0.
@@ -98,19 +108,30 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         return
     tell(f"{task}: demonstrations")
     recipe = ladder.recipe.model_copy(update={"tasks": (task,)})
-    learned = dict.fromkeys(itertools.product(kinds, ladder.executed), _demonstrations(ladder, recipe, out, run))
+    learned = dict.fromkeys(
+        itertools.product(kinds, ladder.executed), _demonstrations(ladder, recipe, out, run)
+    )
     source = recipe if ladder.data is None else Dataset(ladder.data).setup()
     made_for = {key: getattr(source, key) for key in ("fps", "layout")}
     for number in range(ladder.rounds + 1):
         first = dict[tuple[str, tuple[int, int]], PolicyName]()
-        for seed, ((kind, (chunk, execute)), shown) in itertools.product(range(ladder.seeds), learned.items()):
-            tell(f"{task}: {kind}, chunk {chunk}, seed {seed}" + f", round {number}" * (ladder.rounds > 0))
+        for seed, ((kind, (chunk, execute)), shown) in itertools.product(
+            range(ladder.seeds), learned.items()
+        ):
+            tell(
+                f"{task}: {kind}, chunk {chunk}, seed {seed}"
+                + f", round {number}" * (ladder.rounds > 0)
+            )
             settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed, **made_for)
             where = out / "networks" / task
             if kind in LEROBOT_STATES:
-                policy = LadderForm().name(f"ladder:{_train_lerobot(ladder, shown, settings, execute, where)}")
+                policy = LadderForm().name(
+                    f"ladder:{_train_lerobot(ladder, shown, settings, execute, where)}"
+                )
             else:
-                policy = LadderForm().name(f"ladder:{train_missing(shown, settings, where, ladder.weight)}?execute={execute}")
+                policy = LadderForm().name(
+                    f"ladder:{train_missing(shown, settings, where, ladder.weight)}?execute={execute}"  # noqa: E501
+                )
             first.setdefault((kind, (chunk, execute)), policy)
             network = Network(kind, chunk, execute, len(shown), number)
             wanted = evaluation(ladder, task, policy, blind(ladder.recipe))
@@ -121,23 +142,34 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
                 corrections = _make(ladder, _correcting(recipe, policy, number + 1), out, run)
                 if not corrections:
                     failed = f"{task}: the expert finished no episode that {policy.label} began"
-                    raise LadderError(f"{failed}; name fewer --rounds than {number + 1}, or more --demonstrations")
+                    raise LadderError(
+                        f"{failed}; name fewer --rounds than {number + 1}, or more --demonstrations"
+                    )
                 learned[key] = [*learned[key], *corrections]
 
 
-def _train_lerobot(ladder: Ladder, shown: Sequence[Demonstration], settings: Settings, execute: int, where: Path) -> Path:
+def _train_lerobot(
+    ladder: Ladder, shown: Sequence[Demonstration], settings: Settings, execute: int, where: Path
+) -> Path:
     """The directory of a policy of LeRobot on states, trained if it is not there.
 
-    It learns from demonstrations as an export has them: without disturbed copies, all frames drawn alike."""
+    It learns from demonstrations as an export has them: without disturbed copies, all frames drawn
+    alike."""
     kind, seen = LEROBOT_STATES[settings.inputs], replace(settings, inputs="velocity", copies=0)
     dataset = state_dataset(shown, seen, where.parent.parent / "lerobot")
     words = (*WORDS, *ladder.train_options)
-    path = image_policy(ImageTraining(kind, settings.chunk, execute, settings.seed, ladder.image_steps, words), dataset, where)
+    path = image_policy(
+        ImageTraining(kind, settings.chunk, execute, settings.seed, ladder.image_steps, words),
+        dataset,
+        where,
+    )
     keep_settings(seen, path)
     return path
 
 
-def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:
+def _image_rows(
+    ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]
+) -> Iterator[list[Tried]]:
     """Rows of the rungs that see images, one list a trained policy."""
     kinds = [kind for kind in ladder.inputs if kind in IMAGE_RUNGS]
     if not kinds:
@@ -146,11 +178,17 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         raise LadderError(f"{kinds[0]} learns from images: give --data a dataset that has them")
     recipe = Dataset(ladder.data).recipe()
     cells = ladder.recipe.model_copy(update={"tasks": (task,)}).cells()
-    dataset, count = lerobot_dataset(ladder.data, [cell for cell in cells if cell in recipe.cells()], out / "lerobot")
+    dataset, count = lerobot_dataset(
+        ladder.data, [cell for cell in cells if cell in recipe.cells()], out / "lerobot"
+    )
     setup = recipe.setup.override({"textures": "unseen"})
-    for seed, kind, (chunk, execute) in itertools.product(range(ladder.seeds), kinds, ladder.executed):
+    for seed, kind, (chunk, execute) in itertools.product(
+        range(ladder.seeds), kinds, ladder.executed
+    ):
         tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
-        training = ImageTraining(kind, chunk, execute, seed, ladder.image_steps, ladder.train_options)
+        training = ImageTraining(
+            kind, chunk, execute, seed, ladder.image_steps, ladder.train_options
+        )
         path = image_policy(training, dataset, out / "networks" / task)
         wanted = evaluation(ladder, task, LerobotForm().name(f"lerobot:{path}?resize=true"), setup)
         network = Network(kind, chunk, execute, count)
@@ -158,55 +196,85 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
 
 
 def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
-    """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
+    """What networks of states learn from before the first round. Raises LadderError if there is
+    nothing."""
     source = recipe if ladder.data is None else Dataset(ladder.data).recipe()
     corrections = [
-        demonstration for root in dict.fromkeys(ladder.corrections) for demonstration in _corrections(root, recipe, source)
+        demonstration
+        for root in dict.fromkeys(ladder.corrections)
+        for demonstration in _corrections(root, recipe, source)
     ]
-    shown = _make(ladder, recipe, out, run) if ladder.data is None else list(read_demonstrations(ladder.data, recipe.cells()))
+    shown = (
+        _make(ladder, recipe, out, run)
+        if ladder.data is None
+        else list(read_demonstrations(ladder.data, recipe.cells()))
+    )
     shown += corrections
     if not shown:
-        raise LadderError(f"{recipe.tasks[0]}: there is no demonstration to learn from; give --data a dataset that has some")
+        raise LadderError(
+            f"{recipe.tasks[0]}: there is no demonstration to learn from; give --data a dataset"
+            " that has some"
+        )
     return shown
 
 
 def _corrections(root: Path, recipe: Recipe, source: Recipe) -> list[Demonstration]:
-    """The corrections that a dataset holds of a recipe's cells. Raises LadderError if there are none, or if their physics or frame
-    rate is not that of `source`, the recipe of the demonstrations."""
+    """The corrections that a dataset holds of a recipe's cells. Raises LadderError if there are
+    none, or if their physics or frame rate is not that of `source`, the recipe of the
+    demonstrations."""
     held, where = Dataset(root).recipe(), f"--corrections {root}"
     if not held.corrections:
-        raise LadderError(f"{where}: holds no corrections; give it as --data, or make some with `build --corrections`")
+        raise LadderError(
+            f"{where}: holds no corrections; give it as --data, or make some with `build"
+            " --corrections`"
+        )
     if held.physics != source.physics:
-        raise LadderError(f"{where}: was made with {held.physics.label}, the demonstrations with {source.physics.label}")
+        raise LadderError(
+            f"{where}: was made with {held.physics.label}, the demonstrations with"
+            f" {source.physics.label}"
+        )
     found = list(read_demonstrations(root, recipe.cells()))
     if not found:
-        raise LadderError(f"{where}: holds no episode of {recipe.tasks[0]} with this robot, levels and alpha")
+        raise LadderError(
+            f"{where}: holds no episode of {recipe.tasks[0]} with this robot, levels and alpha"
+        )
     return found
 
 
 def _make(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
     """The demonstrations of a recipe; they are kept by version of the program, label and seed."""
     name = recipe.label + f"-seed{recipe.seed}" * (recipe.seed != 0)
-    return list(make_demonstrations(recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / name, run))
+    return list(
+        make_demonstrations(
+            recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / name, run
+        )
+    )
 
 
 def _correcting(recipe: Recipe, policy: PolicyName, number: int) -> Recipe:
-    """The recipe of the corrections of a policy in round `number`, from 1: as many of each cell as there are demonstrations, in the
-    scenes of the seed plus `number`."""
+    """The recipe of the corrections of a policy in round `number`, from 1: as many of each cell as
+    there are demonstrations, in the scenes of the seed plus `number`."""
     corrections = Corrections(policy=policy.text, label=policy.label)
     return recipe.model_copy(update={"seed": recipe.seed + number, "corrections": corrections})
 
 
-def train_missing(shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0) -> Path:
-    """The file of a trained network, trained if it is not there: its name carries a hash of settings, demonstrations and the weight
-    of corrections."""
-    digest, drawn = hashlib.sha256(repr(asdict(settings)).encode()), weights(shown, settings, weight)
+def train_missing(
+    shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0
+) -> Path:
+    """The file of a trained network, trained if it is not there: its name carries a hash of
+    settings, demonstrations and the weight of corrections."""
+    digest, drawn = (
+        hashlib.sha256(repr(asdict(settings)).encode()),
+        weights(shown, settings, weight),
+    )
     if any(d.corrected for d in shown):
         digest.update(repr([weight, *(d.corrected for d in shown)]).encode())
     for d in shown:
         for values in (d.joints, d.actions, d.poses, d.points):
             digest.update(np.ascontiguousarray(values).tobytes())
-    path = where / f"{settings.inputs}_c{settings.chunk}_s{settings.seed}_{digest.hexdigest()[:8]}.npz"
+    path = (
+        where / f"{settings.inputs}_c{settings.chunk}_s{settings.seed}_{digest.hexdigest()[:8]}.npz"
+    )
     if not path.exists():
         write_atomic(path, train(*samples(shown, settings), settings, drawn).to_bytes())
     return path
@@ -214,7 +282,9 @@ def train_missing(shown: Sequence[Demonstration], settings: Settings, where: Pat
 
 def evaluation(ladder: Ladder, task: str, policy: PolicyName, setup: Setup) -> Evaluation:
     cells = tuple(ladder.recipe.model_copy(update={"tasks": (task,)}).cells())
-    return Evaluation(cells, policy, Clock("sim", "sim"), ladder.episodes, setup=setup, code=ladder.code)
+    return Evaluation(
+        cells, policy, Clock("sim", "sim"), ladder.episodes, setup=setup, code=ladder.code
+    )
 
 
 def _score(network: Network, cell: Mapping[str, Any]) -> Tried:

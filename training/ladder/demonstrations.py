@@ -1,4 +1,5 @@
-"""What the networks learn from: state logs of accepted episodes, of a dataset or made for this without images."""
+"""What the networks learn from: state logs of accepted episodes, of a dataset or made for this
+without images."""
 
 import io
 import json
@@ -22,16 +23,18 @@ from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
 
 AFTER_SUCCESS = 0.0
-"""Seconds after the success with which demonstrations end for LeRobot: after it the hand returns on the way on which it came."""
+"""Seconds after the success with which demonstrations end for LeRobot: after it the hand returns on
+the way on which it came."""
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
     """T frames of an accepted episode at the control rate.
 
-    Joints and actions (T,A), tool poses (T,2,7), poses (T,B,7) of the bodies, the target first, their named points (T,P,3) in the
-    world, and the target's velocity (T,3). Also the number of frames before the robot touches the target, and before the expert
-    that corrects a policy acts, and until the success (0 if it is not known).
+    Joints and actions (T,A), tool poses (T,2,7), poses (T,B,7) of the bodies, the target first,
+    their named points (T,P,3) in the world, and the target's velocity (T,3). Also the number of
+    frames before the robot touches the target, and before the expert that corrects a policy acts,
+    and until the success (0 if it is not known).
     """
 
     cell: Cell
@@ -47,7 +50,9 @@ class Demonstration:
     solved: int = 0
 
     @classmethod
-    def of(cls, cell: Cell, log: StateLog, bodies: Mapping[str, Family], target: str) -> "Demonstration":
+    def of(
+        cls, cell: Cell, log: StateLog, bodies: Mapping[str, Family], target: str
+    ) -> "Demonstration":
         """The demonstration that a state log holds; `bodies` has the family of each body."""
         names = target_first(bodies, target)
         state = State.of(log, {name: bodies[name] for name in names})
@@ -55,7 +60,14 @@ class Demonstration:
         untouched = len(log) if touched is None else int(np.searchsorted(log.times, touched))
         arrays = (state.joints, log.action, state.tools, state.poses, state.points, state.velocity)
         corrected = 0 if log.intervention is None else int(np.argmax(log.intervention))
-        return cls(cell, tuple(names), untouched, *arrays, corrected, log.frames_until("success", AFTER_SUCCESS))
+        return cls(
+            cell,
+            tuple(names),
+            untouched,
+            *arrays,
+            corrected,
+            log.frames_until("success", AFTER_SUCCESS),
+        )
 
     @property
     def state(self) -> State:
@@ -66,7 +78,9 @@ class Demonstration:
         """A NumPy archive without pickles."""
         out = io.BytesIO()
         arrays = {name: getattr(self, name) for name in ARRAYS}
-        head = json.dumps({"cell": asdict(self.cell)} | {name: getattr(self, name) for name in HEAD})
+        head = json.dumps(
+            {"cell": asdict(self.cell)} | {name: getattr(self, name) for name in HEAD}
+        )
         np.savez_compressed(out, head=np.array(head), **arrays)
         return out.getvalue()
 
@@ -76,7 +90,9 @@ class Demonstration:
         with np.load(path, allow_pickle=False) as file:
             head = json.loads(str(file["head"]))
             arrays = {name: file[name] for name in ARRAYS}
-            return cls(**arrays, **head | {"cell": Cell(**head["cell"]), "bodies": tuple(head["bodies"])})
+            return cls(
+                **arrays, **head | {"cell": Cell(**head["cell"]), "bodies": tuple(head["bodies"])}
+            )
 
 
 HEAD = ("bodies", "untouched", "corrected", "solved")
@@ -92,7 +108,8 @@ class SlotJob:
 
 
 def fill(job: SlotJob) -> Demonstration | None:
-    """The episode that a build of this recipe accepts for the slot, without images; None if it gives the slot up."""
+    """The episode that a build of this recipe accepts for the slot, without images; None if it
+    gives the slot up."""
     demonstrator = Correction(job.recipe) if job.recipe.corrections else None
     for number in range(job.recipe.attempts):
         try:
@@ -100,13 +117,16 @@ def fill(job: SlotJob) -> Demonstration | None:
         except Failure:
             continue
         scene = rollout.scene
-        bodies = {name: body.instance for name, body in scene.bodies.items() if name not in scene.clutter}
+        bodies = {
+            name: body.instance for name, body in scene.bodies.items() if name not in scene.clutter
+        }
         return Demonstration.of(job.slot.cell, rollout.replay.log, bodies, scene.task.target)
     return None
 
 
 def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
-    """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
+    """Demonstrations of every slot of the recipe in the order of slots; what is not below `where`
+    yet is made and kept there."""
     slots = list(recipe.physical_slots())
     missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
     for job, found in run(fill, missing) if missing else ():
@@ -117,7 +137,8 @@ def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[De
 
 
 def read_demonstrations(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstration]:
-    """Demonstrations of a dataset's episodes of these cells, in the order of its slots. Raises DatasetError, EpisodeError."""
+    """Demonstrations of a dataset's episodes of these cells, in the order of its slots. Raises
+    DatasetError, EpisodeError."""
     dataset = Dataset(root)
     for path in dataset.accepted(dataset.recipe()):
         with open_episode(path) as file:
@@ -125,9 +146,16 @@ def read_demonstrations(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstra
             cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
             if cell in cells:
                 try:
-                    bodies = {n: FAMILIES[o.family](**o.parameters) for n, o in meta.objects.items() if n not in meta.clutter}
+                    bodies = {
+                        n: FAMILIES[o.family](**o.parameters)
+                        for n, o in meta.objects.items()
+                        if n not in meta.clutter
+                    }
                 except (KeyError, TypeError) as error:
-                    raise EpisodeError(f"{path}: its objects are of another version ({error}): build the dataset again") from error
+                    raise EpisodeError(
+                        f"{path}: its objects are of another version ({error}): build the dataset"
+                        " again"
+                    ) from error
                 yield Demonstration.of(cell, file.read().log, bodies, meta.target)
 
 

@@ -1,4 +1,5 @@
-"""Demonstrations as if the arms were somewhat off their path: what teaches a network the way back."""
+"""Demonstrations as if the arms were somewhat off their path: what teaches a network the way
+back."""
 
 from dataclasses import replace
 
@@ -10,8 +11,11 @@ from pipeline.poses import Floats
 from training.ladder.features import State
 
 
-def disturbances(embodiment: str, frames: int, untouched: int, spread: float, rng: np.random.Generator) -> Floats:
-    """Offsets (T,A) of the arm joints, rad: each frame and arm has a size drawn evenly up to `spread` and a normal direction.
+def disturbances(
+    embodiment: str, frames: int, untouched: int, spread: float, rng: np.random.Generator
+) -> Floats:
+    """Offsets (T,A) of the arm joints, rad: each frame and arm has a size drawn evenly up to
+    `spread` and a normal direction.
 
     Grippers, and all frames from `untouched` on, when a body may be in the hand, have no offset."""
     out = list[Floats]()
@@ -25,7 +29,8 @@ def disturbances(embodiment: str, frames: int, untouched: int, spread: float, rn
 
 
 def disturbed(state: State, embodiment: str, offsets: Floats) -> State:
-    """The state with its arm joints off by `offsets` (T,A) and its tools where forward kinematics says they are then."""
+    """The state with its arm joints off by `offsets` (T,A) and its tools where forward kinematics
+    says they are then."""
     tools, first = state.tools.copy(), 0
     for k, chain in enumerate(planner_for(embodiment).chains.values()):
         arm = slice(first, first + chain.dof)

@@ -1,5 +1,6 @@
-"""The rungs that are policies of LeRobot on states: ACT and diffusion see what the rung `velocity` sees, as
-`observation.environment_state`, and are trained by lerobot-train on the same demonstrations."""
+"""The rungs that are policies of LeRobot on states: ACT and diffusion see what the rung `velocity`
+sees, as `observation.environment_state`, and are trained by lerobot-train on the same
+demonstrations."""
 
 import hashlib
 import json
@@ -11,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.policies.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy, silence_torchcodec
+from pipeline.evaluate.policies.lerobot import (
+    ACTION,
+    ENVIRONMENT,
+    STATE,
+    LerobotPolicy,
+    silence_torchcodec,
+)
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
@@ -31,20 +38,27 @@ SETTINGS = "ladder.json"
 
 
 def settings_of(folder: Path) -> Settings:
-    """What the policy in a directory sees. Raises OSError, ValueError or TypeError for a directory without one."""
+    """What the policy in a directory sees. Raises OSError, ValueError or TypeError for a directory
+    without one."""
     return Settings(**json.loads((folder / SETTINGS).read_text()))
 
 
 def state_dataset(shown: Sequence[Demonstration], settings: Settings, where: Path) -> Path:
-    """Demonstrations until the success as a LeRobot dataset below `where`, written if it is not there.
+    """Demonstrations until the success as a LeRobot dataset below `where`, written if it is not
+    there.
 
-    Its name carries a hash of all that is in it. Raises LadderError if demonstrations have different bodies.
+    Its name carries a hash of all that is in it. Raises LadderError if demonstrations have
+    different bodies.
     """
     episodes = list[dict[str, Any]]()
     digest = hashlib.sha256()
     for d, seen, before in views(shown, settings):
         part = slice(d.corrected, min(d.solved or len(d.joints), len(d.joints) - 1))
-        arrays = {STATE: seen.joints, ENVIRONMENT: features(seen, before, settings.inputs), ACTION: d.actions}
+        arrays = {
+            STATE: seen.joints,
+            ENVIRONMENT: features(seen, before, settings.inputs),
+            ACTION: d.actions,
+        }
         episodes.append({key: values[part].astype(np.float32) for key, values in arrays.items()})
         for values in episodes[-1].values():
             digest.update(values.tobytes())
@@ -58,17 +72,28 @@ def state_dataset(shown: Sequence[Demonstration], settings: Settings, where: Pat
     return out
 
 
-def _write(episodes: Sequence[dict[str, Any]], fps: int, embodiment: str, task: str, out: Path) -> None:
+def _write(
+    episodes: Sequence[dict[str, Any]], fps: int, embodiment: str, task: str, out: Path
+) -> None:
     silence_torchcodec()
     from datasets.utils.logging import disable_progress_bar
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     disable_progress_bar()
     joints = list(get_embodiment(embodiment).vector_names)
-    names = {STATE: joints, ENVIRONMENT: [f"feature_{i}" for i in range(episodes[0][ENVIRONMENT].shape[1])], ACTION: joints}
-    described = {key: {"dtype": "float32", "shape": (len(parts),), "names": parts} for key, parts in names.items()}
+    names = {
+        STATE: joints,
+        ENVIRONMENT: [f"feature_{i}" for i in range(episodes[0][ENVIRONMENT].shape[1])],
+        ACTION: joints,
+    }
+    described = {
+        key: {"dtype": "float32", "shape": (len(parts),), "names": parts}
+        for key, parts in names.items()
+    }
     out.parent.mkdir(parents=True, exist_ok=True)
-    dataset: Any = LeRobotDataset.create("local/ladder", fps, described, root=out, robot_type=embodiment, use_videos=False)
+    dataset: Any = LeRobotDataset.create(
+        "local/ladder", fps, described, root=out, robot_type=embodiment, use_videos=False
+    )
     for episode in episodes:
         for t in range(len(episode[ACTION])):
             dataset.add_frame({key: values[t] for key, values in episode.items()} | {"task": task})
@@ -98,4 +123,6 @@ class LerobotStates(LerobotPolicy):
         """What LeRobot's processors are given."""
         import torch
 
-        return super().batch(observation) | {ENVIRONMENT: torch.from_numpy(self._sight.look()[0].astype(np.float32))}
+        return super().batch(observation) | {
+            ENVIRONMENT: torch.from_numpy(self._sight.look()[0].astype(np.float32))
+        }

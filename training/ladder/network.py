@@ -1,4 +1,5 @@
-"""A multilayer perceptron from features to a chunk of actions; of its several answers the likeliest is taken. NumPy alone."""
+"""A multilayer perceptron from features to a chunk of actions; of its several answers the likeliest
+is taken. NumPy alone."""
 
 import io
 import json
@@ -19,9 +20,10 @@ FARTHEST = 8.0
 class Settings:
     """The settings of a network and of its training.
 
-    What it sees (features.INPUTS), actions in a chunk, the number of frames by which `two_frames` looks back, seed of its weights
-    and samples, width of its two hidden layers, number of its answers, steps of its training, copies of every demonstration with
-    the arms off their path and their greatest offset (rad), rate and layout of the demonstrations.
+    What it sees (features.INPUTS), actions in a chunk, the number of frames by which `two_frames`
+    looks back, seed of its weights and samples, width of its two hidden layers, number of its
+    answers, steps of its training, copies of every demonstration with the arms off their path and
+    their greatest offset (rad), rate and layout of the demonstrations.
     """
 
     inputs: str = "position"
@@ -41,8 +43,8 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Layers of weights (in, out) and biases, between the scales of inputs and outputs: x -> relu -> relu -> K chunks (H,A) and how
-    likely each is."""
+    """Layers of weights (in, out) and biases, between the scales of inputs and outputs: x -> relu
+    -> relu -> K chunks (H,A) and how likely each is."""
 
     settings: Settings
     layers: tuple[tuple[Floats, Floats], ...]
@@ -56,7 +58,9 @@ class Network:
             h = np.maximum(h @ weight + bias, 0)
         weight, bias = self.layers[-1]
         answers, likely = np.split(h @ weight + bias, [-self.settings.answers], 1)
-        chosen = answers.reshape(len(x), self.settings.answers, -1)[np.arange(len(x)), likely.argmax(1)]
+        chosen = answers.reshape(len(x), self.settings.answers, -1)[
+            np.arange(len(x)), likely.argmax(1)
+        ]
         mean, std = self.output_scale
         return (chosen * std + mean).reshape(len(x), self.settings.chunk, -1)
 
@@ -82,7 +86,8 @@ class Network:
 
 
 def scale(values: Floats, least: float = 1e-4) -> tuple[Floats, Floats]:
-    """Mean and standard deviation (F,) of the columns of values (N,F); 1 for those that are constant."""
+    """Mean and standard deviation (F,) of the columns of values (N,F); 1 for those that are
+    constant."""
     std = values.std(0)
     return values.mean(0), np.where(std < least, 1.0, std)
 

@@ -1,4 +1,5 @@
-"""A network of the ladder as a policy: --policy ladder:FILE.npz?execute=N, or ladder:DIRECTORY of a policy of LeRobot on states."""
+"""A network of the ladder as a policy: --policy ladder:FILE.npz?execute=N, or ladder:DIRECTORY of a
+policy of LeRobot on states."""
 
 from pathlib import Path
 
@@ -21,7 +22,8 @@ CODE = (Path(__file__), Path(features.__file__))
 
 
 class StatePolicy:
-    """Sees the poses of all bodies besides its joints, and answers with the first `execute` actions of every chunk."""
+    """Sees the poses of all bodies besides its joints, and answers with the first `execute` actions
+    of every chunk."""
 
     def __init__(self, network: Network, execute: int) -> None:
         self._network, self._execute = network, execute
@@ -30,7 +32,9 @@ class StatePolicy:
 
     def reset(self, start: Start) -> None:
         """Forget the last episode."""
-        self._grippers = [i for i, name in enumerate(start.action_names) if name.endswith("gripper")]
+        self._grippers = [
+            i for i, name in enumerate(start.action_names) if name.endswith("gripper")
+        ]
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial whose bodies it sees."""
@@ -48,7 +52,8 @@ class StatePolicy:
 
 
 class LadderForm:
-    """The name of a network file; `execute` is how many actions of a chunk are executed, by default half of them."""
+    """The name of a network file; `execute` is how many actions of a chunk are executed, by default
+    half of them."""
 
     def name(self, text: str) -> PolicyName:
         """Raises PolicyError for a file that cannot be read or an option that does not exist."""
@@ -57,10 +62,12 @@ class LadderForm:
         path = Path(given.path)
         files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
         label = f"ladder:{path.stem}@{digest_of([*files, *CODE])}{given.text}"
-        return PolicyName(given.at(path), label, process="evaluator")  # it is shown the simulation, and weights are data
+        # it is shown the simulation, and weights are data
+        return PolicyName(given.at(path), label, process="evaluator")
 
     def make(self, text: str) -> Policy:
-        """Raises PolicyError for a file that is no network, and for more actions than its chunk has."""
+        """Raises PolicyError for a file that is no network, and for more actions than its chunk
+        has."""
         given = parse_settings(text)
         path = Path(given.path)
         try:
@@ -71,7 +78,9 @@ class LadderForm:
             raise PolicyError(f"--policy {text}: is no network of the ladder ({error})") from error
         execute = given.take("execute").get("execute", max(1, network.settings.chunk // 2))
         if not isinstance(execute, int) or not 1 <= execute <= network.settings.chunk:
-            raise PolicyError(f"--policy {text}: execute is a whole number from 1 to {network.settings.chunk}")
+            raise PolicyError(
+                f"--policy {text}: execute is a whole number from 1 to {network.settings.chunk}"
+            )
         return StatePolicy(network, execute)
 
 

@@ -1,4 +1,5 @@
-"""What a network learns from: features and chunks of demonstrations, as they are and with the arms off their path."""
+"""What a network learns from: features and chunks of demonstrations, as they are and with the arms
+off their path."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,7 +18,9 @@ class LadderError(DominoError):
     """A ladder that cannot be trained."""
 
 
-def weights(shown: Sequence[Demonstration], settings: Settings, of_corrections: float) -> Floats | None:
+def weights(
+    shown: Sequence[Demonstration], settings: Settings, of_corrections: float
+) -> Floats | None:
     """How often (N,) each of `samples` is drawn, in proportion; None for all alike."""
     if of_corrections == 1.0 or not any(d.corrected for d in shown):
         return None
@@ -26,8 +29,8 @@ def weights(shown: Sequence[Demonstration], settings: Settings, of_corrections: 
 
 
 def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats, Floats]:
-    """Features (N,F) and chunks (N,H,A) of all frames but the last in which the expert acts, and of `copies` disturbed ones of
-    each.
+    """Features (N,F) and chunks (N,H,A) of all frames but the last in which the expert acts, and of
+    `copies` disturbed ones of each.
 
     Raises LadderError if demonstrations have different bodies.
     """
@@ -40,13 +43,19 @@ def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats,
     return np.concatenate(x), np.concatenate(y)
 
 
-def views(shown: Sequence[Demonstration], settings: Settings) -> Iterator[tuple[Demonstration, State, State]]:
-    """Each demonstration with its states and those `back` frames before, as they are and then in `copies` with the arms off their
-    path. Raises LadderError if demonstrations have different bodies."""
+def views(
+    shown: Sequence[Demonstration], settings: Settings
+) -> Iterator[tuple[Demonstration, State, State]]:
+    """Each demonstration with its states and those `back` frames before, as they are and then in
+    `copies` with the arms off their path. Raises LadderError if demonstrations have different
+    bodies."""
     rng, embodiment = np.random.default_rng(0), shown[0].cell.embodiment
     for d in shown:
         if d.bodies != shown[0].bodies or d.points.shape[1:] != shown[0].points.shape[1:]:
-            raise LadderError(f"{d.cell.task}: scenes have different bodies, which a network of a fixed size cannot see")
+            raise LadderError(
+                f"{d.cell.task}: scenes have different bodies, which a network of a fixed size"
+                " cannot see"
+            )
         frames, now = len(d.joints), d.state
         before = now.at(earlier(frames, settings.back))
         for copy in range(1 + settings.copies):

@@ -10,7 +10,17 @@ from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.scoring.intervals import clustered
 from pipeline.report.card.ladder import Result, Score, read_results
 
-KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations", "round")
+KEYS = (
+    "task",
+    "embodiment",
+    "alpha",
+    "level",
+    "inputs",
+    "chunk",
+    "execute",
+    "demonstrations",
+    "round",
+)
 
 
 class Tried(Score):
@@ -20,8 +30,8 @@ class Tried(Score):
 
 
 def summary(rows: Sequence[Tried]) -> list[Result]:
-    """Rows of all seeds of a network together: successes of episodes, with an interval clustered by scene (the networks of all
-    seeds try the same ones), and the success rate of each seed."""
+    """Rows of all seeds of a network together: successes of episodes, with an interval clustered by
+    scene (the networks of all seeds try the same ones), and the success rate of each seed."""
     groups: dict[tuple[Any, ...], list[Tried]] = {}
     for row in rows:
         groups.setdefault(_key(row), []).append(row)
@@ -33,7 +43,14 @@ def summary(rows: Sequence[Tried]) -> list[Result]:
         rate, by_seed = 100 * solved / episodes, [100 * r["solved"] / r["episodes"] for r in group]
         interval = [100 * low, 100 * high]
         out.append(
-            {**of, "solved": solved, "episodes": episodes, "success_rate": rate, "success_interval": interval, "by_seed": by_seed}
+            {
+                **of,
+                "solved": solved,
+                "episodes": episodes,
+                "success_rate": rate,
+                "success_interval": interval,
+                "by_seed": by_seed,
+            }
         )
     return out
 
@@ -41,7 +58,9 @@ def summary(rows: Sequence[Tried]) -> list[Result]:
 def _by_scene(group: Sequence[Tried]) -> list[tuple[int, int]]:
     """Of every scene that these networks tried, how many solved it and how many tried it."""
     solved = Counter(scene for row in group for scene in row["solved_seeds"])
-    return [(solved[n], len(group)) for n in solved] + [(0, len(group))] * (group[0]["episodes"] - len(solved))
+    return [(solved[n], len(group)) for n in solved] + [(0, len(group))] * (
+        group[0]["episodes"] - len(solved)
+    )
 
 
 def write_results(path: Path, rows: Sequence[Result], code: str) -> None:
@@ -53,7 +72,9 @@ def write_results(path: Path, rows: Sequence[Result], code: str) -> None:
         before, version = read_results(path)
         found = {_key(row) for row in rows}
         kept = [row for row in before if version == code and _key(row) not in found]
-    write_atomic(path, (json.dumps({"code": code, "results": [*kept, *rows]}, indent=1) + "\n").encode())
+    write_atomic(
+        path, (json.dumps({"code": code, "results": [*kept, *rows]}, indent=1) + "\n").encode()
+    )
 
 
 def _key(row: Score) -> tuple[Any, ...]:

@@ -6,17 +6,19 @@ from pipeline.poses import Floats
 from training.ladder.network import Network, Settings, scale, scaled
 
 OTHERS, CHOICE = 0.05, 0.1
-"""Weights in the loss: of the answers that are not the best, which keeps all of them alive; of saying which one is the best."""
+"""Weights in the loss: of the answers that are not the best, which keeps all of them alive; of
+saying which one is the best."""
 
 
 def train(x: Floats, y: Floats, settings: Settings, weights: Floats | None = None) -> Network:
-    """A network from features (N,F) to chunks (N,H,A), by the mean absolute error of scaled outputs. Rows are drawn evenly, or in
-    proportion to `weights` (N,).
+    """A network from features (N,F) to chunks (N,H,A), by the mean absolute error of scaled
+    outputs. Rows are drawn evenly, or in proportion to `weights` (N,).
 
-    Experts may do one thing in two ways, such as turning a wrist by a quarter to either side, and what lies between them does
-    nothing: so the network has several answers, of which only the best one of a sample learns it (relaxed winner-takes-all,
-    Rupprecht et al. 2017), and it learns which one that is. The same for the same arguments, torch and processor. Raises
-    ImportError without torch.
+    Experts may do one thing in two ways, such as turning a wrist by a quarter to either side, and
+    what lies between them does
+    nothing: so the network has several answers, of which only the best one of a sample learns it
+    (relaxed winner-takes-all, Rupprecht et al. 2017), and it learns which one that is. The same for
+    the same arguments, torch and processor. Raises ImportError without torch.
     """
     import torch
     from torch.nn.functional import cross_entropy
@@ -28,10 +30,17 @@ def train(x: Floats, y: Floats, settings: Settings, weights: Floats | None = Non
     inputs = torch.tensor(scaled(x, x_scale), dtype=torch.float32)
     wanted = torch.tensor((flat - y_scale[0]) / y_scale[1], dtype=torch.float32)
     count, length = settings.answers, wanted.shape[1]
-    linear = [torch.nn.Linear(a, b) for a, b in pairwise((inputs.shape[1], settings.width, settings.width, count * (length + 1)))]
+    linear = [
+        torch.nn.Linear(a, b)
+        for a, b in pairwise(
+            (inputs.shape[1], settings.width, settings.width, count * (length + 1))
+        )
+    ]
     model = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1], torch.nn.ReLU(), linear[2])
     optimiser = torch.optim.AdamW(model.parameters(), settings.rate, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.rate, total_steps=settings.steps)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, settings.rate, total_steps=settings.steps
+    )
     shares = None if weights is None else torch.tensor(weights)
     for _ in range(settings.steps):
         if shares is None:
@@ -47,5 +56,8 @@ def train(x: Floats, y: Floats, settings: Settings, weights: Floats | None = Non
         loss.backward()
         optimiser.step()
         schedule.step()
-    layers = tuple((a.weight.detach().numpy().T.astype(float), a.bias.detach().numpy().astype(float)) for a in linear)
+    layers = tuple(
+        (a.weight.detach().numpy().T.astype(float), a.bias.detach().numpy().astype(float))
+        for a in linear
+    )
     return Network(settings, layers, x_scale, y_scale)

@@ -28,7 +28,9 @@ from training.puma.train import groups, sizes_of
 EPISODE = 100
 """Frames of a made-up episode."""
 
-JOINTS = tuple(f"{side}_{name}" for side in SIDES for name in (*(f"joint{i}" for i in range(1, 7)), "gripper"))
+JOINTS = tuple(
+    f"{side}_{name}" for side in SIDES for name in (*(f"joint{i}" for i in range(1, 7)), "gripper")
+)
 EMBODIMENT = "aloha-agilex"
 OVERHEAD = look((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))
 SOURCE_SIZE = 240, 320
@@ -38,25 +40,48 @@ FEATURE = 768
 def made_up(config: Config, folder: Path, frames: int = 500) -> Corpus:
     """A corpus of random numbers, on disk and memory-mapped as a real one."""
     model, data, rng = config.model, config.data, np.random.default_rng(0)
-    shapes: dict[str, tuple[tuple[int, ...], Any]] = {f"image_{c}": ((*data.image_size, 3), np.uint8) for c in data.cameras}
+    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        f"image_{c}": ((*data.image_size, 3), np.uint8) for c in data.cameras
+    }
     shapes |= {"state": ((len(JOINTS),), np.float32), "action": ((len(JOINTS),), np.float32)}
     shapes |= {"time": ((), np.float32), "position": ((3,), np.float32)}
     if model.track:
-        shapes |= {"target": ((7,), np.float32), "camera": ((7,), np.float32), "free": ((), np.bool_)}
-        shapes |= {"track": ((track_numbers(model.track.points),), np.float32), "tools": ((len(SIDES), 3), np.float32)}
+        shapes |= {
+            "target": ((7,), np.float32),
+            "camera": ((7,), np.float32),
+            "free": ((), np.bool_),
+        }
+        shapes |= {
+            "track": ((track_numbers(model.track.points),), np.float32),
+            "tools": ((len(SIDES), 3), np.float32),
+        }
     if model.history != "none":
         shapes["past"] = (*data.flow_size, 3), np.uint8
     if model.world != "none":
-        shapes |= {"world": ((4 if model.world == "boxes" else FEATURE,), np.float16), "valid": ((), np.bool_)}
+        shapes |= {
+            "world": ((4 if model.world == "boxes" else FEATURE,), np.float16),
+            "valid": ((), np.bool_),
+        }
     arrays = {}
     for name, (shape, kind) in shapes.items():
-        array = np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=kind, shape=(frames, *shape))
-        array[:] = OVERHEAD if name == "camera" else rng.integers(0, 2 if kind is np.bool_ else 200, array.shape).astype(kind)
+        array = np.lib.format.open_memmap(
+            folder / f"{name}.npy", mode="w+", dtype=kind, shape=(frames, *shape)
+        )
+        array[:] = (
+            OVERHEAD
+            if name == "camera"
+            else rng.integers(0, 2 if kind is np.bool_ else 200, array.shape).astype(kind)
+        )
         array.flush()
         arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r")
-    rows = [Row(i, "", EPISODE, EMBODIMENT, str(i), "target", ("press the bell now",)) for i in range(frames // EPISODE)]
+    rows = [
+        Row(i, "", EPISODE, EMBODIMENT, str(i), "target", ("press the bell now",))
+        for i in range(frames // EPISODE)
+    ]
     cache = Cache(folder, 15, JOINTS, dict.fromkeys(data.cameras, SOURCE_SIZE), rows, arrays)
-    config = config.model_copy(update={"data": data.model_copy(update={"sources": (Source(dataset=folder),)})})
+    config = config.model_copy(
+        update={"data": data.model_copy(update={"sources": (Source(dataset=folder),)})}
+    )
     part = Part.of(cache, range(len(rows)))
     return Corpus(config, [part], [], preprocessing_of(config, [cache], [part]), [1.0])
 
@@ -79,7 +104,8 @@ def loading(corpus: Corpus, network: Puma) -> dict[str, float]:
 
 
 def learning(corpus: Corpus, network: Puma, device: torch.device) -> dict[str, float]:
-    """Samples a second of forward and backward with the optimiser, their split, MFU, and the same beside the bare backbone."""
+    """Samples a second of forward and backward with the optimiser, their split, MFU, and the same
+    beside the bare backbone."""
     config = corpus.config
     batch = Loader(corpus, network.words).make()
     inputs = batch.inputs.to(device)
@@ -106,7 +132,11 @@ def learning(corpus: Corpus, network: Puma, device: torch.device) -> dict[str, f
         _wait(device)
 
     network.train()
-    whole, backbone, ahead = seconds_of(step), seconds_of(bare), seconds_of(lambda: (forward(), _wait(device)))
+    whole, backbone, ahead = (
+        seconds_of(step),
+        seconds_of(bare),
+        seconds_of(lambda: (forward(), _wait(device))),
+    )
     flops = 3 * forward_flops(network, inputs)
     rate = len(inputs) / whole
     return {
@@ -119,18 +149,39 @@ def learning(corpus: Corpus, network: Puma, device: torch.device) -> dict[str, f
     }
 
 
-def answering(corpus: Corpus, network: Puma, device: torch.device, compiled: bool = False) -> dict[str, float]:
+def answering(
+    corpus: Corpus, network: Puma, device: torch.device, compiled: bool = False
+) -> dict[str, float]:
     """Milliseconds of one answer at batch 1: preprocessing, network, the bare backbone, all."""
     prep = corpus.preprocessing
     policy = PumaPolicy(network, prep, device=device.type)
     if compiled:
         policy.compile()
     rng = np.random.default_rng(0)
-    images = {camera: rng.integers(0, 256, (*SOURCE_SIZE, 3), dtype=np.uint8) for camera in prep.cameras}
-    policy.reset(Start("press the bell now", EMBODIMENT, prep.names, prep.fps, prep.cameras, 0, prep.source_sizes))
+    images = {
+        camera: rng.integers(0, 256, (*SOURCE_SIZE, 3), dtype=np.uint8) for camera in prep.cameras
+    }
+    policy.reset(
+        Start(
+            "press the bell now",
+            EMBODIMENT,
+            prep.names,
+            prep.fps,
+            prep.cameras,
+            0,
+            prep.source_sizes,
+        )
+    )
     for frame in range(0, prep.stride * prep.history_length + 1, policy.period):
-        policy.act(Observation(np.zeros(len(JOINTS)), "press the bell now", frame / prep.fps, images))
-    now = Observation(np.zeros(len(JOINTS)), "press the bell now", prep.stride * prep.history_length / prep.fps, images)
+        policy.act(
+            Observation(np.zeros(len(JOINTS)), "press the bell now", frame / prep.fps, images)
+        )
+    now = Observation(
+        np.zeros(len(JOINTS)),
+        "press the bell now",
+        prep.stride * prep.history_length / prep.fps,
+        images,
+    )
     inputs = policy.inputs(now).to(device)
     empty = network.queries.new_zeros(1, len(network.extra), network.queries.shape[1])
 
@@ -140,7 +191,10 @@ def answering(corpus: Corpus, network: Puma, device: torch.device, compiled: boo
         _wait(device)
 
     name = "compiled" if compiled else "eager"
-    whole, before = seconds_of(lambda: policy.plan(now), 30), seconds_of(lambda: policy.inputs(now), 30)
+    whole, before = (
+        seconds_of(lambda: policy.plan(now), 30),
+        seconds_of(lambda: policy.inputs(now), 30),
+    )
     backbone = seconds_of(bare, 30)
     return {
         f"answer, ms, {name}": 1e3 * whole,
@@ -158,10 +212,18 @@ def report(config: Config, compiled: bool = False) -> dict[str, float | str]:
         torch.manual_seed(0)
         network = build_model(corpus.config, sizes_of(corpus)).to(device)
         found: dict[str, float | str] = {
-            "device": torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU, {torch.get_num_threads()} threads",
-            "weights, million": round(sum(weight.numel() for weight in network.parameters()) / 1e6, 3),
+            "device": torch.cuda.get_device_name(device)
+            if device.type == "cuda"
+            else f"CPU, {torch.get_num_threads()} threads",
+            "weights, million": round(
+                sum(weight.numel() for weight in network.parameters()) / 1e6, 3
+            ),
         }
-        parts = [loading(corpus, network), learning(corpus, network, device), answering(corpus, network, device)]
+        parts = [
+            loading(corpus, network),
+            learning(corpus, network, device),
+            answering(corpus, network, device),
+        ]
         if compiled:
             parts.append(answering(corpus, network, device, True))
         for part in parts:

@@ -1,4 +1,5 @@
-"""Decoded arrays of one dataset at the size of the network: NumPy files, memory-mapped, made once and found again by their key.
+"""Decoded arrays of one dataset at the size of the network: NumPy files, memory-mapped, made once
+and found again by their key.
 
     KEY/meta.json              names, rates, sizes, and the rows of episodes
     KEY/image_<camera>.npy     (N,h,w,3) uint8
@@ -9,7 +10,7 @@
     KEY/free.npy               (N,) whether the robot has not touched the target yet, likewise
 
 N counts the frames of all episodes, one after the other.
-"""
+"""  # noqa: E501
 
 import json
 import os
@@ -57,7 +58,8 @@ class Cache:
 
     @property
     def taught(self) -> NDArray[np.int64]:
-        """The first frame of each episode (E,) from which on the expert acts; past its last frame if it never does."""
+        """The first frame of each episode (E,) from which on the expert acts; past its last frame
+        if it never does."""
         return np.minimum(self.start + [row.taught for row in self.rows], self.start + self.length)
 
 
@@ -68,7 +70,8 @@ def cache_root(config: Config) -> Path:
 
 
 def open_cache(source: Source, config: Config, tell: Tell = lambda text: None) -> Cache:
-    """The cache of a dataset, made where it is missing. Raises TrainError for what `Shards` finds wrong."""
+    """The cache of a dataset, made where it is missing. Raises TrainError for what `Shards` finds
+    wrong."""
     shards = Shards(source, config)
     model, data = config.model, config.data
     parts = {
@@ -80,23 +83,34 @@ def open_cache(source: Source, config: Config, tell: Tell = lambda text: None) -
         "world": model.world,
     }
     corrected = True if shards.corrected else None
-    options = {"track": True if model.track else None, "after_success": data.after_success, "corrected": corrected}
+    options = {
+        "track": True if model.track else None,
+        "after_success": data.after_success,
+        "corrected": corrected,
+    }
     options["oracle"] = True if model.oracle else None
-    path = cache_root(config) / digest(parts | {name: value for name, value in options.items() if value is not None})
+    path = cache_root(config) / digest(
+        parts | {name: value for name, value in options.items() if value is not None}
+    )
     if not (path / "meta.json").exists():
         tell(f"decoding {len(shards.rows)} episodes of {source.dataset} to {path}")
         try:
             with atomic_directory(path) as folder:
                 _write(folder, shards, config)
         except EpisodeError as error:
-            raise TrainError(f"{shards.root}: {error}; run: domino-data export {source.dataset} --format parquet") from error
+            raise TrainError(
+                f"{shards.root}: {error}; run: domino-data export {source.dataset} --format parquet"
+            ) from error
     return _read(path)
 
 
 def _read(path: Path) -> Cache:
     meta = json.loads((path / "meta.json").read_text())
     rows = [Row(**(row | {"instructions": tuple(row["instructions"])})) for row in meta["rows"]]
-    arrays = {file.stem: np.load(file, mmap_mode="r", allow_pickle=False) for file in sorted(path.glob("*.npy"))}
+    arrays = {
+        file.stem: np.load(file, mmap_mode="r", allow_pickle=False)
+        for file in sorted(path.glob("*.npy"))
+    }
     sizes = {name: (size[0], size[1]) for name, size in meta["source_sizes"].items()}
     return Cache(path, meta["fps"], tuple(meta["names"]), sizes, rows, arrays)
 
@@ -104,7 +118,10 @@ def _read(path: Path) -> Cache:
 def _write(folder: Path, shards: Shards, config: Config) -> None:
     names = {shards.names[row.embodiment] for row in shards.rows}
     if len(names) > 1:
-        raise TrainError(f"{shards.dataset}: robots with different joints cannot share a run: choose one (where: embodiment=...)")
+        raise TrainError(
+            f"{shards.dataset}: robots with different joints cannot share a run: choose one (where:"
+            " embodiment=...)"
+        )
     frames, place = sum(row.length for row in shards.rows), 0
     out: dict[str, NDArray[Any]] = {}
     sizes: dict[str, tuple[int, int]] = {}
@@ -114,17 +131,26 @@ def _write(folder: Path, shards: Shards, config: Config) -> None:
         for name, values in arrays.items():
             if name not in out:
                 shape = (frames, *values.shape[1:])
-                out[name] = np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=values.dtype, shape=shape)
+                out[name] = np.lib.format.open_memmap(
+                    folder / f"{name}.npy", mode="w+", dtype=values.dtype, shape=shape
+                )
             out[name][place : place + shard.row.length] = values
         place += shard.row.length
         rows.append(shard.row)
     for array in out.values():
         array.flush()  # pyright: ignore[reportAttributeAccessIssue]
-    meta = {"fps": shards.fps, "names": names.pop(), "source_sizes": sizes, "rows": [asdict(row) for row in rows]}
+    meta = {
+        "fps": shards.fps,
+        "names": names.pop(),
+        "source_sizes": sizes,
+        "rows": [asdict(row) for row in rows],
+    }
     (folder / "meta.json").write_text(json.dumps(meta))
 
 
-def _arrays(shard: Shard, config: Config, sizes: dict[str, tuple[int, int]]) -> dict[str, NDArray[Any]]:
+def _arrays(
+    shard: Shard, config: Config, sizes: dict[str, tuple[int, int]]
+) -> dict[str, NDArray[Any]]:
     """The arrays (T, ...) of one episode. `sizes` collects the image size of each camera."""
     model, data = config.model, config.data
     out: dict[str, NDArray[Any]] = {
@@ -141,7 +167,10 @@ def _arrays(shard: Shard, config: Config, sizes: dict[str, tuple[int, int]]) -> 
         images = [decode_frame(jpeg) for jpeg in shard.images[camera]]
         shape = images[0].shape[:2]
         if sizes.setdefault(camera, (shape[0], shape[1])) != shape:
-            raise TrainError(f"{shard.row.source}: images of {camera} are {shape[0]}x{shape[1]}, others {sizes[camera]}")
+            raise TrainError(
+                f"{shard.row.source}: images of {camera} are {shape[0]}x{shape[1]}, others"
+                f" {sizes[camera]}"
+            )
         out[f"image_{camera}"] = np.stack([resized(image, data.image_size) for image in images])
         if i == 0 and model.history == "frames":
             out["past"] = np.stack([resized(image, data.flow_size) for image in images])

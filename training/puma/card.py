@@ -16,9 +16,18 @@ def model_card(config: Config, corpus: Corpus, step: int, log: Path) -> str:
     rows = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     validated = [row for row in rows if "validation_error" in row and row["step"] <= step]
     error = f"{validated[-1]['validation_error']:.4f} rad" if validated else "not measured"
-    frames, episodes = sum(map(len, corpus.train)), sum(len({*part.episode.tolist()}) for part in corpus.train)
-    physics = {row.physics_id for part in corpus.train for row in (part.cache.rows[i] for i in {*part.episode.tolist()})}
-    sources = "\n".join(f"- `{s.dataset.name}` {s.where}, weight {s.weight:g}" for s in config.data.sources)
+    frames, episodes = (
+        sum(map(len, corpus.train)),
+        sum(len({*part.episode.tolist()}) for part in corpus.train),
+    )
+    physics = {
+        row.physics_id
+        for part in corpus.train
+        for row in (part.cache.rows[i] for i in {*part.episode.tolist()})
+    }
+    sources = "\n".join(
+        f"- `{s.dataset.name}` {s.where}, weight {s.weight:g}" for s in config.data.sources
+    )
     constant = ", ".join(prep.action.constant) or "none"
     size = "x".join(map(str, prep.image_size))
     return f"""---
@@ -53,4 +62,4 @@ Data:
 domino-data evaluate --policy policy.py --cameras {",".join(prep.cameras)} --tasks TASK --levels 0,1 --out out/eval
 puma serve . --port 8765
 ```
-"""
+"""  # noqa: E501

@@ -1,4 +1,5 @@
-"""Checkpoints: directories of safetensors and JSON, written atomically, from which a run resumes and a policy acts.
+"""Checkpoints: directories of safetensors and JSON, written atomically, from which a run resumes
+and a policy acts.
 
 model.safetensors       weights
 optimizer.safetensors   state of AdamW by the name of the weight, and the generator of torch
@@ -59,7 +60,8 @@ class Loaded:
     sizes: Sizes
 
     def model(self) -> Puma:
-        """The network with its trained weights. Raises TrainError for weights of another network."""
+        """The network with its trained weights. Raises TrainError for weights of another
+        network."""
         network = build_model(self.config, self.sizes, trained=True)
         load_weights(network, self.path)
         return network
@@ -83,15 +85,21 @@ class Tensors:
 
 
 def tensors_of(network: nn.Module, optimizer: torch.optim.Optimizer, keep: bool = True) -> Tensors:
-    """What a checkpoint holds, gathered where it is in shares: every process calls it, and one of them keeps what it gets."""
+    """What a checkpoint holds, gathered where it is in shares: every process calls it, and one of
+    them keeps what it gets."""
     weights = _gather(network.state_dict().items(), keep)
     state: Mapping[Any, dict[str, Tensor]] = optimizer.state
-    named = ((f"{name}|{key}", v) for name, weight in network.named_parameters() for key, v in state.get(weight, {}).items())
+    named = (
+        (f"{name}|{key}", v)
+        for name, weight in network.named_parameters()
+        for key, v in state.get(weight, {}).items()
+    )
     return Tensors(weights, {"generator": torch.get_rng_state(), **_gather(named, keep)})
 
 
 def _gather(tensors: Iterable[tuple[str, Tensor]], keep: bool) -> dict[str, Tensor]:
-    """Tensors by name, whole and on the processor; one after the other, so that no card holds them all."""
+    """Tensors by name, whole and on the processor; one after the other, so that no card holds them
+    all."""
     out = dict[str, Tensor]()
     for name, value in tensors:
         found = whole(value)
@@ -100,7 +108,9 @@ def _gather(tensors: Iterable[tuple[str, Tensor]], keep: bool) -> dict[str, Tens
     return out
 
 
-def save(folder: Path, network: Puma, tensors: Tensors, preprocessing: Preprocessing, standing: Standing) -> None:
+def save(
+    folder: Path, network: Puma, tensors: Tensors, preprocessing: Preprocessing, standing: Standing
+) -> None:
     """Write a checkpoint. Raises OSError if the disk refuses; nothing half-written is left."""
     with atomic_directory(folder) as part:
         save_file(tensors.weights, part / "model.safetensors")
@@ -108,9 +118,14 @@ def save(folder: Path, network: Puma, tensors: Tensors, preprocessing: Preproces
         text = json.dumps(preprocessing.to_dict(), indent=1)
         (part / "preprocessing.json").write_text(text + "\n")
         if preprocessing.setup:
-            (part / SETUP_FILE).write_text(yaml.safe_dump(dict(preprocessing.setup), sort_keys=False))
+            (part / SETUP_FILE).write_text(
+                yaml.safe_dump(dict(preprocessing.setup), sort_keys=False)
+            )
         (part / "config.yaml").write_text(network.config.to_yaml())
-        weights, how = file_hash(part / "model.safetensors")[:16], digest(network.config.model_dump(mode="json"))[:8]
+        weights, how = (
+            file_hash(part / "model.safetensors")[:16],
+            digest(network.config.model_dump(mode="json"))[:8],
+        )
         state = {
             "schema": SCHEMA,
             "step": standing.step,
@@ -120,7 +135,9 @@ def save(folder: Path, network: Puma, tensors: Tensors, preprocessing: Preproces
             "preprocessing": preprocessing.digest,
         }
         (part / "state.json").write_text(json.dumps(state, indent=1) + "\n")
-        (part / "policy.py").write_text(POLICY.format(weights=weights, config=how, cameras=",".join(preprocessing.cameras)))
+        (part / "policy.py").write_text(
+            POLICY.format(weights=weights, config=how, cameras=",".join(preprocessing.cameras))
+        )
         (part / "README.md").write_text(standing.card)
 
 
@@ -135,18 +152,25 @@ def load(folder: Path) -> Loaded:
             raise ValueError(f"its schema is {state['schema']}, not {SCHEMA}")
         if preprocessing.digest != state["preprocessing"]:
             raise ValueError("preprocessing.json is not the one that the weights were trained with")
-        return Loaded(folder, state["step"], state["sampler"], config, preprocessing, Sizes(**state["sizes"]))
+        return Loaded(
+            folder, state["step"], state["sampler"], config, preprocessing, Sizes(**state["sizes"])
+        )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise TrainError(f"{folder}: is no checkpoint that can be used ({' '.join(str(error).split())[:200]})") from error
+        raise TrainError(
+            f"{folder}: is no checkpoint that can be used ({' '.join(str(error).split())[:200]})"
+        ) from error
 
 
 def newest(folder: Path) -> Path:
-    """The checkpoint in a directory: itself, or the newest of a run. Raises TrainError if there is none."""
+    """The checkpoint in a directory: itself, or the newest of a run. Raises TrainError if there is
+    none."""
     if (folder / "state.json").exists():
         return folder
     found = checkpoints(folder)
     if not found:
-        raise TrainError(f"{folder}: holds no checkpoint: name a directory that `puma train --out` has written")
+        raise TrainError(
+            f"{folder}: holds no checkpoint: name a directory that `puma train --out` has written"
+        )
     return found[-1]
 
 
@@ -169,36 +193,60 @@ def prune(run: Path, keep: int) -> None:
 def load_weights(network: nn.Module, folder: Path) -> None:
     """Put the weights of a checkpoint into a network of the same shape. Raises TrainError."""
     try:
-        missing, unexpected = network.load_state_dict(load_file(folder / "model.safetensors"), strict=False)
+        missing, unexpected = network.load_state_dict(
+            load_file(folder / "model.safetensors"), strict=False
+        )
     except (OSError, SafetensorError, RuntimeError) as error:
-        raise TrainError(f"{folder}: weights cannot be loaded ({' '.join(str(error).split())[:200]})") from error
+        raise TrainError(
+            f"{folder}: weights cannot be loaded ({' '.join(str(error).split())[:200]})"
+        ) from error
     if missing or unexpected:
-        raise TrainError(f"{folder}: weights are of another network: {', '.join([*missing, *unexpected][:3])}")
+        raise TrainError(
+            f"{folder}: weights are of another network: {', '.join([*missing, *unexpected][:3])}"
+        )
 
 
 def begin_from(network: nn.Module, folder: Path) -> None:
-    """Put the weights of a checkpoint into a network that may have adapters beside them. Raises TrainError."""
+    """Put the weights of a checkpoint into a network that may have adapters beside them. Raises
+    TrainError."""
     held = load_file(folder / "model.safetensors")
-    weights = {name: held.get(name, held.get(name.replace(".base_layer", ""))) for name in network.state_dict()}
+    weights = {
+        name: held.get(name, held.get(name.replace(".base_layer", "")))
+        for name in network.state_dict()
+    }
     found = {name: value for name, value in weights.items() if value is not None}
     lacking = [name for name in weights if name not in found and ".lora_" not in name]
-    wrong = [name for name, value in network.state_dict().items() if name in found and found[name].shape != value.shape]
+    wrong = [
+        name
+        for name, value in network.state_dict().items()
+        if name in found and found[name].shape != value.shape
+    ]
     if lacking or wrong:
-        raise TrainError(f"{folder}: weights are of another network: {', '.join([*lacking, *wrong][:3])}")
+        raise TrainError(
+            f"{folder}: weights are of another network: {', '.join([*lacking, *wrong][:3])}"
+        )
     network.load_state_dict(found, strict=False)
 
 
 def load_optimizer(network: nn.Module, optimizer: torch.optim.Optimizer, folder: Path) -> None:
     """Put back the state of the optimiser and of the generator of torch. Raises TrainError."""
     try:
-        # one tensor at a time: every process reads them, and together they take twice as much as the weights
+        # one tensor at a time: every process reads them, and together they take twice as much as
+        # the weights
         with safe_open(folder / "optimizer.safetensors", "pt") as held:
             there = set(held.keys())
             torch.set_rng_state(held.get_tensor("generator"))
             for name, weight in network.named_parameters():
-                keys = [key for key in ("step", "exp_avg", "exp_avg_sq") if f"{name}|{key}" in there]
+                keys = [
+                    key for key in ("step", "exp_avg", "exp_avg_sq") if f"{name}|{key}" in there
+                ]
                 parts = {key: held.get_tensor(f"{name}|{key}") for key in keys}
                 if parts:
-                    optimizer.state[weight] = {k: v if k == "step" else like(v, weight) for k, v in parts.items()}
+                    optimizer.state[weight] = {
+                        k: v if k == "step" else like(v, weight) for k, v in parts.items()
+                    }
     except (OSError, SafetensorError, KeyError) as error:
-        raise TrainError(f"{folder}: the optimiser's state cannot be loaded ({' '.join(str(error).split())[:200]})") from error
+        raise TrainError(
+            f"{folder}: the optimiser's state cannot be loaded"
+            f" ({' '.join(str(error).split())[:200]})"
+        ) from error

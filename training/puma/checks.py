@@ -1,4 +1,5 @@
-"""Two checks of a training set-up: a network can overfit a single batch, and a trained policy sees what it was trained on."""
+"""Two checks of a training set-up: a network can overfit a single batch, and a trained policy sees
+what it was trained on."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +21,8 @@ from training.puma.tracking import follow
 from training.puma.train import groups, sizes_of
 
 ROUNDING = 1e-4
-"""Metres (and m/s) by which a target that is found in one image at a time may differ from one found in many."""
+"""Metres (and m/s) by which a target that is found in one image at a time may differ from one found
+in many."""
 
 
 def overfit(config: Config, steps: int) -> dict[str, Any]:
@@ -29,7 +31,9 @@ def overfit(config: Config, steps: int) -> dict[str, Any]:
     torch.manual_seed(config.train.seed)
     network = build_model(config, sizes_of(corpus))
     corpus = follow(corpus, network)
-    optimizer = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
+    optimizer = torch.optim.AdamW(
+        groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon
+    )
     batch = Loader(corpus, network.words).make()
     losses: list[float] = []
     for step in range(steps):
@@ -45,17 +49,23 @@ def overfit(config: Config, steps: int) -> dict[str, Any]:
 
 
 def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> dict[str, Any]:
-    """Show recorded episodes of the validation split (or of `data`) to a policy, as an evaluation would.
+    """Show recorded episodes of the validation split (or of `data`) to a policy, as an evaluation
+    would.
 
-    `errors` by joint and `error` over all: mean absolute difference (rad, grippers 0-1) of the policy's chunks from what was
-    commanded; `different` counts inputs that are not those that training makes of the same frame.
+    `errors` by joint and `error` over all: mean absolute difference (rad, grippers 0-1) of the
+    policy's chunks from what was commanded; `different` counts inputs that are not those that
+    training makes of the same frame.
     """
     held = checkpoint.load(folder)
     # one part a dataset
-    config = held.config.model_copy(update={"data": held.config.data.model_copy(update={"balance": "frames"})})
+    config = held.config.model_copy(
+        update={"data": held.config.data.model_copy(update={"balance": "frames"})}
+    )
     if data:
         sources = tuple(Source(dataset=path) for path in data)
-        config = config.model_copy(update={"data": config.data.model_copy(update={"sources": sources})})
+        config = config.model_copy(
+            update={"data": config.data.model_copy(update={"sources": sources})}
+        )
     network = held.model()
     corpus = follow(open_corpus(config), network, trained=True)
     kind = OraclePolicy if config.model.oracle else PumaPolicy
@@ -70,8 +80,15 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
         shards = Shards(source, config)
         for number in sorted({*part.episode.tolist()})[:episodes]:
             shard = shards.read(shards.rows[number])
-            errors, unlike = _replay(policy, shard, Corpus(config, [part], [], held.preprocessing, [1.0]), number)
-            wrong, answers, different, shown = wrong + sum(errors), answers + len(errors), different + unlike, shown + 1
+            errors, unlike = _replay(
+                policy, shard, Corpus(config, [part], [], held.preprocessing, [1.0]), number
+            )
+            wrong, answers, different, shown = (
+                wrong + sum(errors),
+                answers + len(errors),
+                different + unlike,
+                shown + 1,
+            )
     means = wrong / max(answers, 1)
     return {
         "errors": dict(zip(held.preprocessing.names, means.tolist(), strict=True)),
@@ -82,16 +99,22 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
     }
 
 
-def _replay(policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int) -> tuple[list[np.ndarray], int]:
-    """Mean errors (A,) of every chunk of one episode, and how many inputs differ from those of training."""
+def _replay(
+    policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int
+) -> tuple[list[np.ndarray], int]:
+    """Mean errors (A,) of every chunk of one episode, and how many inputs differ from those of
+    training."""
     prep, part = policy.preprocessing, corpus.train[0]
     words, sizes = shard.row.instructions[0], prep.source_sizes
     policy.reset(Start(words, shard.row.embodiment, prep.names, prep.fps, prep.cameras, 0, sizes))
     if isinstance(policy, OraclePolicy):
         last = shard.row.length - 1
-        policy.future = lambda times: shard.target[np.minimum(np.rint(times * prep.fps).astype(int), last)]
+        policy.future = lambda times: shard.target[
+            np.minimum(np.rint(times * prep.fps).astype(int), last)
+        ]
     places = np.flatnonzero(part.episode == number)
-    # of a corrected episode, what the policy did before the expert took over is shown and not compared
+    # of a corrected episode, what the policy did before the expert took over is shown and not
+    # compared
     taught = int(part.frame[places[0]] - part.first[places[0]])
     errors, different = list[np.ndarray](), 0
     for t in range(0, shard.row.length - 1, policy.period):
@@ -100,18 +123,30 @@ def _replay(policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int) -> tu
         policy.act(seen)
         if t % policy.execute.actions or t < taught:
             continue
-        wanted = batch_of(Part(part.cache, *(a[places] for a in _columns(part))), np.array([t - taught]), corpus.config, prep)
+        wanted = batch_of(
+            Part(part.cache, *(a[places] for a in _columns(part))),
+            np.array([t - taught]),
+            corpus.config,
+            prep,
+        )
         given = policy.given(seen)
         # which arms act is an answer of the policy, and may be another one than the expert's
-        different += sum(not _alike(name, given[name], wanted[name]) for name in given if name != "choice")
+        different += sum(
+            not _alike(name, given[name], wanted[name]) for name in given if name != "choice"
+        )
         recorded = shard.action[t : min(t + policy.config.model.chunk, shard.row.length - 1)]
         errors.append(np.abs(policy.plan(seen)[: len(recorded)] - recorded).mean(0))
     return errors, different
 
 
 def _alike(name: str, given: np.ndarray, wanted: np.ndarray) -> bool:
-    """Whether two inputs are the same; what a network found, or FK in float32 gave, within rounding."""
-    return np.allclose(given, wanted, atol=ROUNDING) if name in ("track", "tools") else np.array_equal(given, wanted)
+    """Whether two inputs are the same; what a network found, or FK in float32 gave, within
+    rounding."""
+    return (
+        np.allclose(given, wanted, atol=ROUNDING)
+        if name in ("track", "tools")
+        else np.array_equal(given, wanted)
+    )
 
 
 def _columns(part: Part) -> tuple[np.ndarray, ...]:

@@ -13,22 +13,45 @@ from pipeline.commands.bounded import BoundedCommand, run_app
 if TYPE_CHECKING:
     from training.puma.config import Config
 
-app = typer.Typer(help="Train and run PUMA, a policy for moving objects.", no_args_is_help=True, add_completion=False)
+app = typer.Typer(
+    help="Train and run PUMA, a policy for moving objects.",
+    no_args_is_help=True,
+    add_completion=False,
+)
 
-Checkpoint = Annotated[Path, typer.Argument(help="A checkpoint, or the directory of a run: its newest one.", metavar="CHECKPOINT")]
-Configuration = Annotated[str, typer.Option("--config", help="A YAML file, or the name of a configuration (`puma configs`).")]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="A key of the configuration, such as train.steps=1000.")]
-Datasets = Annotated[list[Path] | None, typer.Option("--data", help="A dataset directory; several make a mixture of equal shares.")]
+Checkpoint = Annotated[
+    Path,
+    typer.Argument(
+        help="A checkpoint, or the directory of a run: its newest one.", metavar="CHECKPOINT"
+    ),
+]
+Configuration = Annotated[
+    str,
+    typer.Option("--config", help="A YAML file, or the name of a configuration (`puma configs`)."),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="A key of the configuration, such as train.steps=1000."),
+]
+Datasets = Annotated[
+    list[Path] | None,
+    typer.Option("--data", help="A dataset directory; several make a mixture of equal shares."),
+]
 Out = Annotated[Path, typer.Option(help="Directory of the run; rerun the same command to resume.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 
 
 def configuration(name: str, settings: list[str] | None, data: list[Path] | None) -> "Config":
-    """A configuration by its name, with settings "key=value", and with datasets, whose paths hold from any directory."""
+    """A configuration by its name, with settings "key=value", and with datasets, whose paths hold
+    from any directory."""
     from training.puma.reading import read_config
 
-    extra = [f"data.sources={json.dumps([{'dataset': str(path.absolute())} for path in data])}"] if data else []
+    extra = (
+        [f"data.sources={json.dumps([{'dataset': str(path.absolute())} for path in data])}"]
+        if data
+        else []
+    )
     return read_config(name, [*extra, *(settings or [])])
 
 
@@ -50,9 +73,14 @@ def train(
     print(f"{result.checkpoint}")
 
 
-@app.command(name="eval", cls=BoundedCommand, context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@app.command(
+    name="eval",
+    cls=BoundedCommand,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
 def evaluate(context: typer.Context, folder: Checkpoint) -> None:
-    """Evaluate in closed loop: `domino-data evaluate` with this policy and its setup; takes all of its options."""
+    """Evaluate in closed loop: `domino-data evaluate` with this policy and its setup; takes all of
+    its options."""
     from pipeline.cli import app as domino
     from training.puma import checkpoint
 
@@ -60,7 +88,9 @@ def evaluate(context: typer.Context, folder: Checkpoint) -> None:
     words = ["evaluate", "--policy", str(held.path / "policy.py")]
     if not held.preprocessing.setup:
         words += ["--cameras", ",".join(held.preprocessing.cameras)]
-    elif not {"--like", "--manifest", "--recipe"} & {word.partition("=")[0] for word in context.args}:
+    elif not {"--like", "--manifest", "--recipe"} & {
+        word.partition("=")[0] for word in context.args
+    }:
         words += ["--like", str(held.path)]
     if held.config.model.oracle:
         words.append("--in-process")  # it is shown the simulation
@@ -72,12 +102,25 @@ def evaluate(context: typer.Context, folder: Checkpoint) -> None:
 @app.command(cls=BoundedCommand)
 def serve(
     folder: Checkpoint,
-    host: Annotated[str, typer.Option(help="Addresses other than loopback need a token in DOMINO_POLICY_TOKEN.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")] = 8765,
-    clients: Annotated[int, typer.Option(min=1, max=1000, help="Number of simultaneous clients.")] = 1,
-    compiled: Annotated[bool, typer.Option("--compile", help="Compile the network; the first answers are slower.")] = False,
-    batch: Annotated[int, typer.Option(min=1, max=256, help="Rows of every pass of the network; its label names it.")] = 1,
-    batch_wait: Annotated[float, typer.Option(min=0, max=60_000, help="A pass waits this many ms for more questions.")] = 5.0,
+    host: Annotated[
+        str, typer.Option(help="Addresses other than loopback need a token in DOMINO_POLICY_TOKEN.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")
+    ] = 8765,
+    clients: Annotated[
+        int, typer.Option(min=1, max=1000, help="Number of simultaneous clients.")
+    ] = 1,
+    compiled: Annotated[
+        bool, typer.Option("--compile", help="Compile the network; the first answers are slower.")
+    ] = False,
+    batch: Annotated[
+        int,
+        typer.Option(min=1, max=256, help="Rows of every pass of the network; its label names it."),
+    ] = 1,
+    batch_wait: Annotated[
+        float, typer.Option(min=0, max=60_000, help="A pass waits this many ms for more questions.")
+    ] = 5.0,
 ) -> None:
     """Serve a policy to `domino-data evaluate --policy ws://HOST:PORT`."""
     from pipeline.evaluate.serving.address import token
@@ -85,7 +128,10 @@ def serve(
     from training.puma.serve import Together, label, server
 
     def print_address(port: int) -> None:
-        print(f"serving {label(folder, batch)} on ws://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
+        print(
+            f"serving {label(folder, batch)} on ws://{f'[{host}]' if ':' in host else host}:{port}",
+            flush=True,
+        )
 
     together = Together(batch, batch_wait / 1000)
     place, tell = Place(host, port, token()), lambda line: print(line, file=sys.stderr)
@@ -100,12 +146,16 @@ def overfit(
     steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps on the one batch.")] = 300,
     as_json: AsJson = False,
 ) -> None:
-    """Train on one batch until its loss is near zero; exit code 1 if it does not fall to a tenth."""
+    """Train on one batch until its loss is near zero; exit code 1 if it does not fall to a
+    tenth."""
     wanted = configuration(config, settings, data)
     from training.puma.checks import overfit as run
 
     found = run(wanted, steps)
-    text = f"loss {found['first']:.4f} -> {found['last']:.4f} in {steps} steps on one batch of {found['samples']}"
+    text = (
+        f"loss {found['first']:.4f} -> {found['last']:.4f} in {steps} steps on one batch of"
+        f" {found['samples']}"
+    )
     print(json.dumps(found) if as_json else text)
     if found["last"] > 0.1 * found["first"]:
         raise typer.Exit(1)
@@ -118,12 +168,16 @@ def replay_check(
     episodes: Annotated[int, typer.Option(min=1, max=1_000_000, help="Episodes to replay.")] = 10,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a policy on recorded episodes: its answers with the commands, its inputs with those of training."""
+    """Compare a policy on recorded episodes: its answers with the commands, its inputs with those
+    of training."""
     from training.puma.checks import replay_check as run
 
     found = run(folder, data, episodes)
     lines = [f"{name:16} {error:.4f}" for name, error in found["errors"].items()]
-    lines.append(f"mean absolute error over {found['answers']} answers in {found['episodes']} episodes: {found['error']:.4f}")
+    lines.append(
+        f"mean absolute error over {found['answers']} answers in {found['episodes']} episodes:"
+        f" {found['error']:.4f}"
+    )
     lines.append(f"inputs that differ from training: {found['different']}")
     print(json.dumps(found) if as_json else "\n".join(lines))
     if found["different"]:
@@ -134,7 +188,9 @@ def replay_check(
 def bench(
     config: Configuration = "puma-tiny",
     settings: Settings = None,
-    compiled: Annotated[bool, typer.Option("--compile", help="Also measure answers of the compiled network.")] = False,
+    compiled: Annotated[
+        bool, typer.Option("--compile", help="Also measure answers of the compiled network.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure training, data loading and inference on generated data."""
@@ -142,7 +198,11 @@ def bench(
     from training.puma.bench import report
 
     found = report(wanted, compiled)
-    print(json.dumps(found) if as_json else "\n".join(f"{name:40} {value}" for name, value in found.items()))
+    print(
+        json.dumps(found)
+        if as_json
+        else "\n".join(f"{name:40} {value}" for name, value in found.items())
+    )
 
 
 @app.command(cls=BoundedCommand)

@@ -1,4 +1,5 @@
-"""What is trained, on what, and how: read from YAML, every key with a default, unknown keys refused."""
+"""What is trained, on what, and how: read from YAML, every key with a default, unknown keys
+refused."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,12 +25,15 @@ _Size = tuple[Annotated[int, Field(ge=16, le=4096)], Annotated[int, Field(ge=16,
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False
+    )
 
     @field_validator("*", mode="before")
     @classmethod
     def _number(cls, value: Any, info: ValidationInfo) -> Any:
-        """YAML true/false is not accepted where a number is expected, nor a text for a whole number, nor 10^30 anywhere."""
+        """YAML true/false is not accepted where a number is expected, nor a text for a whole
+        number, nor 10^30 anywhere."""
         if info.field_name == "precision" and value is False:
             return "no"  # as YAML reads it
         kind = cls.model_fields[str(info.field_name)].annotation
@@ -57,10 +61,12 @@ class Backbone(_Part):
     """The network that reads images and text."""
 
     kind: Literal["qwen3-vl", "tiny", "perceptron"] = "qwen3-vl"
-    """Qwen3-VL by transformers; a small network of this project that is always trained from scratch; or a smaller one that reads
-    neither images nor text, only the further inputs (`state`, `track`)."""
+    """Qwen3-VL by transformers; a small network of this project that is always trained from
+    scratch; or a smaller one that reads neither images nor text, only the further inputs (`state`,
+    `track`)."""
     name: str = "Qwen/Qwen3-VL-4B-Instruct"
-    """Hub id, local directory, or a config.json of Qwen3-VL; a config has no weights, so it needs `weights: random`."""
+    """Hub id, local directory, or a config.json of Qwen3-VL; a config has no weights, so it needs
+    `weights: random`."""
     revision: str | None = None
     """Commit, branch or tag on the hub."""
     weights: Literal["pretrained", "random"] = "pretrained"
@@ -86,8 +92,9 @@ class Backbone(_Part):
 
 
 class Finder(_Part):
-    """Two small networks that find the target in the first camera: one in the whole image, made small, the other in a crop of the
-    full image around what the first one found. They are trained first, on the target's true place in each image."""
+    """Two small networks that find the target in the first camera: one in the whole image, made
+    small, the other in a crop of the full image around what the first one found. They are trained
+    first, on the target's true place in each image."""
 
     size: _Size = (48, 64)
     """Height and width of the small whole image."""
@@ -96,10 +103,11 @@ class Finder(_Part):
     reach: Annotated[float, Field(gt=0, le=0.2)] = 0.03
     """Distance (m) from the target's origin of the points that show its x axis and its z axis."""
     touches: bool = False
-    """Whether the places at which both tools are when the target is first touched are found in every image, too. They show the
-    size of a target that two arms grasp."""
+    """Whether the places at which both tools are when the target is first touched are found in
+    every image, too. They show the size of a target that two arms grasp."""
     memory: bool = True
-    """Whether the track follows from all images so far. Without, the velocity is 0, and a hidden target is lost."""
+    """Whether the track follows from all images so far. Without, the velocity is 0, and a hidden
+    target is lost."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
@@ -109,7 +117,8 @@ class Finder(_Part):
 
     @property
     def points(self) -> int:
-        """Points that are found: the origin, one on each of two axes, and the places of both tools."""
+        """Points that are found: the origin, one on each of two axes, and the places of both
+        tools."""
         return 5 if self.touches else 3
 
 
@@ -120,17 +129,21 @@ class Model(_Part):
     chunk: Annotated[int, Field(ge=1, le=200)] = 16
     """K: joint targets in one answer."""
     history: Literal["flow", "frames", "none"] = "flow"
-    """What is shown of the past: flow maps between earlier frames, the frames themselves, or nothing."""
+    """What is shown of the past: flow maps between earlier frames, the frames themselves, or
+    nothing."""
     history_length: Annotated[int, Field(ge=1, le=16)] = 4
     """h: maps or frames of the past."""
     stride: Annotated[int, Field(ge=1, le=60)] = 4
-    """Recorded frames between the two images of a flow pair, and between the moments that are predicted."""
+    """Recorded frames between the two images of a flow pair, and between the moments that are
+    predicted."""
     flow_scale: Literal["per_map", "fixed"] = "per_map"
-    """Brightness of flow maps: relative to each map (the paper; loses speed), or px of displacement."""
+    """Brightness of flow maps: relative to each map (the paper; loses speed), or px of
+    displacement."""
     flow_full_scale: Annotated[float, Field(gt=0)] = 2.0
     """px of displacement, at the size of the map, that a fixed scale shows at full brightness."""
     world: Literal["features", "boxes", "none"] = "features"
-    """What world queries predict of the target: encoder features (the paper), its box in the image, or nothing."""
+    """What world queries predict of the target: encoder features (the paper), its box in the image,
+    or nothing."""
     world_queries: Annotated[int, Field(ge=1, le=16)] = 4
     """N: later moments that are predicted."""
     sentences: bool = False
@@ -144,19 +157,21 @@ class Model(_Part):
     clock: bool = False
     """Whether the time (s) since the start of the episode is an input."""
     track: Finder | None = None
-    """Whether the target's position and velocity are an input, found in the images of the first camera up to now, and its way from
-    each tool. The camera must stand still, and `data.image_size` must be that of its images."""
+    """Whether the target's position and velocity are an input, found in the images of the first
+    camera up to now, and its way from each tool. The camera must stand still, and `data.image_size`
+    must be that of its images."""
     arms: bool = False
-    """Whether a small network chooses which arms act, and its choice is an input. It sees the track alone. A choice is kept until
-    another one is much likelier: a policy that decides again at every chunk may start with both arms and arrive with none."""
+    """Whether a small network chooses which arms act, and its choice is an input. It sees the track
+    alone. A choice is kept until another one is much likelier: a policy that decides again at every
+    chunk may start with both arms and arrive with none."""
     modes: Annotated[int, Field(ge=1, le=16)] = 1
-    """Chunks among which the policy chooses. With one, demonstrations that do the same in different ways, such as a wrist turned to
-    either side, teach what lies between them."""
+    """Chunks among which the policy chooses. With one, demonstrations that do the same in different
+    ways, such as a wrist turned to either side, teach what lies between them."""
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False
-    """Whether the action queries are told the target's future (training/puma/model/oracle.py): an upper
-    bound, not a policy."""
+    """Whether the action queries are told the target's future (training/puma/model/oracle.py): an
+    upper bound, not a policy."""
 
     @model_validator(mode="after")
     def _sees(self) -> "Model":
@@ -195,7 +210,9 @@ class Data(_Part):
 
     sources: tuple[Source, ...] = ()
     """The mixture."""
-    cameras: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(CAMERAS[name] for name in MOUNTED)
+    cameras: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(
+        CAMERAS[name] for name in MOUNTED
+    )
     """Images the policy sees; the first one is where the past is looked at."""
     image_size: _Size = (224, 224)
     """Height and width of all images at the model."""
@@ -216,8 +233,9 @@ class Data(_Part):
     validation: Annotated[float, Field(ge=0, le=0.5)] = 0.05
     """Share of physics episodes that is kept for validation."""
     after_success: float | None = None
-    """Seconds after the success of the task that are learned; the whole episode by default. Without a clock, a policy cannot tell
-    the way home from the way to a target. Negative: the last moments before the success are left out, too."""
+    """Seconds after the success of the task that are learned; the whole episode by default. Without
+    a clock, a policy cannot tell the way home from the way to a target. Negative: the last moments
+    before the success are left out, too."""
     cache: Path | None = None
     """Where decoded arrays are kept; $XDG_CACHE_HOME/domino-data/puma by default."""
 
@@ -232,11 +250,13 @@ class Train(_Part):
     """Parts into which a step's samples are cut."""
     seed: Annotated[int, Field(ge=0)] = 0
     start: Path | None = None
-    """A run or checkpoint whose weights and scales a new run begins with, for example to adapt to other levels."""
+    """A run or checkpoint whose weights and scales a new run begins with, for example to adapt to
+    other levels."""
     backbone_rate: Annotated[float, Field(gt=0)] = 1e-5
     head_rate: Annotated[float, Field(gt=0)] = 1e-4
     floor_rate: Annotated[float, Field(ge=0)] = 5e-7
-    """Learning rate of the backbone at the end; that of the heads ends at the same share of its peak."""
+    """Learning rate of the backbone at the end; that of the heads ends at the same share of its
+    peak."""
     world_rate: Annotated[float, Field(gt=0)] | None = None
     """Highest learning rate of the world head and of the queries; `head_rate` by default. The
     paper names none, the published code has 1e-5."""
@@ -254,12 +274,14 @@ class Train(_Part):
     shift: Annotated[int, Field(ge=0, le=32)] = 0
     """Images of a sample are moved by up to so many px, all by the same."""
     disturb: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Before the first touch, measured arm joints are moved off their path by up to about this (rad): it teaches the way back.
-    Grippers are shuffled among samples, so that the one that closes first does not decide which arm acts."""
+    """Before the first touch, measured arm joints are moved off their path by up to about this
+    (rad): it teaches the way back. Grippers are shuffled among samples, so that the one that closes
+    first does not decide which arm acts."""
     precision: Literal["no", "bf16"] = "bf16"
     """Of the arithmetic; weights that are trained are float32: a step of 1e-5 is lost in bf16."""
     parallel: Literal["ddp", "zero2", "fsdp"] = "ddp"
-    """Over several processes (`accelerate launch`): copies of everything, gradients and optimiser in shares, or weights, too."""
+    """Over several processes (`accelerate launch`): copies of everything, gradients and optimiser
+    in shares, or weights, too."""
     checkpointing: bool = True
     """Keep no activations of the backbone; compute them again in the backward pass."""
     save_every: Annotated[int, Field(ge=1)] = 5000
@@ -268,7 +290,8 @@ class Train(_Part):
     keep: Annotated[int, Field(ge=1)] = 2
     """Checkpoints that stay."""
     trackers: tuple[Literal["tensorboard", "wandb"], ...] = ()
-    """Who is told the rows of the log besides; TensorBoard's files are in the run's directory, under `puma/`."""
+    """Who is told the rows of the log besides; TensorBoard's files are in the run's directory,
+    under `puma/`."""
 
 
 class Execute(_Part):
@@ -277,14 +300,17 @@ class Execute(_Part):
     actions: Annotated[int, Field(ge=1)] = 16
     """Actions of each chunk that are executed before the next one is asked for."""
     still: Annotated[int, Field(ge=1)] | None = None
-    """As `actions`, while the target's track is slower than 3 cm/s: the later actions of a chunk lead down to a touch, where a new
-    chunk would hover above it. Needs `model.track` with its memory."""
+    """As `actions`, while the target's track is slower than 3 cm/s: the later actions of a chunk
+    lead down to a touch, where a new chunk would hover above it. Needs `model.track` with its
+    memory."""
     ensemble: Annotated[float, Field(ge=0)] | None = None
-    """Average all chunks that cover a moment, weights exp(-m i) with i = 0 for the oldest; needs `actions` below the chunk."""
+    """Average all chunks that cover a moment, weights exp(-m i) with i = 0 for the oldest; needs
+    `actions` below the chunk."""
     blend: Annotated[int, Field(ge=0)] = 0
     """Actions over which a new chunk takes over from what was left of the one before."""
     batch: Annotated[int, Field(ge=1, le=256)] = 1
-    """Rows of every pass of the network where the policy answers several episodes at once; above 1 the last bits depend on it."""
+    """Rows of every pass of the network where the policy answers several episodes at once; above 1
+    the last bits depend on it."""
 
 
 class Config(_Part):
@@ -300,15 +326,26 @@ class Config(_Part):
     def _fits(self) -> "Config":
         for name, count in (("actions", self.execute.actions), ("still", self.execute.still or 1)):
             if count > self.model.chunk:
-                raise ValueError(f"execute.{name} {count} is more than model.chunk {self.model.chunk}")
+                raise ValueError(
+                    f"execute.{name} {count} is more than model.chunk {self.model.chunk}"
+                )
         if self.execute.still is not None and not (self.model.track and self.model.track.memory):
-            raise ValueError("execute.still needs the target's velocity: set it to null, or give model.track its memory")
+            raise ValueError(
+                "execute.still needs the target's velocity: set it to null, or give model.track its"
+                " memory"
+            )
         if self.execute.ensemble is not None and self.execute.blend:
             raise ValueError("execute.ensemble and execute.blend exclude each other")
         if self.train.batch % self.train.accumulate:
-            raise ValueError(f"train.batch {self.train.batch} is no multiple of train.accumulate {self.train.accumulate}")
+            raise ValueError(
+                f"train.batch {self.train.batch} is no multiple of train.accumulate"
+                f" {self.train.accumulate}"
+            )
         if self.model.track and self.train.parallel != "ddp":
-            raise ValueError(f"train.parallel {self.train.parallel} trains no finder: set it to ddp, or leave out model.track")
+            raise ValueError(
+                f"train.parallel {self.train.parallel} trains no finder: set it to ddp, or leave"
+                " out model.track"
+            )
         return self
 
     def to_yaml(self) -> str:
@@ -323,5 +360,11 @@ def parse_config(values: Mapping[str, Any], where: str) -> Config:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))[:SHOWN]
-        said = "is unknown" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
-        raise TrainError(f"{where}: {key}{': ' if key and said != 'is unknown' else ' ' if key else ''}{said}") from error
+        said = (
+            "is unknown"
+            if first["type"] == "extra_forbidden"
+            else first["msg"].removeprefix("Value error, ")
+        )
+        raise TrainError(
+            f"{where}: {key}{': ' if key and said != 'is unknown' else ' ' if key else ''}{said}"
+        ) from error

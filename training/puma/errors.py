@@ -4,4 +4,5 @@ from pipeline.data.errors import DominoError
 
 
 class TrainError(DominoError):
-    """Bad input for training, evaluation or serving of PUMA. One line that names the thing and the fix."""
+    """Bad input for training, evaluation or serving of PUMA. One line that names the thing and the
+    fix."""

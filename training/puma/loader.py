@@ -65,7 +65,8 @@ class Loader:
             yield found
 
     def close(self) -> None:
-        """End the thread, and wait for it: a process that ends while a thread is inside torch aborts."""
+        """End the thread, and wait for it: a process that ends while a thread is inside torch
+        aborts."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
@@ -96,8 +97,12 @@ class Loader:
         if config.train.shift:
             shift_images(arrays, config.train.shift, seed)
         if config.train.disturb:
-            Disturbance(config.train.disturb, config, corpus.preprocessing).apply(arrays, generator(seed))
-        return Batch(inputs_of(arrays, texts, config, self._words), targets_of(arrays), self.sampler.state())
+            Disturbance(config.train.disturb, config, corpus.preprocessing).apply(
+                arrays, generator(seed)
+            )
+        return Batch(
+            inputs_of(arrays, texts, config, self._words), targets_of(arrays), self.sampler.state()
+        )
 
 
 def targets_of(arrays: Arrays) -> Targets:
@@ -106,13 +111,17 @@ def targets_of(arrays: Arrays) -> Targets:
     return Targets(**{name: torch.from_numpy(arrays[name]) for name in names})
 
 
-def validation_batches(part: Part, config: Config, corpus: Corpus, words: Words) -> Iterator[tuple[Inputs, Targets]]:
+def validation_batches(
+    part: Part, config: Config, corpus: Corpus, words: Words
+) -> Iterator[tuple[Inputs, Targets]]:
     """Evenly spaced frames of a part, the same every time, at most `train.validation_samples`."""
     count = min(len(part), config.train.validation_samples)
     places = np.linspace(0, len(part) - 1, count).round().astype(np.int64)
     for start in range(0, count, config.train.batch):
         some = places[start : start + config.train.batch]
-        arrays, texts = mixed_batch([part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing)
+        arrays, texts = mixed_batch(
+            [part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing
+        )
         yield inputs_of(arrays, texts, config, words), targets_of(arrays)
 
 
@@ -122,12 +131,15 @@ def generator(seed: Sequence[int]) -> np.random.Generator:
 
 
 def shift_images(arrays: Arrays, most: int, seed: Sequence[int]) -> None:
-    """Move the views of each sample by up to `most` px, edges repeated. Flow maps stay: motion does not change by it."""
+    """Move the views of each sample by up to `most` px, edges repeated. Flow maps stay: motion does
+    not change by it."""
     rng = generator(seed)
     names = [name for name in arrays if name.startswith("image_")]
     moves = rng.integers(-most, most + 1, (len(arrays[names[0]]), 2))
     for name in names:
-        arrays[name] = np.stack([_shift_image(image, *move) for image, move in zip(arrays[name], moves, strict=True)])
+        arrays[name] = np.stack(
+            [_shift_image(image, *move) for image, move in zip(arrays[name], moves, strict=True)]
+        )
 
 
 def _shift_image(image: NDArray[np.uint8], down: int, right: int) -> NDArray[np.uint8]:

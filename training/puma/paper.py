@@ -67,7 +67,9 @@ STUDIES = {
         ),
         "ablation",
     ),
-    "history-aware": Study("10-tasks", (Network("ContextVLA", "-contextvla"), PUMA), "history-aware"),
+    "history-aware": Study(
+        "10-tasks", (Network("ContextVLA", "-contextvla"), PUMA), "history-aware"
+    ),
     "history-length": Study("35-tasks", (Network("h1", "-h1"), Network("h4")), "history-length"),
     "horizon": Study(
         "35-tasks",
@@ -94,7 +96,8 @@ STUDIES = {
 
 @dataclass(frozen=True)
 class Size:
-    """How large an experiment is run. `options` are those of `build`, `settings` those of `train`."""
+    """How large an experiment is run. `options` are those of `build`, `settings` those of
+    `train`."""
 
     base: str = "puma-4b"
     options: tuple[str, ...] = ()
@@ -133,7 +136,9 @@ def study(name: str) -> Study:
     return STUDIES[name]
 
 
-def commands(name: str, out: Path, size: Size = FULL, settings: Sequence[str] = ()) -> Iterator[Command]:
+def commands(
+    name: str, out: Path, size: Size = FULL, settings: Sequence[str] = ()
+) -> Iterator[Command]:
     """The commands of an experiment, in order, each to be run before the next one is taken.
 
     Raises TrainError for an experiment that does not exist."""
@@ -152,9 +157,13 @@ def commands(name: str, out: Path, size: Size = FULL, settings: Sequence[str] = 
         if network.start:
             keys.append(f"train.start={out / network.start}")
         words = [word for key in (*keys, *settings) for word in ("--set", key)]
-        yield Command("puma", ("train", "--config", size.base + network.config, "--out", run, *words))
+        yield Command(
+            "puma", ("train", "--config", size.base + network.config, "--out", run, *words)
+        )
         policy = str(checkpoint.newest(out / network.label) / "policy.py")
         # a policy that is told the future must be in the process of the simulation
         where = ("--in-process",) if network.config == "-oracle" else ()
         table = ("paper-table", found.table, "--policy", policy, *where)
-        yield Command("domino-data", (*table, "--out", str(out / f"table-{network.label}"), *size.table))
+        yield Command(
+            "domino-data", (*table, "--out", str(out / f"table-{network.label}"), *size.table)
+        )

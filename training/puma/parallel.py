@@ -1,8 +1,9 @@
-"""The network and its optimiser over one or several processes: copies (DDP), or weights, gradients and states of AdamW in shares
-(FSDP 2). What FSDP needs takes 3 s to import: it is imported only for shares.
+"""The network and its optimiser over one or several processes: copies (DDP), or weights, gradients
+and states of AdamW in shares (FSDP 2). What FSDP needs takes 3 s to import: it is imported only for
+shares.
 
-How much memory each way takes is in memory.py. For shares only the first process ever holds all weights; the others, and the
-network that is trained, begin on the meta device.
+How much memory each way takes is in memory.py. For shares only the first process ever holds all
+weights; the others, and the network that is trained, begin on the meta device.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import torch
-from accelerate import Accelerator, DistributedDataParallelKwargs, DistributedType, init_empty_weights
+from accelerate import (
+    Accelerator,
+    DistributedDataParallelKwargs,
+    DistributedType,
+    init_empty_weights,
+)
 from torch import Tensor, distributed, nn
 
 from training.puma import trackers
@@ -26,13 +32,15 @@ LONGEST_WAIT = timedelta(days=7)
 """How long processes wait for what one of them does alone, such as decoding a dataset."""
 
 LAYERS = "language_model.layers."
-"""Where the layers stand that are gathered one by one; what else there is, is gathered once a step."""
+"""Where the layers stand that are gathered one by one; what else there is, is gathered once a
+step."""
 
 
 def start_accelerator(settings: Train, out: Path) -> Accelerator:
     """The processes of this run, and its trackers, which write below `out` where they write files.
 
-    Raises TrainError if accelerate is configured for what is not done here, and for a tracker that is not installed.
+    Raises TrainError if accelerate is configured for what is not done here, and for a tracker that
+    is not installed.
     """
     trackers.check(settings.trackers)
     told: list[Any] = [*settings.trackers]
@@ -46,17 +54,22 @@ def start_accelerator(settings: Train, out: Path) -> Accelerator:
         project_dir=str(out),
         kwargs_handlers=[copies],
     )
-    if accelerator.distributed_type not in (DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU):
+    if accelerator.distributed_type not in (
+        DistributedType.NO,
+        DistributedType.MULTI_CPU,
+        DistributedType.MULTI_GPU,
+    ):
         found = accelerator.distributed_type.value
         raise TrainError(
-            f"accelerate is configured for {found}: configure one or several processes, and set train.parallel to shard"
+            f"accelerate is configured for {found}: configure one or several processes, and set"
+            " train.parallel to shard"
         )
     return accelerator
 
 
 def one_first[T](work: Callable[[], T], accelerator: Accelerator) -> T:
-    """What `work` returns in every process. The first process does it, then the first of every other machine, then the rest: what
-    it makes on a disk, those that come later find.
+    """What `work` returns in every process. The first process does it, then the first of every
+    other machine, then the rest: what it makes on a disk, those that come later find.
 
     Raises the TrainError of any process in all of them.
     """
@@ -85,7 +98,8 @@ def is_shared(accelerator: Accelerator, settings: Train) -> bool:
 
 
 def shell_of(config: Config, sizes: Sizes) -> Puma:
-    """The network without its weights: they are on the meta device; what is computed and not trained (positions) is there."""
+    """The network without its weights: they are on the meta device; what is computed and not
+    trained (positions) is there."""
     with torch.random.fork_rng(devices=[]), init_empty_weights(include_buffers=False):
         network = build_model(config, sizes, trained=True)
     for weight in network.parameters():
@@ -95,17 +109,22 @@ def shell_of(config: Config, sizes: Sizes) -> Puma:
 
 
 def share_weights(network: Puma, shell: Puma, accelerator: Accelerator, settings: Train) -> Puma:
-    """The network whose weights each process holds a share of: `shell`, with the weights that `network` has in the first process.
+    """The network whose weights each process holds a share of: `shell`, with the weights that
+    `network` has in the first process.
 
-    `zero2` keeps what was gathered in the forward pass until the backward pass is done; `fsdp` gathers every layer twice.
-    Raises TrainError for a network whose backbone is frozen: it has little to share, and adapters train as copies.
+    `zero2` keeps what was gathered in the forward pass until the backward pass is done; `fsdp`
+    gathers every layer twice. Raises TrainError for a network whose backbone is frozen: it has
+    little to share, and adapters train as copies.
     """
     from torch.distributed.checkpoint.state_dict import StateDictOptions, set_model_state_dict
     from torch.distributed.device_mesh import init_device_mesh
     from torch.distributed.fsdp import fully_shard
 
     if not all(weight.requires_grad for weight in shell.parameters()):
-        raise TrainError(f"train.parallel {settings.parallel} is for networks that are trained as a whole: set it to ddp")
+        raise TrainError(
+            f"train.parallel {settings.parallel} is for networks that are trained as a whole: set"
+            " it to ddp"
+        )
     weights = network.state_dict() if accelerator.is_main_process else {}
     mesh = init_device_mesh(accelerator.device.type, (accelerator.num_processes,))
     again = settings.parallel == "fsdp"
@@ -117,7 +136,9 @@ def share_weights(network: Puma, shell: Puma, accelerator: Accelerator, settings
     shell.to_empty(device=accelerator.device)
     for name, buffer in shell.named_buffers():
         buffer.copy_(computed[name])
-    set_model_state_dict(shell, weights, options=StateDictOptions(full_state_dict=True, broadcast_from_rank0=True))
+    set_model_state_dict(
+        shell, weights, options=StateDictOptions(full_state_dict=True, broadcast_from_rank0=True)
+    )
     return shell
 
 
@@ -131,14 +152,16 @@ def prepare(
 
 
 def part() -> None:
-    """End the group of processes, once all have come here: one that ends while others still talk to it makes them abort."""
+    """End the group of processes, once all have come here: one that ends while others still talk to
+    it makes them abort."""
     if distributed.is_available() and distributed.is_initialized():
         distributed.barrier()
         distributed.destroy_process_group()
 
 
 def in_shares(network: nn.Module) -> None:
-    """Give up what a forward pass gathered that no backward pass followed: weights are in shares again."""
+    """Give up what a forward pass gathered that no backward pass followed: weights are in shares
+    again."""
     for module in network.modules():
         reshard = getattr(module, "reshard", None)
         if reshard is not None:
@@ -151,7 +174,8 @@ def is_share(tensor: Tensor) -> TypeGuard["DTensor"]:
 
 
 def whole(tensor: Tensor) -> Tensor:
-    """A tensor gathered from its shares; every process must ask for the same ones in the same order."""
+    """A tensor gathered from its shares; every process must ask for the same ones in the same
+    order."""
     return tensor.full_tensor() if is_share(tensor) else tensor
 
 

@@ -1,4 +1,5 @@
-"""A trained policy that acts: history by simulated time, one network pass a chunk, and how chunks follow each other."""
+"""A trained policy that acts: history by simulated time, one network pass a chunk, and how chunks
+follow each other."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -47,8 +48,8 @@ class Chunk:
 class Memory:
     """What a policy remembers of one episode.
 
-    Glances, the target's track, which arms act, chunks that still matter, when the next one is `due` (s), and the number of network
-    passes.
+    Glances, the target's track, which arms act, chunks that still matter, when the next one is
+    `due` (s), and the number of network passes.
     """
 
     past: Recent
@@ -62,29 +63,45 @@ class Memory:
 class PumaPolicy(BatchPolicy):
     """A policy as `domino-data evaluate` and its servers take it.
 
-    Between two chunks it answers with as many actions as lie between two images that its history needs. Every pass of the network
-    has `execute.batch` rows, filled up with copies. With one row, answers together are the bits of answers alone; with more, the
-    place of a row may change the last bits (1e-6 measured on a processor).
+    Between two chunks it answers with as many actions as lie between two images that its history
+    needs. Every pass of the network has `execute.batch` rows, filled up with copies. With one row,
+    answers together are the bits of answers alone; with more, the place of a row may change the
+    last bits (1e-6 measured on a processor).
     """
 
     _episode: Memory
 
-    def __init__(self, network: Puma, preprocessing: Preprocessing, execute: Execute | None = None, device: str = "auto") -> None:
+    def __init__(
+        self,
+        network: Puma,
+        preprocessing: Preprocessing,
+        execute: Execute | None = None,
+        device: str = "auto",
+    ) -> None:
         self.config: Config = network.config
         self.preprocessing, self.execute = preprocessing, execute or network.config.execute
-        self._device = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+        self._device = (
+            ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+        )
         self._network, self._forward = network.to(self._device).eval(), network
         looks = preprocessing.history != "none"
-        self.period = math.gcd(preprocessing.stride, self.execute.actions) if looks else self.execute.actions
+        self.period = (
+            math.gcd(preprocessing.stride, self.execute.actions) if looks else self.execute.actions
+        )
         self.period = 1 if preprocessing.sight else self.period
         self.setup = Setup.parse(preprocessing.setup) if preprocessing.setup else None
-        self.contract = Contract(preprocessing.names, preprocessing.source_sizes, preprocessing.fps, self.period)
+        self.contract = Contract(
+            preprocessing.names, preprocessing.source_sizes, preprocessing.fps, self.period
+        )
         self._reach = preprocessing.history_length * preprocessing.stride / preprocessing.fps
         self._episode = Memory(Recent(self._reach))
 
     @classmethod
-    def load(cls, folder: Path, device: str = "auto", compiled: bool = False, batch: int | None = None) -> "PumaPolicy":
-        """The policy of a checkpoint, or of the newest one of a run; `batch` replaces `execute.batch`. Raises TrainError."""
+    def load(
+        cls, folder: Path, device: str = "auto", compiled: bool = False, batch: int | None = None
+    ) -> "PumaPolicy":
+        """The policy of a checkpoint, or of the newest one of a run; `batch` replaces
+        `execute.batch`. Raises TrainError."""
         held = checkpoint.load(folder)
         kind = OraclePolicy if held.config.model.oracle else cls
         execute = None if batch is None else held.config.execute.model_copy(update={"batch": batch})
@@ -94,7 +111,8 @@ class PumaPolicy(BatchPolicy):
         return policy
 
     def compile(self) -> None:
-        """Compile the network for its static shapes; on a GPU as one CUDA graph. The first answers are slow."""
+        """Compile the network for its static shapes; on a GPU as one CUDA graph. The first answers
+        are slow."""
         mode = "reduce-overhead" if self._device != "cpu" else "default"
         self._forward = torch.compile(self._network, mode=mode, dynamic=False)
 
@@ -102,7 +120,8 @@ class PumaPolicy(BatchPolicy):
         """Begin an episode. Raises PolicyError for another robot."""
         if start.embodiment not in self.preprocessing.embodiments:
             raise PolicyError(
-                f"robot: the policy has {', '.join(self.preprocessing.embodiments)}, the evaluation {start.embodiment}"
+                f"robot: the policy has {', '.join(self.preprocessing.embodiments)}, the evaluation"
+                f" {start.embodiment}"
             )
         sight, track = self.preprocessing.sight, self.config.model.track
         return Memory(Recent(self._reach), Track(sight, track.memory) if sight and track else None)
@@ -112,12 +131,20 @@ class PumaPolicy(BatchPolicy):
         step = 1 / self.preprocessing.fps
         if self.preprocessing.history != "none":
             for memory, seen in asked:
-                memory.past.add(seen.time, self.preprocessing.glance(seen.images[self.preprocessing.cameras[0]]))
+                memory.past.add(
+                    seen.time, self.preprocessing.glance(seen.images[self.preprocessing.cameras[0]])
+                )
         for memory, seen in asked:
             if memory.track is not None and self._network.finder is not None:
-                [points], [errors] = self._network.finder.find(seen.images[self.preprocessing.cameras[0]][None])
+                [points], [errors] = self._network.finder.find(
+                    seen.images[self.preprocessing.cameras[0]][None]
+                )
                 memory.track.see(seen.time, points, errors)
-        due = [(memory, seen) for memory, seen in asked if not memory.chunks or seen.time >= memory.due - CLOCK_TOLERANCE]
+        due = [
+            (memory, seen)
+            for memory, seen in asked
+            if not memory.chunks or seen.time >= memory.due - CLOCK_TOLERANCE
+        ]
         for (memory, seen), actions in zip(due, self.plan_together(due), strict=True):
             memory.chunks.append(Chunk(seen.time, actions))
             memory.inferences += 1
@@ -125,14 +152,21 @@ class PumaPolicy(BatchPolicy):
             if memory.track is not None and memory.track.speed < STILL:
                 executed = self.execute.still or executed
             memory.due = seen.time + executed * step
-            memory.chunks = [chunk for chunk in memory.chunks if chunk.time + len(actions) * step > seen.time]
-        return [np.stack([self._action(memory, seen.time + i * step) for i in range(self.period)]) for memory, seen in asked]
+            memory.chunks = [
+                chunk for chunk in memory.chunks if chunk.time + len(actions) * step > seen.time
+            ]
+        return [
+            np.stack([self._action(memory, seen.time + i * step) for i in range(self.period)])
+            for memory, seen in asked
+        ]
 
     def arrays(self, memory: Memory, observation: Observation) -> dict[str, NDArray[Any]]:
         """The arrays of one sample, as `training.puma.data.batch_of` makes them from the cache."""
         prep, model = self.preprocessing, self.config.model
         cameras = prep.cameras if model.looks else ()
-        out: dict[str, NDArray[Any]] = {f"image_{c}": prep.image(observation.images[c])[None] for c in cameras}
+        out: dict[str, NDArray[Any]] = {
+            f"image_{c}": prep.image(observation.images[c])[None] for c in cameras
+        }
         out["state"] = prep.state.forward(np.asarray(observation.joints, np.float32))[None]
         out["clock"] = np.array([observation.time], np.float32)
         if model.history != "none":
@@ -163,14 +197,19 @@ class PumaPolicy(BatchPolicy):
 
     def plan_together(self, asked: Sequence[tuple[Memory, Observation]]) -> list[Floats]:
         """A chunk (K,A) of joint targets in rad for each episode."""
-        inputs, out = [self._inputs(memory, seen) for memory, seen in asked], dict[int, NDArray[np.float32]]()
+        inputs, out = (
+            [self._inputs(memory, seen) for memory, seen in asked],
+            dict[int, NDArray[np.float32]](),
+        )
         # sentences of one length together: padding, too, changes how a row is rounded
         for length in sorted({rows.text.shape[1] for rows in inputs}):
             alike = [i for i, rows in enumerate(inputs) if rows.text.shape[1] == length]
             for some in batched(alike, self.execute.batch):
                 filled = [*some, *[some[0]] * (self.execute.batch - len(some))]
                 with torch.inference_mode():
-                    found = self._forward(stacked([inputs[i] for i in filled]).to(self._device)).actions
+                    found = self._forward(
+                        stacked([inputs[i] for i in filled]).to(self._device)
+                    ).actions
                 out |= dict(zip(some, found.float().cpu().numpy(), strict=False))
         return [self._targets(out[i], seen) for i, (_, seen) in enumerate(asked)]
 
@@ -182,14 +221,21 @@ class PumaPolicy(BatchPolicy):
         return best if before is None or likely[best] > SURE else before
 
     def _inputs(self, memory: Memory, observation: Observation) -> Inputs:
-        return inputs_of(self.arrays(memory, observation), [observation.instruction], self.config, self._network.words)
+        return inputs_of(
+            self.arrays(memory, observation),
+            [observation.instruction],
+            self.config,
+            self._network.words,
+        )
 
     def _targets(self, normalised: NDArray[np.float32], observation: Observation) -> Floats:
         """Joint targets (K,A) in rad of what the network answered to an observation."""
         actions = self.preprocessing.action.backward(normalised)
         if self.config.model.offsets:
             actions = actions + references(observation.joints, self.preprocessing.names)
-        grippers = [i for i, name in enumerate(self.preprocessing.names) if name.endswith("gripper")]
+        grippers = [
+            i for i, name in enumerate(self.preprocessing.names) if name.endswith("gripper")
+        ]
         actions[:, grippers] = actions[:, grippers].clip(0, 1)
         return actions
 

@@ -1,4 +1,5 @@
-"""Configurations in YAML files: those that come with the package, files on top of others, and settings on top of both."""
+"""Configurations in YAML files: those that come with the package, files on top of others, and
+settings on top of both."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,9 +14,11 @@ CONFIGS = Path(__file__).parent / "configs"
 
 
 def read_config(name: str, settings: Sequence[str] = ()) -> Config:
-    """A configuration by the name of one that comes with the package, or by a file, changed by settings such as `train.steps=10`.
+    """A configuration by the name of one that comes with the package, or by a file, changed by
+    settings such as `train.steps=10`.
 
-    A file may name another one under `extends`; its own keys come on top. Raises TrainError, one line.
+    A file may name another one under `extends`; its own keys come on top. Raises TrainError, one
+    line.
     """
     values = _merge(_path(name))
     for setting in settings:
@@ -25,7 +28,9 @@ def read_config(name: str, settings: Sequence[str] = ()) -> Config:
         try:
             _put(values, key.split("."), parse_yaml(text))
         except ParseError as error:
-            raise TrainError(f"--set {show_value(setting)}: {' '.join(str(error).split())}") from error
+            raise TrainError(
+                f"--set {show_value(setting)}: {' '.join(str(error).split())}"
+            ) from error
     return parse_config(values, name)
 
 
@@ -39,7 +44,9 @@ def _path(name: str) -> Path:
     if path.suffix in (".yaml", ".yml", ".json"):
         return path
     if name not in names():
-        raise TrainError(f"--config {name!r} is unknown: give a YAML file or one of {', '.join(names())}")
+        raise TrainError(
+            f"--config {name!r} is unknown: give a YAML file or one of {', '.join(names())}"
+        )
     return CONFIGS / f"{name}.yaml"
 
 
@@ -57,7 +64,9 @@ def _merge(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     if base is None:
         return values
     if not isinstance(base, str):
-        raise TrainError(f"{path}: extends is not the name of a file beside it (got {show_value(base)})")
+        raise TrainError(
+            f"{path}: extends is not the name of a file beside it (got {show_value(base)})"
+        )
     return _over(_merge(path.parent / f"{base}.yaml", (*above, path)), values)
 
 

@@ -1,4 +1,5 @@
-"""The frames of each step: a function of the seed and of the steps before, so that a run resumes exactly where it stopped."""
+"""The frames of each step: a function of the seed and of the steps before, so that a run resumes
+exactly where it stopped."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,11 +11,13 @@ from numpy.typing import NDArray
 class Sampler:
     """Batches of (source, frame) from a mixture.
 
-    Every source is gone through in a new random order each time, without repeats; which source a sample comes from is drawn by
-    weight. `sizes` are the numbers of frames to choose from.
+    Every source is gone through in a new random order each time, without repeats; which source a
+    sample comes from is drawn by weight. `sizes` are the numbers of frames to choose from.
     """
 
-    def __init__(self, sizes: Sequence[int], weights: Sequence[float], batch: int, seed: int) -> None:
+    def __init__(
+        self, sizes: Sequence[int], weights: Sequence[float], batch: int, seed: int
+    ) -> None:
         self._sizes, self._batch, self._seed = tuple(sizes), batch, seed
         self._shares = np.asarray(weights, float) / sum(weights)
         self._step, self._drawn = 0, [0] * len(sizes)
@@ -39,7 +42,9 @@ class Sampler:
         return held[1]
 
     def _rng(self, stream: int, number: int) -> np.random.Generator:
-        return np.random.Generator(np.random.Philox(np.random.SeedSequence([self._seed, stream, number])))
+        return np.random.Generator(
+            np.random.Philox(np.random.SeedSequence([self._seed, stream, number]))
+        )
 
     def state(self) -> dict[str, Any]:
         """Where it stands, as JSON values."""

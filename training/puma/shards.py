@@ -1,4 +1,5 @@
-"""Episodes of a dataset's Parquet export with their annotations; the command that makes a missing or stale one."""
+"""Episodes of a dataset's Parquet export with their annotations; the command that makes a missing
+or stale one."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,10 +28,12 @@ EXPORT = "parquet"
 
 @dataclass(frozen=True)
 class Row:
-    """One episode of the export: its number there, where it came from, and what it says about itself.
+    """One episode of the export: its number there, where it came from, and what it says about
+    itself.
 
-    `length` counts the frames that are read (`data.after_success`). From frame `taught` on the expert acts: 0 until the episode has
-    been read. Before it, in a corrected episode, a policy acts.
+    `length` counts the frames that are read (`data.after_success`). From frame `taught` on the
+    expert acts: 0 until the episode has been read. Before it, in a corrected episode, a policy
+    acts.
     """
 
     index: int
@@ -52,8 +55,8 @@ class Row:
 class Shard:
     """The arrays of one episode of T frames and A joints.
 
-    They include world poses (T,7) of the target and of the first camera, whether the robot has touched the target by then (T,),
-    JPEG bytes by camera, and annotations by stage.
+    They include world poses (T,7) of the target and of the first camera, whether the robot has
+    touched the target by then (T,), JPEG bytes by camera, and annotations by stage.
     """
 
     row: Row
@@ -68,12 +71,15 @@ class Shard:
 
 
 class Shards:
-    """The Parquet export of one dataset, and the annotations that a configuration needs. Raises TrainError, one line."""
+    """The Parquet export of one dataset, and the annotations that a configuration needs. Raises
+    TrainError, one line."""
 
     def __init__(self, source: Source, config: Config) -> None:
         self.dataset, self.where, self.config = source.dataset, source.where, config
         if not source.dataset.is_dir():
-            raise TrainError(f"{source.dataset} does not exist: give --data the directory of a dataset")
+            raise TrainError(
+                f"{source.dataset} does not exist: give --data the directory of a dataset"
+            )
         self.root = Dataset(source.dataset).exports(EXPORT)
         try:
             table = pq.read_table(self.root / "episodes.parquet")
@@ -81,7 +87,10 @@ class Shards:
             self._groups = _groups(self.files, table["length"].to_pylist())
             told = json.loads(pq.read_schema(self.files[0]).metadata[b"domino"])
         except (OSError, IndexError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
-            raise TrainError(f"{source.dataset} has no usable Parquet export ({_short(error)}); run: {self._export()}") from error
+            raise TrainError(
+                f"{source.dataset} has no usable Parquet export ({_short(error)}); run:"
+                f" {self._export()}"
+            ) from error
         self.corrected = "intervention" in pq.read_schema(self.files[0]).names
         self.fps, self.names = int(told["fps"]), {k: tuple(v) for k, v in told["names"].items()}
         rows = table.to_pylist()
@@ -93,14 +102,20 @@ class Shards:
         return f"domino-data export {self.dataset} --format {EXPORT}"
 
     def _check_export(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Every accepted episode of the dataset must be in the export, made from the same physics."""
+        """Every accepted episode of the dataset must be in the export, made from the same
+        physics."""
         dataset = Dataset(self.dataset)
         found = dataset.records(dataset.recipe()) if dataset.manifest.exists() else ()
-        accepted = {f"episodes/{slot.path}.hdf5": record.keys.physics.digest for slot, record in found if record.accepted}
+        accepted = {
+            f"episodes/{slot.path}.hdf5": record.keys.physics.digest
+            for slot, record in found
+            if record.accepted
+        }
         exported = {row["source"]: row["physics_key"] for row in rows}
         if len(self._groups) != len(rows) or (accepted and exported != accepted):
             raise TrainError(
-                f"{self.root}: is stale: it has {len(exported)} episodes, the dataset {len(accepted)}; run: {self._export()}"
+                f"{self.root}: is stale: it has {len(exported)} episodes, the dataset"
+                f" {len(accepted)}; run: {self._export()}"
             )
 
     def _choose_rows(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
@@ -133,12 +148,20 @@ class Shards:
 
     def _columns(self, there: Sequence[str]) -> dict[str, str]:
         """Camera -> column of its images."""
-        columns = {camera: f"image_{EXPORTED_CAMERAS.get(camera, camera)}" for camera in self.config.data.cameras}
+        columns = {
+            camera: f"image_{EXPORTED_CAMERAS.get(camera, camera)}"
+            for camera in self.config.data.cameras
+        }
         for camera, column in columns.items():
             if column not in there:
                 stored = {exported: name for name, exported in EXPORTED_CAMERAS.items()}
-                names = [stored.get(name, name) for name in (c.removeprefix("image_") for c in there)]
-                raise TrainError(f"{self.root}: has no images of {camera}; data.cameras can be {', '.join(names)}")
+                names = [
+                    stored.get(name, name) for name in (c.removeprefix("image_") for c in there)
+                ]
+                raise TrainError(
+                    f"{self.root}: has no images of {camera}; data.cameras can be"
+                    f" {', '.join(names)}"
+                )
         return columns
 
     @cached_property
@@ -149,7 +172,12 @@ class Shards:
         wanted: dict[str, dict[str, Any]] = {}
         if model.history == "flow":
             size = [data.flow_size[1], data.flow_size[0]]
-            wanted["flow"] = {"camera": camera, "stride": model.stride, "source": data.flow_source, "size": size}
+            wanted["flow"] = {
+                "camera": camera,
+                "stride": model.stride,
+                "source": data.flow_source,
+                "size": size,
+            }
         if model.world == "features":
             wanted["features"] = {"camera": camera}
         if model.world == "boxes":
@@ -161,45 +189,68 @@ class Shards:
                 if "several" in str(error):
                     raise TrainError(f"{error} or delete all but one") from error
                 command = self._annotate(stage) + (" --mask-source sim" if stage == "masks" else "")
-                raise TrainError(f"{self.dataset} has no annotations {stage}; run: {command}") from error
+                raise TrainError(
+                    f"{self.dataset} has no annotations {stage}; run: {command}"
+                ) from error
         return found
 
     def _annotate(self, stage: str) -> str:
         """The command that makes a stage's annotations."""
         model, data = self.config.model, self.config.data
-        options = f"--stages {'masks,features' if stage == 'features' else stage} --cameras {data.cameras[0]}"
+        options = (
+            f"--stages {'masks,features' if stage == 'features' else stage} --cameras"
+            f" {data.cameras[0]}"
+        )
         if stage == "flow":
             size = f"{data.flow_size[1]}x{data.flow_size[0]}"
-            options += f" --flow-stride {model.stride} --flow-size {size} --flow-source {data.flow_source}"
+            options += (
+                f" --flow-stride {model.stride} --flow-size {size} --flow-source {data.flow_source}"
+            )
         return f"domino-data annotate {self.dataset} {options}"
 
     @cached_property
     def digest(self) -> str:
-        """Hash of what is read: the tables of the export, the sizes of its files, the checksums of the annotations."""
+        """Hash of what is read: the tables of the export, the sizes of its files, the checksums of
+        the annotations."""
         headers: dict[str, list[str]] = {}
         for stage, directory in self.directories.items():
-            headers[stage] = [self._header(stage, annotation_path(self.dataset, directory, row.path)) for row in self.rows]
+            headers[stage] = [
+                self._header(stage, annotation_path(self.dataset, directory, row.path))
+                for row in self.rows
+            ]
         files = [[f.name, f.stat().st_size] for f in self.files]
-        return digest({"rows": [[r.source, r.length, r.physics_id] for r in self.rows], "files": files, "annotations": headers})
+        return digest(
+            {
+                "rows": [[r.source, r.length, r.physics_id] for r in self.rows],
+                "files": files,
+                "annotations": headers,
+            }
+        )
 
     def _header(self, stage: str, path: Path) -> str:
         try:
             return entry_header(path)[1]
         except (FileNotFoundError, CorruptAnnotation) as error:
-            raise TrainError(f"{path}: is missing or damaged; run: {self._annotate(stage)}") from error
+            raise TrainError(
+                f"{path}: is missing or damaged; run: {self._annotate(stage)}"
+            ) from error
 
     def __iter__(self) -> Iterator[Shard]:
         for row in self.rows:
             yield self.read(row)
 
     def read(self, row: Row) -> Shard:
-        """One episode with its annotations. Raises TrainError if they were made from other images."""
+        """One episode with its annotations. Raises TrainError if they were made from other
+        images."""
         camera = next(iter(self.columns.values())).replace("image_", "camera_pose_", 1)
         vectors = {"state": "state", "action": "action", "target": "target_pose", "camera": camera}
         columns = ["timestamp", "contact_target", *vectors.values(), *self.columns.values()]
         columns += ["intervention"] if self.corrected else []
         table = pa.concat_tables([_group(*place, columns) for place in self._groups[row.index]])
-        images = {camera: [image["bytes"] for image in table[column].to_pylist()] for camera, column in self.columns.items()}
+        images = {
+            camera: [image["bytes"] for image in table[column].to_pylist()]
+            for camera, column in self.columns.items()
+        }
         frames = frames_digest(images[self.config.data.cameras[0]])
         annotations: dict[str, Mapping[str, NDArray[Any]]] = {}
         for stage, directory in self.directories.items():
@@ -207,17 +258,30 @@ class Shards:
             try:
                 entry = read_entry(path)
             except (FileNotFoundError, CorruptAnnotation) as error:
-                raise TrainError(f"{path}: is missing or damaged; run: {self._annotate(stage)}") from error
+                raise TrainError(
+                    f"{path}: is missing or damaged; run: {self._annotate(stage)}"
+                ) from error
             made_from = entry.attributes.get("inputs", {}).get("frames", frames)
             if made_from != frames or any(len(a) != table.num_rows for a in entry.arrays.values()):
-                raise TrainError(f"{path}: was made from other images; run: {self._annotate(stage)}")
+                raise TrainError(
+                    f"{path}: was made from other images; run: {self._annotate(stage)}"
+                )
             found = _of_target(entry.arrays, entry.attributes, row.target)
             annotations[stage] = {name: array[: row.length] for name, array in found.items()}
         images = {camera: held[: row.length] for camera, held in images.items()}
         table = table.slice(0, row.length)
-        values = {name: np.array(table[column].to_pylist(), np.float32) for name, column in vectors.items()}
-        others = np.flatnonzero(~np.array(table["intervention"].to_pylist(), bool)) if self.corrected else np.empty(0, np.int64)
-        touches = np.array(table["contact_target"].to_pylist(), bool).reshape(table.num_rows, -1).any(1)
+        values = {
+            name: np.array(table[column].to_pylist(), np.float32)
+            for name, column in vectors.items()
+        }
+        others = (
+            np.flatnonzero(~np.array(table["intervention"].to_pylist(), bool))
+            if self.corrected
+            else np.empty(0, np.int64)
+        )
+        touches = (
+            np.array(table["contact_target"].to_pylist(), bool).reshape(table.num_rows, -1).any(1)
+        )
         return Shard(
             row=replace(row, taught=int(others[-1]) + 1 if len(others) else 0),
             time=table["timestamp"].to_numpy().astype(np.float32),
@@ -229,11 +293,16 @@ class Shards:
 
 
 def _groups(files: Sequence[Path], lengths: Sequence[int]) -> list[list[tuple[Path, int]]]:
-    """File and number of the row groups of each episode: consecutive ones that have its `length` together.
+    """File and number of the row groups of each episode: consecutive ones that have its `length`
+    together.
 
     Fewer entries than episodes where the groups do not add up.
     """
-    groups = [(file, i, pq.read_metadata(file).row_group(i).num_rows) for file in files for i in range(_count(file))]
+    groups = [
+        (file, i, pq.read_metadata(file).row_group(i).num_rows)
+        for file in files
+        for i in range(_count(file))
+    ]
     found: list[list[tuple[Path, int]]] = []
     for length in lengths:
         mine, rows = list[tuple[Path, int]](), 0
@@ -256,12 +325,17 @@ def _group(file: Path, number: int, columns: Sequence[str]) -> pa.Table:
         return source.read_row_group(number, columns=list(columns))
 
 
-def _of_target(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], target: str) -> dict[str, NDArray[Any]]:
-    """Arrays (T, ...); those by object only of the target. Where no object is named like it, the first one."""
+def _of_target(
+    arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], target: str
+) -> dict[str, NDArray[Any]]:
+    """Arrays (T, ...); those by object only of the target. Where no object is named like it, the
+    first one."""
     objects = attributes.get("objects")
     if objects is None:
         return dict(arrays)
-    k = int(attributes.get("roles", {}).get("target", objects.index(target) if target in objects else 0))
+    k = int(
+        attributes.get("roles", {}).get("target", objects.index(target) if target in objects else 0)
+    )
     out = {key: value[:, k] for key, value in arrays.items() if key in ("box", "valid", "feature")}
     if "height" in attributes:
         out["size"] = np.repeat([[attributes["width"], attributes["height"]]], len(out["valid"]), 0)

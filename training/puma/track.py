@@ -1,7 +1,9 @@
-"""Where a target is and how fast, from where it was found in the images of one camera up to now. Pure NumPy.
+"""Where a target is and how fast, from where it was found in the images of one camera up to now.
+Pure NumPy.
 
-A point in an image becomes a point on the plane at the height that the target had in training; a Kalman filter of constant velocity
-weighs each sighting by the error that the finder expects of it, so a hidden target keeps its course.
+A point in an image becomes a point on the plane at the height that the target had in training; a
+Kalman filter of constant velocity weighs each sighting by the error that the finder expects of it,
+so a hidden target keeps its course.
 """
 
 from collections.abc import Mapping
@@ -15,11 +17,13 @@ from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics, project
 from pipeline.poses import Floats, quat_rotate
 
 AXES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""The points of a target that are found, in its frame, in units of the finder's reach: its origin, and one on each of two axes."""
+"""The points of a target that are found, in its frame, in units of the finder's reach: its origin,
+and one on each of two axes."""
 
 
 def track_numbers(points: int) -> int:
-    """Numbers of a track of so many points: x and y of the origin, of its velocity, and of the way to each further point."""
+    """Numbers of a track of so many points: x and y of the origin, of its velocity, and of the way
+    to each further point."""
     return 2 * points + 2
 
 
@@ -32,10 +36,12 @@ UNSTEADY = 0.25
 """Standard deviation (m/s2) of the acceleration that the filter expects of a target."""
 
 SLOW = 0.1
-"""Standard deviation (m/s) of the velocity that is expected before the target has been seen twice."""
+"""Standard deviation (m/s) of the velocity that is expected before the target has been seen
+twice."""
 
 TURNING = 0.05
-"""Standard deviation (m/s) at which the ways from the origin to the further points are expected to change."""
+"""Standard deviation (m/s) at which the ways from the origin to the further points are expected to
+change."""
 
 SURPRISE = 3.0
 """Standard deviations beyond which a sighting counts as less exact than the finder expects."""
@@ -45,8 +51,8 @@ SURPRISE = 3.0
 class Sight:
     """A fixed camera that sees targets on a table.
 
-    Size of its images (height, width), vertical field of view (degrees), world pose (x forward, y left, z up), height (m) of the
-    targets' origins, and distance (m) of the further points.
+    Size of its images (height, width), vertical field of view (degrees), world pose (x forward, y
+    left, z up), height (m) of the targets' origins, and distance (m) of the further points.
     """
 
     size: tuple[int, int]
@@ -60,7 +66,8 @@ class Sight:
         return CameraType(self.size[1], self.size[0], self.fovy)
 
     def pixels(self, poses: ArrayLike, further: ArrayLike | None = None) -> Floats:
-        """(N,K,2) columns and rows (px) of the points of targets at world poses (N,7), the `further` ones (N,J,3) m last.
+        """(N,K,2) columns and rows (px) of the points of targets at world poses (N,7), the
+        `further` ones (N,J,3) m last.
 
         These are in the frames of the targets."""
         poses = np.asarray(poses, float)
@@ -75,9 +82,14 @@ class Sight:
         pixels = np.asarray(pixels, float)
         world = extrinsics_cv(np.array(self.pose))
         ones = np.ones((*pixels.shape[:-1], 1))
-        rays = np.concatenate([pixels, ones], -1) @ np.linalg.inv(intrinsics(self.camera)).T @ world[:, :3]
+        rays = (
+            np.concatenate([pixels, ones], -1)
+            @ np.linalg.inv(intrinsics(self.camera)).T
+            @ world[:, :3]
+        )
         eye = -world[:, :3].T @ world[:, 3]
-        # a ray that does not go down never meets the plane: what is found above the horizon is taken for far away
+        # a ray that does not go down never meets the plane: what is found above the horizon is
+        # taken for far away
         down = np.minimum(rays[..., 2:], -1e-2)
         return eye[:2] + rays[..., :2] * (self.height - eye[2]) / down
 
@@ -105,9 +117,11 @@ class Track:
         self._ways, self._spread = np.zeros((0, 2)), np.zeros((0, 1))
 
     def see(self, time: float, pixels: ArrayLike, errors: ArrayLike) -> None:
-        """Take in points found at `pixels` (K,2) at `time` (s), with the errors (K,) px that are expected of them.
+        """Take in points found at `pixels` (K,2) at `time` (s), with the errors (K,) px that are
+        expected of them.
 
-        A time that was seen already changes nothing: a question that failed in company is asked again alone.
+        A time that was seen already changes nothing: a question that failed in company is asked
+        again alone.
         """
         if time <= self._time:
             return
@@ -120,7 +134,10 @@ class Track:
         else:
             dt = time - self._time
             ahead, noise = np.array([[1.0, dt], [0.0, 1.0]]), UNSTEADY * np.array([dt**2 / 2, dt])
-            self._motion, self._cov = ahead @ self._motion, ahead @ self._cov @ ahead.T + np.outer(noise, noise)
+            self._motion, self._cov = (
+                ahead @ self._motion,
+                ahead @ self._cov @ ahead.T + np.outer(noise, noise),
+            )
             missed = found[0] - self._motion[0]
             expected = self._cov[0, 0] + variance[0]
             # a sighting far from where it was expected is trusted less
@@ -130,7 +147,10 @@ class Track:
             self._cov = self._cov - np.outer(gain, self._cov[0])
             self._spread = self._spread + (TURNING * dt) ** 2
             share = self._spread / (self._spread + variance[1:, None])
-            self._ways, self._spread = self._ways + share * (ways - self._ways), (1 - share) * self._spread
+            self._ways, self._spread = (
+                self._ways + share * (ways - self._ways),
+                (1 - share) * self._spread,
+            )
         self._time = time
 
     @property
@@ -145,7 +165,8 @@ class Track:
 
 
 def aims(track: NDArray[Any], tools: NDArray[Any]) -> NDArray[np.float32]:
-    """Features (B,F) of tracks (B,2K+2) and the positions (B,2,3) of both tools, as a network's input.
+    """Features (B,F) of tracks (B,2K+2) and the positions (B,2,3) of both tools, as a network's
+    input.
 
     The track, the tools, and the displacement on the table from each tool to the target."""
     ways = track[:, None, :2] - tools[:, :, :2]

@@ -1,4 +1,5 @@
-"""Finds targets in all frames of a corpus: trains the finder, follows every episode with it, and places the tools beside."""
+"""Finds targets in all frames of a corpus: trains the finder, follows every episode with it, and
+places the tools beside."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -37,45 +38,68 @@ FRAMES = 128
 
 
 def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = True) -> Corpus:
-    """The corpus with the arrays `track` (N,2K+2), `tools` (N,2,3) m and `choice` (N,), which of CHOICES acts, for every frame.
+    """The corpus with the arrays `track` (N,2K+2), `tools` (N,2,3) m and `choice` (N,), which of
+    CHOICES acts, for every frame.
 
-    Trains the finder of the network, and fits the scale of what is found, unless they are `trained` already. The same for the same
-    corpus, configuration, torch and processor. Raises TrainError if no image shows the target before it is touched.
+    Trains the finder of the network, and fits the scale of what is found, unless they are `trained`
+    already. The same for the same corpus, configuration, torch and processor. Raises TrainError if
+    no image shows the target before it is touched.
     """
     finder, sight = network.finder, corpus.preprocessing.sight
     if finder is None or sight is None:
         return corpus
     if not trained:
         _train(finder, sight, corpus, quiet)
-    return with_tracks(corpus, network, partial(_find_tracks, finder, sight, corpus.config.data.cameras[0]), trained)
+    return with_tracks(
+        corpus,
+        network,
+        partial(_find_tracks, finder, sight, corpus.config.data.cameras[0]),
+        trained,
+    )
 
 
-def with_tracks(corpus: Corpus, network: Puma, tracks: Callable[[Cache], NDArray[np.float32]], trained: bool = False) -> Corpus:
-    """The corpus with the arrays of `follow`, of which `tracks` gives the first for the frames of a cache."""
+def with_tracks(
+    corpus: Corpus,
+    network: Puma,
+    tracks: Callable[[Cache], NDArray[np.float32]],
+    trained: bool = False,
+) -> Corpus:
+    """The corpus with the arrays of `follow`, of which `tracks` gives the first for the frames of a
+    cache."""
     parts = [*corpus.train, *corpus.validation]
     caches = {id(part.cache): part.cache for part in parts}
     followed = {key: _add_arrays(cache, tracks(cache)) for key, cache in caches.items()}
     train, validation = (
-        [replace(part, cache=followed[id(part.cache)]) for part in some] for some in (corpus.train, corpus.validation)
+        [replace(part, cache=followed[id(part.cache)]) for part in some]
+        for some in (corpus.train, corpus.validation)
     )
     corpus = replace(corpus, train=train, validation=validation)
     if not trained and network.aim_scale is not None:
-        arrays = [{name: part.cache.arrays[name][part.frame] for name in ("track", "tools")} for part in train]
-        network.aim_scale.fit(torch.from_numpy(np.concatenate([aims(a["track"], a["tools"]) for a in arrays])))
+        arrays = [
+            {name: part.cache.arrays[name][part.frame] for name in ("track", "tools")}
+            for part in train
+        ]
+        network.aim_scale.fit(
+            torch.from_numpy(np.concatenate([aims(a["track"], a["tools"]) for a in arrays]))
+        )
     return corpus
 
 
 def tools_of(embodiment: str, joints: NDArray[Any]) -> NDArray[np.float32]:
-    """World positions (N,2,3) m of the tools for joints (N,A); zeros for an arm that is not there."""
+    """World positions (N,2,3) m of the tools for joints (N,A); zeros for an arm that is not
+    there."""
     out, first = np.zeros((len(joints), len(SIDES), 3), np.float32), 0
     for side, chain in planner_for(embodiment).chains.items():
-        out[:, SIDES.index(side)] = fk_batch(chain, np.asarray(joints[:, first : first + chain.dof], float))[:, :3]
+        out[:, SIDES.index(side)] = fk_batch(
+            chain, np.asarray(joints[:, first : first + chain.dof], float)
+        )[:, :3]
         first += chain.dof + 1
     return out
 
 
 def touch_points(cache: Cache) -> NDArray[np.float64]:
-    """Positions (N,2,3) m of the tools in the target's frame at the first touch of its episode, at the end without one."""
+    """Positions (N,2,3) m of the tools in the target's frame at the first touch of its episode, at
+    the end without one."""
     arrays, out = cache.arrays, list[NDArray[np.float64]]()
     for start, length in zip(cache.start, cache.length, strict=True):
         free = arrays["free"][start : start + length]
@@ -88,10 +112,11 @@ def touch_points(cache: Cache) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Moves measured arm joints off their path by up to about `spread` rad, and the tools with them; shuffles the grippers.
+    """Moves measured arm joints off their path by up to about `spread` rad, and the tools with
+    them; shuffles the grippers.
 
-    A gripper that closes in the first frames tells which arm the expert has chosen. A network that may read this follows its own
-    first guess, made before the target's velocity is known.
+    A gripper that closes in the first frames tells which arm the expert has chosen. A network that
+    may read this follows its own first guess, made before the target's velocity is known.
     """
 
     spread: float
@@ -99,13 +124,18 @@ class Disturbance:
     preprocessing: Preprocessing
 
     def apply(self, arrays: Arrays, rng: np.random.Generator) -> None:
-        """Change samples of a target that has not been touched: `state`, `tools`, and `action` where it counts from the joints.
+        """Change samples of a target that has not been touched: `state`, `tools`, and `action`
+        where it counts from the joints.
 
         Each has a size drawn evenly and a normal direction.
         """
         prep, count = self.preprocessing, len(arrays["state"])
         arms = np.array([not name.endswith("gripper") for name in prep.names])
-        size = rng.uniform(0, self.spread, (count, 1)) * (rng.random((count, 1)) > CLEAN) * arrays["free"][:, None]
+        size = (
+            rng.uniform(0, self.spread, (count, 1))
+            * (rng.random((count, 1)) > CLEAN)
+            * arrays["free"][:, None]
+        )
         offsets = size * rng.normal(size=(count, len(arms))) * arms
         arrays["state"] = (arrays["state"] + offsets / prep.state.spread).astype(np.float32)
         free = np.flatnonzero(arrays["free"])
@@ -113,47 +143,70 @@ class Disturbance:
             arrays["state"][free, gripper] = arrays["state"][rng.permutation(free), gripper]
         arrays["tools"] = tools_of(prep.embodiments[0], prep.state.backward(arrays["state"]))
         if self.config.model.offsets:
-            arrays["action"] = (arrays["action"] - (offsets / prep.action.spread)[:, None]).astype(np.float32)
+            arrays["action"] = (arrays["action"] - (offsets / prep.action.spread)[:, None]).astype(
+                np.float32
+            )
 
 
 def _train(finder: FinderNet, sight: Sight, corpus: Corpus, quiet: bool) -> None:
-    """Train both locators on the true points of every frame that has the target's origin in the image."""
+    """Train both locators on the true points of every frame that has the target's origin in the
+    image."""
     settings, rng = finder.settings, np.random.default_rng(corpus.config.train.seed)
     camera, size = f"image_{corpus.config.data.cameras[0]}", np.array(sight.size[::-1])
     views, points = list[_View](), list[NDArray[np.float64]]()
     for part in corpus.train:
         further = touch_points(part.cache)[part.frame] if settings.touches else None
-        pixels, images = sight.pixels(part.cache.arrays["target"][part.frame], further), part.cache.arrays[camera]
+        pixels, images = (
+            sight.pixels(part.cache.arrays["target"][part.frame], further),
+            part.cache.arrays[camera],
+        )
         inside = np.flatnonzero(((pixels[:, 0] >= 0) & (pixels[:, 0] < size)).all(-1))
         points.append(pixels[inside])
         views += [_View(images, int(part.frame[i])) for i in inside]
     if not views:
-        raise TrainError(f"model.track: the target is in no image of {corpus.config.data.cameras[0]}; choose another camera")
-    wanted, small = np.concatenate(points), np.stack([finder.shrunk(view.image[None])[0] for view in views])
+        raise TrainError(
+            f"model.track: the target is in no image of {corpus.config.data.cameras[0]}; choose"
+            " another camera"
+        )
+    wanted, small = (
+        np.concatenate(points),
+        np.stack([finder.shrunk(view.image[None])[0] for view in views]),
+    )
     shrinking = size / settings.size[::-1]
     device = next(finder.parameters()).device
-    optimizer = torch.optim.AdamW(finder.requires_grad_(True).train().parameters(), settings.rate, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.rate, total_steps=settings.steps)
+    optimizer = torch.optim.AdamW(
+        finder.requires_grad_(True).train().parameters(), settings.rate, weight_decay=1e-4
+    )
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, settings.rate, total_steps=settings.steps
+    )
     for _ in tqdm(range(settings.steps), desc="finder", unit="step", disable=quiet):
         chosen = rng.integers(len(views), size=settings.batch)
         truth = wanted[chosen]
         middle = truth[:, 0] + rng.uniform(-settings.crop / 3, settings.crop / 3, (len(chosen), 2))
         astray = rng.random((len(chosen), 1)) < ASTRAY
-        corners = finder.corners(np.where(astray, rng.uniform(0, size, (len(chosen), 2)), middle), size)
-        crops = np.stack([finder.crop(views[i].image, corner) for i, corner in zip(chosen, corners, strict=True)])
+        corners = finder.corners(
+            np.where(astray, rng.uniform(0, size, (len(chosen), 2)), middle), size
+        )
+        crops = np.stack(
+            [finder.crop(views[i].image, corner) for i, corner in zip(chosen, corners, strict=True)]
+        )
         loss = torch.zeros((), device=device)
         for locator, images, points_in in (
             (finder.coarse, small[chosen], truth / shrinking),
             (finder.fine, crops, truth - corners[:, None]),
         ):
             found, errors = locator(torch.from_numpy(images).to(device))
-            loss = loss + finding_loss(found, errors, torch.from_numpy(points_in).float().to(device))
+            loss = loss + finding_loss(
+                found, errors, torch.from_numpy(points_in).float().to(device)
+            )
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(finder.parameters(), 1.0)
         optimizer.step()
         schedule.step()
-    # gradients left here would count in the norm to which the network's own are clipped, and be missing in a resumed run
+    # gradients left here would count in the norm to which the network's own are clipped, and be
+    # missing in a resumed run
     optimizer.zero_grad()
     finder.requires_grad_(False).eval()
 
@@ -171,7 +224,8 @@ class _View:
 
 
 def _find_tracks(finder: FinderNet, sight: Sight, camera: str, cache: Cache) -> NDArray[np.float32]:
-    """What the finder sees in all frames (N,2K+2) of a cache, each episode followed from its first frame."""
+    """What the finder sees in all frames (N,2K+2) of a cache, each episode followed from its first
+    frame."""
     images, out = cache.arrays[f"image_{camera}"], list[NDArray[np.float32]]()
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
@@ -187,15 +241,23 @@ def _add_arrays(cache: Cache, tracks: NDArray[np.float32]) -> Cache:
     """The cache with `track`, `tools` and `choice`."""
     arrays, choices = cache.arrays, list[NDArray[np.int64]]()
     for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
-        choices.append(np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length))
+        choices.append(
+            np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length)
+        )
     tools = tools_of(cache.rows[0].embodiment, arrays["state"])
-    return replace(cache, arrays={**arrays, "track": tracks, "tools": tools, "choice": np.concatenate(choices)})
+    return replace(
+        cache, arrays={**arrays, "track": tracks, "tools": tools, "choice": np.concatenate(choices)}
+    )
 
 
 def choice_of(names: Sequence[str], actions: NDArray[Any]) -> int:
     """Which of CHOICES moves in the actions (T,A) of an episode; both if none does."""
     if len(actions) == 0:
         return len(CHOICES) - 1
-    arms = [name for name, far in zip(names, np.ptp(actions, axis=0) > MOVED, strict=True) if far and not name.endswith("gripper")]
+    arms = [
+        name
+        for name, far in zip(names, np.ptp(actions, axis=0) > MOVED, strict=True)
+        if far and not name.endswith("gripper")
+    ]
     moved = [any(name.startswith(side) for name in arms) for side in SIDES]
     return moved.index(True) if sum(moved) == 1 else len(CHOICES) - 1

@@ -21,7 +21,16 @@ from training.puma.flops import peak_flops, step_flops
 from training.puma.loader import Batch, Loader, Share, validation_batches
 from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, Sizes, build_model
-from training.puma.parallel import in_shares, is_shared, one_first, prepare, share_weights, shell_of, start_accelerator, whole
+from training.puma.parallel import (
+    in_shares,
+    is_shared,
+    one_first,
+    prepare,
+    share_weights,
+    shell_of,
+    start_accelerator,
+    whole,
+)
 from training.puma.runs import LOG
 from training.puma.tracking import follow
 
@@ -53,8 +62,11 @@ Track = Callable[[Corpus, Puma, bool, bool], Corpus]
 """Adds what a network sees of targets to a corpus, as training.puma.tracking.follow does."""
 
 
-def train(config: Config, out: Path, steps: int | None = None, quiet: bool = False, track: Track = follow) -> Result:
-    """Train until `train.steps`, or until `steps` have been done in all, from the newest checkpoint in `out` if there is one.
+def train(
+    config: Config, out: Path, steps: int | None = None, quiet: bool = False, track: Track = follow
+) -> Result:
+    """Train until `train.steps`, or until `steps` have been done in all, from the newest checkpoint
+    in `out` if there is one.
 
     Raises TrainError for bad input, and for a directory that holds a run of another configuration.
     """
@@ -70,7 +82,8 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     corpus = one_first(lambda: open_corpus(config, tell), accelerator)
     if config.data.validation and not corpus.validation:
         tell(
-            f"no validation errors: no episode fell into the split (data.validation {config.data.validation}); build more episodes"
+            "no validation errors: no episode fell into the split (data.validation"
+            f" {config.data.validation}); build more episodes"
         )
     if config.train.start is not None:
         corpus = runs.as_before(corpus, checkpoint.load(config.train.start))
@@ -86,12 +99,18 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     else:
         network = shell_of(config, sizes)
     corpus = track(corpus, network, bool(held or config.train.start is not None), quiet or not main)
-    loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
+    loader = Loader(
+        corpus, network.words, Share(accelerator.process_index, accelerator.num_processes)
+    )
     if held:
         step = runs.resume(held[-1], loader, corpus)
     if shared:
-        network = share_weights(network, shell_of(config, sizes) if main else network, accelerator, config.train)
-    adamw = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
+        network = share_weights(
+            network, shell_of(config, sizes) if main else network, accelerator, config.train
+        )
+    adamw = torch.optim.AdamW(
+        groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon
+    )
     model, optimizer = prepare(network, adamw, accelerator, config.train)
     if held:
         checkpoint.load_optimizer(network, adamw, held[-1])
@@ -130,7 +149,9 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
 def sizes_of(corpus: Corpus) -> Sizes:
     """Sizes of the network that follow from the data."""
     arrays = corpus.train[0].cache.arrays
-    return Sizes(len(corpus.preprocessing.names), arrays["world"].shape[1] if "world" in arrays else 0)
+    return Sizes(
+        len(corpus.preprocessing.names), arrays["world"].shape[1] if "world" in arrays else 0
+    )
 
 
 def groups(network: Puma, settings: Train) -> list[dict[str, Any]]:
@@ -204,10 +225,15 @@ class _Run:
             timing.forward += middle - start
             timing.backward += time.perf_counter() - middle
         if self.accelerator.num_processes > 1:
-            values: Any = self.accelerator.reduce(torch.tensor(list(totals.values()), device=device), "mean")
+            values: Any = self.accelerator.reduce(
+                torch.tensor(list(totals.values()), device=device), "mean"
+            )
             totals = dict(zip(totals, values.tolist(), strict=True))
         if not math.isfinite(totals["loss"]):
-            fix = "lower train.head_rate and train.backbone_rate, or look for values in the data that are no numbers"
+            fix = (
+                "lower train.head_rate and train.backbone_rate, or look for values in the data that"
+                " are no numbers"
+            )
             raise TrainError(f"the loss is {totals['loss']} at step {step + 1}: {fix}")
         start = time.perf_counter()
         norm = self.accelerator.clip_grad_norm_(self.model.parameters(), settings.clip)
@@ -217,7 +243,12 @@ class _Run:
         timing.samples += settings.batch
         self._waited = time.perf_counter()
         rate = self.optimizer.param_groups[0]["lr"]
-        return {"step": step + 1, **totals, "rate": rate, "norm": float(0.0 if norm is None else whole(norm))}
+        return {
+            "step": step + 1,
+            **totals,
+            "rate": rate,
+            "norm": float(0.0 if norm is None else whole(norm)),
+        }
 
     def validate(self) -> dict[str, float]:
         """Open-loop error on the validation split."""
@@ -230,9 +261,15 @@ class _Run:
     def report(self, row: Mapping[str, Any], timing: Timing) -> dict[str, str]:
         """What the bar shows."""
         total = max(timing.data + timing.forward + timing.backward, 1e-9)
-        split = "/".join(f"{100 * t / total:.0f}" for t in (timing.data, timing.forward, timing.backward))
+        split = "/".join(
+            f"{100 * t / total:.0f}" for t in (timing.data, timing.forward, timing.backward)
+        )
         mfu = timing.rate() * self._flops / peak_flops(self.accelerator.device)
-        shown = {"loss": f"{row['loss']:.3f}", "samples/s": f"{timing.rate():.0f}", "data/fwd/bwd %": split}
+        shown = {
+            "loss": f"{row['loss']:.3f}",
+            "samples/s": f"{timing.rate():.0f}",
+            "data/fwd/bwd %": split,
+        }
         if "validation_error" in row:
             shown["error"] = f"{row['validation_error']:.4f}"
         return shown | {"MFU %": f"{100 * mfu:.0f}"}
@@ -241,12 +278,16 @@ class _Run:
         """Append to the log, and tell the trackers."""
         with (self.out / LOG).open("a") as file:
             file.write(json.dumps(row) + "\n")
-        self.accelerator.log({name: value for name, value in row.items() if name != "step"}, step=row["step"])
+        self.accelerator.log(
+            {name: value for name, value in row.items() if name != "step"}, step=row["step"]
+        )
 
     def save(self, step: int, batch: Batch) -> None:
         """Write a checkpoint."""
         self.accelerator.wait_for_everyone()
-        tensors = checkpoint.tensors_of(self.network, self.adamw, keep=self.accelerator.is_main_process)
+        tensors = checkpoint.tensors_of(
+            self.network, self.adamw, keep=self.accelerator.is_main_process
+        )
         if self.accelerator.is_main_process:
             text = card.model_card(self.config, self.corpus, step, self.out / LOG)
             standing = checkpoint.Standing(step, batch.sampler, text)
@@ -258,7 +299,8 @@ class _Run:
 
 
 def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict[str, float]:
-    """Losses on validation frames, and `error`: mean absolute error of the actions that exist, in rad (grippers 0-1)."""
+    """Losses on validation frames, and `error`: mean absolute error of the actions that exist, in
+    rad (grippers 0-1)."""
     was, totals, error, count, samples = network.training, dict[str, float](), 0.0, 0, 0
     network.eval()
     scale = torch.tensor(corpus.preprocessing.action.spread, dtype=torch.float32, device=device)
@@ -270,10 +312,16 @@ def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict
                 for name, value in network.losses(outputs, targets).items():
                     totals[name] = totals.get(name, 0.0) + float(value) * len(inputs)
                 wrong = ((outputs.actions - targets.action).abs() * scale)[targets.action_valid]
-                error, count, samples = error + float(wrong.sum()), count + wrong.numel(), samples + len(inputs)
+                error, count, samples = (
+                    error + float(wrong.sum()),
+                    count + wrong.numel(),
+                    samples + len(inputs),
+                )
     in_shares(network)
     network.train(was)
-    return {name: value / samples for name, value in totals.items()} | {"error": error / max(count, 1)}
+    return {name: value / samples for name, value in totals.items()} | {
+        "error": error / max(count, 1)
+    }
 
 
 def parts_of(batch: Batch, parts: int) -> list[Batch]:
@@ -282,8 +330,13 @@ def parts_of(batch: Batch, parts: int) -> list[Batch]:
         return [batch]
     size = len(batch.inputs) // parts
     cut = [slice(i * size, (i + 1) * size) for i in range(parts)]
-    return [Batch(_slice(batch.inputs, rows), _slice(batch.targets, rows), batch.sampler) for rows in cut]
+    return [
+        Batch(_slice(batch.inputs, rows), _slice(batch.targets, rows), batch.sampler)
+        for rows in cut
+    ]
 
 
 def _slice[T](values: T, rows: slice) -> T:
-    return type(values)(**{name: None if v is None else v[rows] for name, v in vars(values).items()})
+    return type(values)(
+        **{name: None if v is None else v[rows] for name, v in vars(values).items()}
+    )

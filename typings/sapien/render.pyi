@@ -61,7 +61,12 @@ class RenderShape: ...
 
 class RenderShapeTriangleMesh(RenderShape):
     def __init__(
-        self, vertices: ArrayLike, triangles: ArrayLike, normals: ArrayLike, uvs: ArrayLike, material: RenderMaterial
+        self,
+        vertices: ArrayLike,
+        triangles: ArrayLike,
+        normals: ArrayLike,
+        uvs: ArrayLike,
+        material: RenderMaterial,
     ) -> None: ...
 
 class RenderBodyComponent(Component):

@@ -1,13 +1,13 @@
-# /// script
-# requires-python = ">=3.12,<3.13"
-# dependencies = ["numpy", "pandas", "pyarrow", "h5py", "pillow", "scipy", "tqdm", "av", "opencv-python-headless", "torchvision"]
-# ///
-"""Reads an export of format lerobot-v2.1 with the loader of Isaac-GR00T and compares every frame with the episode files.
+# /// script requires-python = ">=3.12,<3.13" dependencies = ["numpy", "pandas", "pyarrow", "h5py",
+# "pillow", "scipy", "tqdm", "av", "opencv-python-headless", "torchvision"] ///
+"""Reads an export of format lerobot-v2.1 with the loader of Isaac-GR00T and compares every frame
+with the episode files.
 
 domino-data export OUT --format lerobot-v2.1 --embodiment aloha
 PYTHONPATH=CHECKOUT uv run --script benchmarks/consumers/readers/groot.py OUT
 
-CHECKOUT is one of Isaac-GR00T (N1.6 or N1.7); only `gr00t/configs`, `gr00t/data` and `gr00t/utils` are imported.
+CHECKOUT is one of Isaac-GR00T (N1.6 or N1.7); only `gr00t/configs`, `gr00t/data` and `gr00t/utils`
+are imported.
 """
 
 import json
@@ -20,7 +20,11 @@ from gr00t.data.stats import generate_stats
 from gr00t.data.types import ModalityConfig
 from stored import close, episodes
 
-CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}
+CAMERAS = {
+    "cam_high": "head_camera",
+    "cam_left_wrist": "left_camera",
+    "cam_right_wrist": "right_camera",
+}
 
 
 def main() -> None:
@@ -29,13 +33,20 @@ def main() -> None:
     slices = json.loads((root / "meta" / "modality.json").read_text())
     language = [f"annotation.{name}" for name in slices["annotation"]]
     configs = {
-        **{kind: ModalityConfig(delta_indices=[0], modality_keys=list(slices[kind])) for kind in ("video", "state")},
-        "action": ModalityConfig(delta_indices=list(range(16)), modality_keys=list(slices["action"])),
+        **{
+            kind: ModalityConfig(delta_indices=[0], modality_keys=list(slices[kind]))
+            for kind in ("video", "state")
+        },
+        "action": ModalityConfig(
+            delta_indices=list(range(16)), modality_keys=list(slices["action"])
+        ),
         "language": ModalityConfig(delta_indices=[0], modality_keys=language),
     }
     statistics = (root / "meta" / "stats.json").read_bytes()
     generate_stats(root)
-    assert (root / "meta" / "stats.json").read_bytes() == statistics, "the loader misses statistics and writes its own"
+    assert (root / "meta" / "stats.json").read_bytes() == statistics, (
+        "the loader misses statistics and writes its own"
+    )
     loader = LeRobotEpisodeLoader(root, configs, video_backend="opencv")
     files = episodes(dataset, root / "meta" / "domino_episodes.parquet")
     assert len(loader) == len(files)

@@ -2,7 +2,8 @@
 # requires-python = ">=3.12,<3.13"
 # dependencies = ["robomimic", "six", "torch", "h5py", "pyarrow", "pillow"]
 # ///
-"""Reads an export of format robomimic with robomimic's SequenceDataset and compares every step with the episode files.
+"""Reads an export of format robomimic with robomimic's SequenceDataset and compares every step with
+the episode files.
 
 domino-data export OUT --format robomimic
 uv run --script benchmarks/consumers/readers/robomimic_demos.py OUT
@@ -50,20 +51,40 @@ def main() -> None:
             for t in range(0, len(episode), 7):
                 item, after = data[row + t], min(t + 1, last)
                 if not new:
-                    np.testing.assert_array_equal(item["actions"][0], episode.action[t].astype(np.float32))
+                    np.testing.assert_array_equal(
+                        item["actions"][0], episode.action[t].astype(np.float32)
+                    )
                 assert np.abs(item["actions"]).max() <= 1 + 1e-5 or not new
-                np.testing.assert_array_equal(item["obs"]["joint_pos"][0], episode.state[t].astype(np.float32))
-                np.testing.assert_array_equal(item["next_obs"]["joint_pos"][0], episode.state[after].astype(np.float32))
+                np.testing.assert_array_equal(
+                    item["obs"]["joint_pos"][0], episode.state[t].astype(np.float32)
+                )
+                np.testing.assert_array_equal(
+                    item["next_obs"]["joint_pos"][0], episode.state[after].astype(np.float32)
+                )
                 for name, camera in RGB.items():
                     for part, frame in (("obs", t), ("next_obs", after)):
-                        assert np.abs(np.asarray(item[part][name][0], float) - episode.image(camera, frame)).mean() <= 2
+                        assert (
+                            np.abs(
+                                np.asarray(item[part][name][0], float)
+                                - episode.image(camera, frame)
+                            ).mean()
+                            <= 2
+                        )
             item = data[row + last]
             assert item["rewards"][0] == item["dones"][0] == 1
             row += len(episode)
         filters = {
-            name: len(SequenceDataset(hdf5_path=str(path), obs_keys=LOW, filter_by_attribute=name, **common)) for name in ["train"]
+            name: len(
+                SequenceDataset(
+                    hdf5_path=str(path), obs_keys=LOW, filter_by_attribute=name, **common
+                )
+            )
+            for name in ["train"]
         }
-        print(f"{path.parent.name}: {data.n_demos} demos, {len(data)} samples, masks {filters}, normalized: {bool(new)}")
+        print(
+            f"{path.parent.name}: {data.n_demos} demos, {len(data)} samples, masks {filters},"
+            f" normalized: {bool(new)}"
+        )
 
 
 if __name__ == "__main__":

@@ -28,7 +28,12 @@ class Eraser(Family):
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(rng.uniform(*LENGTH), rng.uniform(0.044, 0.056), rng.uniform(0.03, 0.042), pick(rng, COLOURS))
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.044, 0.056),
+            rng.uniform(0.03, 0.042),
+            pick(rng, COLOURS),
+        )
 
     def shape(self) -> Shape:
         a, b, h = self.length / 2, self.width / 2, self.height
@@ -43,7 +48,9 @@ class Eraser(Family):
 
     def frames(self) -> NamedFrames:
         points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}
-        return NamedFrames(points, box_pinches(self.length / 2, self.width / 2, self.height / 2, axes="y"))
+        return NamedFrames(
+            points, box_pinches(self.length / 2, self.width / 2, self.height / 2, axes="y")
+        )
 
     def words(self) -> Words:
         return describe("eraser", "eraser", colour=self.colour, size=size_word(self.length, LENGTH))

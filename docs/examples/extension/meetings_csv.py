@@ -19,7 +19,15 @@ def rows(episodes: Sequence[Path]) -> list[list[str]]:
         with open_episode(path) as file:
             episode = file.read()
         times = [f"{episode.log.time_of(event):.4f}" for event in ("meeting", "success")]
-        found.append([path.stem, episode.spec.task, str(episode.spec.level), *times, f"{episode.meta.average_speed:.4f}"])
+        found.append(
+            [
+                path.stem,
+                episode.spec.task,
+                str(episode.spec.level),
+                *times,
+                f"{episode.meta.average_speed:.4f}",
+            ]
+        )
     return found
 
 

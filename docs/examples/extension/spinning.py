@@ -6,7 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, turned_about, turns
+from pipeline.motion.closed_form import (
+    Along,
+    ClosedFormModel,
+    common,
+    headings,
+    turned_about,
+    turns,
+)
 from pipeline.motion.contract import Array, Request, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
@@ -17,7 +24,8 @@ TURN = (5.0, 15.0)  # rad a metre
 
 @dataclass(frozen=True)
 class Spinning(Along):
-    """At the advance s (m; 0 at the end) the body is s further along `heading` (rad), turned by `turn` s rad about the vertical."""
+    """At the advance s (m; 0 at the end) the body is s further along `heading` (rad), turned by
+    `turn` s rad about the vertical."""
 
     kind: ClassVar[str] = "spinning"
     heading: float

@@ -5,7 +5,17 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
 

@@ -24,9 +24,10 @@ from pipeline.world.robots import get_embodiment
 @EnvConfig.register_subclass("domino")
 @dataclass
 class DominoEnvConfig(EnvConfig):
-    """`task` is a name, several with commas between, or "all". `like` is a dataset whose setup is taken (cameras, size, rate,
-    rules, layout, ...), and `setup` are keys of a setup that differ from it, as a recipe has them (`{cameras: [head], fps: 30}`).
-    `manifests` is where admitted scenes are kept, `protocol_seed` the seed of the protocol they are drawn from, `first_seed` what
+    """`task` is a name, several with commas between, or "all". `like` is a dataset whose setup is
+    taken (cameras, size, rate, rules, layout, ...), and `setup` are keys of a setup that differ
+    from it, as a recipe has them (`{cameras: [head], fps: 30}`). `manifests` is where admitted
+    scenes are kept, `protocol_seed` the seed of the protocol they are drawn from, `first_seed` what
     `--seed` is. An `fps` other than 0 is the setup's. Raises ValueError for what does not exist.
     """
 
@@ -42,7 +43,9 @@ class DominoEnvConfig(EnvConfig):
     protocol_seed: int = 0
     first_seed: int = 1000
     features: dict[str, PolicyFeature] = field(default_factory=dict)
-    features_map: dict[str, str] = field(default_factory=lambda: {ACTION: ACTION, "agent_pos": OBS_STATE})
+    features_map: dict[str, str] = field(
+        default_factory=lambda: {ACTION: ACTION, "agent_pos": OBS_STATE}
+    )
 
     def __post_init__(self) -> None:
         setup = self.wanted
@@ -50,7 +53,9 @@ class DominoEnvConfig(EnvConfig):
         if not setup.cameras:
             raise ValueError("env.setup: cameras: is empty: name some")
         if unknown := [name for name in self.tasks if name not in TASKS]:
-            raise ValueError(f"env.task: no task {unknown[0]!r}: choose from {', '.join(sorted(TASKS))}")
+            raise ValueError(
+                f"env.task: no task {unknown[0]!r}: choose from {', '.join(sorted(TASKS))}"
+            )
         length = vector_length(self.embodiment)
         self.features[ACTION] = PolicyFeature(FeatureType.ACTION, (length,))
         self.features["agent_pos"] = PolicyFeature(FeatureType.STATE, (length,))
@@ -65,7 +70,9 @@ class DominoEnvConfig(EnvConfig):
     def wanted(self) -> Setup:
         """The setup of the environments."""
         rate = {"fps": self.fps} if self.fps else {}
-        return setup_of(self.like or {}).override(self.setup | rate, "env.setup", {"fps": "env.fps"})
+        return setup_of(self.like or {}).override(
+            self.setup | rate, "env.setup", {"fps": "env.fps"}
+        )
 
     @property
     def tasks(self) -> tuple[str, ...]:
@@ -80,8 +87,13 @@ class DominoEnvConfig(EnvConfig):
         return {}
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, Any]]:
-        """{task: {0: vector environment}}: a suite for each task, so that results carry its name. Nothing is simulated yet."""
-        robot, setup, out = get_embodiment(self.embodiment).name, self.wanted, dict[str, dict[int, Any]]()
+        """{task: {0: vector environment}}: a suite for each task, so that results carry its name.
+        Nothing is simulated yet."""
+        robot, setup, out = (
+            get_embodiment(self.embodiment).name,
+            self.wanted,
+            dict[str, dict[int, Any]](),
+        )
         for task in self.tasks:
             cell = Cell(task, robot, self.level, self.alpha, self.domain)
             scenes = Scenes(cell, Path(self.manifests), self.protocol_seed, self.first_seed, setup)

@@ -1,4 +1,5 @@
-"""One task as LeRobot's evaluation wants it: index -> admitted scene, rewards that sum to MS, a `_max_episode_steps`."""
+"""One task as LeRobot's evaluation wants it: index -> admitted scene, rewards that sum to MS, a
+`_max_episode_steps`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,8 @@ from pipeline.world.robots import get_embodiment
 
 @dataclass(frozen=True)
 class Scenes:
-    """Which scenes a task is tried on: episode n, LeRobot's seed `first_seed` + n, is the n-th admitted one of the protocol."""
+    """Which scenes a task is tried on: episode n, LeRobot's seed `first_seed` + n, is the n-th
+    admitted one of the protocol."""
 
     cell: Cell
     manifests: Path
@@ -30,10 +32,14 @@ class Scenes:
     setup: Setup = UNSEEN
 
     def case(self, seed: int) -> Case:
-        """The scene of a seed; the expert runs if no manifest has it yet. Raises ValueError for a seed before the first."""
+        """The scene of a seed; the expert runs if no manifest has it yet. Raises ValueError for a
+        seed before the first."""
         index = seed - self.first_seed
         if index < 0:
-            raise ValueError(f"seed {seed} comes before the first, {self.first_seed}: set env.first_seed to --seed")
+            raise ValueError(
+                f"seed {seed} comes before the first, {self.first_seed}: set env.first_seed to"
+                " --seed"
+            )
         manifests = Manifests(self.manifests, self.protocol_seed, self.setup)
         return manifests.admitted([self.cell], index + 1, inline)[self.cell][index]
 
@@ -41,16 +47,19 @@ class Scenes:
 class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task of one cell. Nothing is simulated or drawn before the first reset.
 
-    Observation: "pixels" {exported camera: (H,W,3) uint8}, "agent_pos" (A,) float32. The reward is 0 until the episode ends. Then
-    it is the route completion, and in one more step, in which nothing moves, the manipulation score minus that; where the two are
-    equal there is no such step. A reset without a seed goes on with the next scene.
+    Observation: "pixels" {exported camera: (H,W,3) uint8}, "agent_pos" (A,) float32. The reward is
+    0 until the episode ends. Then it is the route completion, and in one more step, in which
+    nothing moves, the manipulation score minus that; where the two are equal there is no such step.
+    A reset without a seed goes on with the next scene.
     """
 
     metadata = DominoEnv.metadata
 
     def __init__(self, scenes: Scenes) -> None:
         cell, self._scenes, setup = scenes.cell, scenes, scenes.setup
-        self._env = DominoEnv(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=setup)
+        self._env = DominoEnv(
+            cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=setup
+        )
         observed: Any = self._env.observation_space
         seen = observed["pixels"]
         self._names, self.metadata = (
@@ -61,8 +70,12 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self._max_episode_steps = at_rate(TASKS[cell.task].step_limit, setup.fps) + 1
         self.action_space = self._env.action_space
         joints = gymnasium.spaces.Box(-np.inf, np.inf, (len(self._env.action_names),), np.float32)
-        images: dict[str, gymnasium.Space[Any]] = {name: seen[camera] for camera, name in self._names.items()}
-        self.observation_space = gymnasium.spaces.Dict({"pixels": gymnasium.spaces.Dict(images), "agent_pos": joints})
+        images: dict[str, gymnasium.Space[Any]] = {
+            name: seen[camera] for camera, name in self._names.items()
+        }
+        self.observation_space = gymnasium.spaces.Dict(
+            {"pixels": gymnasium.spaces.Dict(images), "agent_pos": joints}
+        )
         self._next = scenes.first_seed
         self._last: dict[str, Any] = {}
         self._owed: tuple[float, bool, bool, dict[str, Any]] | None = None
@@ -72,7 +85,9 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         """The instruction of the episode."""
         return self._env.task_description
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Start the episode of a seed."""
         super().reset(seed=seed)
         wanted = self._next if seed is None else seed
@@ -80,7 +95,9 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         observation, info = self._env.reset(options={"case": self._scenes.case(wanted)})
         return self._convert(observation), info
 
-    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """One control period, or the closing step."""
         if self._owed is not None:
             (reward, terminated, truncated, info), self._owed = self._owed, None
@@ -90,7 +107,11 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         if terminated or truncated:
             completion = info["score"]["route_completion"]
             # vector environments stack what is in every info: only plain values
-            info = {"is_success": info["is_success"], "manipulation_score": reward, "route_completion": completion}
+            info = {
+                "is_success": info["is_success"],
+                "manipulation_score": reward,
+                "route_completion": completion,
+            }
             if reward != completion:
                 self._owed = (reward - completion, terminated, truncated, info)
                 return seen, completion, False, False, info

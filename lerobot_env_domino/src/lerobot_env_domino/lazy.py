@@ -1,4 +1,5 @@
-"""A vector environment that is made when it is first used: one task's workers at a time, not those of all."""
+"""A vector environment that is made when it is first used: one task's workers at a time, not those
+of all."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,17 +9,25 @@ from lerobot.envs.utils import freeze_after_episode_end
 
 
 class LazyVector:
-    """What lerobot-eval uses of a VectorEnv. An environment whose episode has ended waits for the next rollout at no cost."""
+    """What lerobot-eval uses of a VectorEnv. An environment whose episode has ended waits for the
+    next rollout at no cost."""
 
-    def __init__(self, makers: Sequence[Callable[[], gymnasium.Env[Any, Any]]], asynchronous: bool) -> None:
+    def __init__(
+        self, makers: Sequence[Callable[[], gymnasium.Env[Any, Any]]], asynchronous: bool
+    ) -> None:
         self._makers = [freeze_after_episode_end(make) for make in makers]
         self._asynchronous = asynchronous and len(makers) > 1
         self._made: gymnasium.vector.VectorEnv[Any, Any, Any] | None = None
         self.num_envs = len(makers)
         example = makers[0]()
         self.metadata = example.metadata
-        self.single_observation_space, self.single_action_space = example.observation_space, example.action_space
-        self.observation_space = gymnasium.vector.utils.batch_space(example.observation_space, self.num_envs)
+        self.single_observation_space, self.single_action_space = (
+            example.observation_space,
+            example.action_space,
+        )
+        self.observation_space = gymnasium.vector.utils.batch_space(
+            example.observation_space, self.num_envs
+        )
         self.action_space = gymnasium.vector.utils.batch_space(example.action_space, self.num_envs)
         example.close()
 
@@ -58,7 +67,9 @@ class LazyVector:
         if self._made is None:
             mode = gymnasium.vector.AutoresetMode.NEXT_STEP
             if self._asynchronous:
-                self._made = gymnasium.vector.AsyncVectorEnv(self._makers, context="forkserver", autoreset_mode=mode)
+                self._made = gymnasium.vector.AsyncVectorEnv(
+                    self._makers, context="forkserver", autoreset_mode=mode
+                )
             else:
                 self._made = gymnasium.vector.SyncVectorEnv(self._makers, autoreset_mode=mode)
         return self._made

@@ -14,7 +14,8 @@ from training.puma.reading import read_config
 @PreTrainedConfig.register_subclass("puma")
 @dataclass
 class PumaConfig(PreTrainedConfig):
-    """`puma` is the name or file of a configuration, `settings` change its keys. Raises ValueError for inputs LeRobot lacks."""
+    """`puma` is the name or file of a configuration, `settings` change its keys. Raises ValueError
+    for inputs LeRobot lacks."""
 
     puma: str = "puma-tiny"
     settings: list[str] = field(default_factory=list)
@@ -29,24 +30,45 @@ class PumaConfig(PreTrainedConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         asked = read_config(self.puma, self.settings)
-        if any(setting.partition("=")[0] in ("model.clock", "model.history_times", "model.oracle") for setting in self.settings):
-            raise ValueError("policy.settings: clock, history_times and oracle are no inputs here: use `puma train`")
+        if any(
+            setting.partition("=")[0] in ("model.clock", "model.history_times", "model.oracle")
+            for setting in self.settings
+        ):
+            raise ValueError(
+                "policy.settings: clock, history_times and oracle are no inputs here: use `puma"
+                " train`"
+            )
         if asked.model.track or asked.model.offsets:
-            raise ValueError(f"policy.puma: {asked.name} tracks the target or predicts offsets, which only `puma train` does")
+            raise ValueError(
+                f"policy.puma: {asked.name} tracks the target or predicts offsets, which only `puma"
+                " train` does"
+            )
         self.n_action_steps = asked.execute.actions
 
     @property
     def resolved(self) -> Config:
-        """The configuration without what a LeRobot dataset cannot give, with its cameras where they are known already."""
+        """The configuration without what a LeRobot dataset cannot give, with its cameras where they
+        are known already."""
         cameras = [key.rpartition(".")[2] for key in self.image_features or {}]
-        off = ["model.world=none", "model.clock=false", "model.history_times=false", "model.oracle=false"]
-        return read_config(self.puma, [*self.settings, *off, *([f"data.cameras={cameras}"] if cameras else [])])
+        off = [
+            "model.world=none",
+            "model.clock=false",
+            "model.history_times=false",
+            "model.oracle=false",
+        ]
+        return read_config(
+            self.puma, [*self.settings, *off, *([f"data.cameras={cameras}"] if cameras else [])]
+        )
 
     @property
     def observation_delta_indices(self) -> list[int]:
         """Frames of the past that a sample holds, and the present one."""
         model = self.resolved.model
-        return [0] if model.history == "none" else [-model.stride * i for i in range(model.history_length, -1, -1)]
+        return (
+            [0]
+            if model.history == "none"
+            else [-model.stride * i for i in range(model.history_length, -1, -1)]
+        )
 
     @property
     def action_delta_indices(self) -> list[int]:
@@ -59,7 +81,8 @@ class PumaConfig(PreTrainedConfig):
         return None
 
     def get_optimizer_preset(self) -> AdamWConfig:
-        """AdamW with the values of the configuration; `get_optim_params` gives each group its rate."""
+        """AdamW with the values of the configuration; `get_optim_params` gives each group its
+        rate."""
         train = self.resolved.train
         return AdamWConfig(
             lr=train.head_rate,

@@ -1,4 +1,5 @@
-"""What stands between a LeRobot dataset or environment and the policy: joints scaled by the dataset's statistics."""
+"""What stands between a LeRobot dataset or environment and the policy: joints scaled by the
+dataset's statistics."""
 
 from typing import Any
 
@@ -12,14 +13,19 @@ from lerobot.processor import (
     UnnormalizerProcessorStep,
 )
 from lerobot.processor.converters import policy_action_to_transition, transition_to_policy_action
-from lerobot.utils.constants import POLICY_POSTPROCESSOR_DEFAULT_NAME, POLICY_PREPROCESSOR_DEFAULT_NAME
+from lerobot.utils.constants import (
+    POLICY_POSTPROCESSOR_DEFAULT_NAME,
+    POLICY_PREPROCESSOR_DEFAULT_NAME,
+)
 
 from lerobot_policy_puma.configuration_puma import PumaConfig
 
 Stats = dict[str, dict[str, torch.Tensor]]
 
 
-def make_puma_pre_post_processors(config: PumaConfig, dataset_stats: Stats | None = None) -> tuple[Any, Any]:
+def make_puma_pre_post_processors(
+    config: PumaConfig, dataset_stats: Stats | None = None
+) -> tuple[Any, Any]:
     """The two pipelines."""
     device = DeviceProcessorStep(device=config.device or "cpu")
     features = {**(config.input_features or {}), **(config.output_features or {})}
@@ -30,7 +36,10 @@ def make_puma_pre_post_processors(config: PumaConfig, dataset_stats: Stats | Non
         device,
         NormalizerProcessorStep(features=features, **scaling),
     ]
-    after = [UnnormalizerProcessorStep(features=config.output_features or {}, **scaling), DeviceProcessorStep(device="cpu")]
+    after = [
+        UnnormalizerProcessorStep(features=config.output_features or {}, **scaling),
+        DeviceProcessorStep(device="cpu"),
+    ]
     return (
         PolicyProcessorPipeline(steps=before, name=POLICY_PREPROCESSOR_DEFAULT_NAME),
         PolicyProcessorPipeline(

@@ -1,4 +1,5 @@
-"""Object features: a frozen encoder's patch tokens, averaged under a mask by the area of each patch that the mask covers."""
+"""Object features: a frozen encoder's patch tokens, averaged under a mask by the area of each patch
+that the mask covers."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,13 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.networks.models import ModelFiles, image_settings, inference, load_model, pixels
+from pipeline.annotate.networks.models import (
+    ModelFiles,
+    image_settings,
+    inference,
+    load_model,
+    pixels,
+)
 from pipeline.annotate.stage_key import AnnotateError
 
 
 @dataclass(eq=False)
 class Encoder:
-    """DINOv2 or DINOv3 on one device: `grid` x `grid` patches of a image `size` px square; `prefix` tokens come first."""
+    """DINOv2 or DINOv3 on one device: `grid` x `grid` patches of a image `size` px square; `prefix`
+    tokens come first."""
 
     model: Any
     settings: dict[str, Any]
@@ -24,23 +32,31 @@ class Encoder:
 
 
 def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> Encoder:
-    """Raises AnnotateError for files that are no such encoder or a size that its patches do not divide."""
+    """Raises AnnotateError for files that are no such encoder or a size that its patches do not
+    divide."""
     from transformers import AutoModel
 
     model = load_model(AutoModel, files, device)
     patch = getattr(model.config, "patch_size", None)
     if not isinstance(patch, int):
-        raise AnnotateError(f"model {files.name} is a {model.config.model_type}, not a patch encoder such as dinov2 or dinov3")
+        raise AnnotateError(
+            f"model {files.name} is a {model.config.model_type}, not a patch encoder such as dinov2"
+            " or dinov3"
+        )
     if size % patch:
         raise AnnotateError(
-            f"feature size {size} is no multiple of the patch size {patch} of {files.name}: use {size // patch * patch}"
+            f"feature size {size} is no multiple of the patch size {patch} of {files.name}: use"
+            f" {size // patch * patch}"
         )
     registers = getattr(model.config, "num_register_tokens", 0)
-    return Encoder(model, image_settings(files), size, size // patch, 1 + registers, device, precision)
+    return Encoder(
+        model, image_settings(files), size, size // patch, 1 + registers, device, precision
+    )
 
 
 def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3), squashed to the encoder's size."""
+    """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3), squashed to the encoder's
+    size."""
     with inference(encoder.device, encoder.precision):
         x = pixels(frames, (encoder.size, encoder.size), encoder.settings, encoder.device)
         tokens = encoder.model(pixel_values=x).last_hidden_state[:, encoder.prefix :].float()
@@ -48,7 +64,8 @@ def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.floa
 
 
 def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
-    """Matrix (patches, pixels): the length of each patch's interval that each pixel covers, in patches; rows sum to 1."""
+    """Matrix (patches, pixels): the length of each patch's interval that each pixel covers, in
+    patches; rows sum to 1."""
     edges = np.arange(pixels_along + 1) * patches / pixels_along
     low, high = edges[:-1], edges[1:]
     place = np.arange(patches)[:, None]
@@ -56,13 +73,17 @@ def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
 
 
 def area_weights(mask: NDArray[np.bool_], grid: tuple[int, int]) -> NDArray[np.float32]:
-    """Covered fraction of each patch (..., rows, columns) of a grid for masks (...,H,W); exact for any image size."""
+    """Covered fraction of each patch (..., rows, columns) of a grid for masks (...,H,W); exact for
+    any image size."""
     rows, columns = overlap(mask.shape[-2], grid[0]), overlap(mask.shape[-1], grid[1])
     return np.asarray(rows @ mask.astype(np.float32) @ columns.T, np.float32)
 
 
-def pool(tokens: NDArray[np.float32], mask: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Features (N,K,D), sum of w f / sum of w with w = `area_weights`, and coverage (N,K) = sum of w in patches.
+def pool(
+    tokens: NDArray[np.float32], mask: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Features (N,K,D), sum of w f / sum of w with w = `area_weights`, and coverage (N,K) = sum of
+    w in patches.
 
     `tokens` (N,g,g,D), `mask` (N,K,H,W). An empty mask gives zeros and coverage 0.
     """
@@ -75,6 +96,12 @@ def pool(tokens: NDArray[np.float32], mask: NDArray[np.bool_]) -> tuple[NDArray[
 def features_of(
     encoder: Encoder, frames: NDArray[np.uint8], mask: NDArray[np.bool_], batch: int
 ) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
-    """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3) under masks (T,K,H,W); each frame is encoded once."""
-    parts = [pool(patch_tokens(encoder, frames[s : s + batch]), mask[s : s + batch]) for s in range(0, len(frames), batch)]
-    return np.concatenate([f for f, _ in parts]).astype(np.float16), np.concatenate([c for _, c in parts])
+    """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3) under masks (T,K,H,W); each
+    frame is encoded once."""
+    parts = [
+        pool(patch_tokens(encoder, frames[s : s + batch]), mask[s : s + batch])
+        for s in range(0, len(frames), batch)
+    ]
+    return np.concatenate([f for f, _ in parts]).astype(np.float16), np.concatenate(
+        [c for _, c in parts]
+    )

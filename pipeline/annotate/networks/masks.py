@@ -1,4 +1,5 @@
-"""From images and captions to masks: GroundingDINO's best box, SAM 2's mask in it; or exactly, from a segmentation.
+"""From images and captions to masks: GroundingDINO's best box, SAM 2's mask in it; or exactly, from
+a segmentation.
 
 Nothing found is nothing: a row without a box keeps an empty mask and valid = False.
 """
@@ -9,12 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.networks.models import ModelFiles, image_settings, inference, load_model, pixels
+from pipeline.annotate.networks.models import (
+    ModelFiles,
+    image_settings,
+    inference,
+    load_model,
+    pixels,
+)
 
 
 @dataclass(eq=False)
 class Masks:
-    """T frames, K objects: mask (T,K,H,W), box (T,K,4) px x0 y0 x1 y1, score and valid (T,K); phrases [K][T] that matched."""
+    """T frames, K objects: mask (T,K,H,W), box (T,K,4) px x0 y0 x1 y1, score and valid (T,K);
+    phrases [K][T] that matched."""
 
     mask: NDArray[np.bool_]
     box: NDArray[np.float32]
@@ -60,7 +68,15 @@ def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
     tokenizer = AutoTokenizer.from_pretrained(files.path, local_files_only=True)
     settings = image_settings(files)
     size = settings["size"]
-    return Detector(model, tokenizer, settings, size.get("shortest_edge", 800), size.get("longest_edge", 1333), device, precision)
+    return Detector(
+        model,
+        tokenizer,
+        settings,
+        size.get("shortest_edge", 800),
+        size.get("longest_edge", 1333),
+        device,
+        precision,
+    )
 
 
 def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
@@ -68,11 +84,18 @@ def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
     from transformers import Sam2Model
 
     model = load_model(Sam2Model, files, device)
-    return Segmenter(model, image_settings(files), model.config.prompt_encoder_config.image_size, device, precision)
+    return Segmenter(
+        model,
+        image_settings(files),
+        model.config.prompt_encoder_config.image_size,
+        device,
+        precision,
+    )
 
 
 def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """(height, width) with the shorter side at `short`, unless the longer would exceed `long`; aspect kept, rounded down."""
+    """(height, width) with the shorter side at `short`, unless the longer would exceed `long`;
+    aspect kept, rounded down."""
     low, high = min(height, width), max(height, width)
     exact: float = short if high / low * short <= long else long * low / high
     side, other = round(exact), int(exact * high / low)
@@ -80,20 +103,37 @@ def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, 
 
 
 def detect(
-    detector: Detector, frames: NDArray[np.uint8], caption: str, box_threshold: float, text_threshold: float
+    detector: Detector,
+    frames: NDArray[np.uint8],
+    caption: str,
+    box_threshold: float,
+    text_threshold: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
-    """Best box (N,4) px x0 y0 x1 y1, its score (N,) and the words it matched, for frames (N,H,W,3); score 0 if none passes.
+    """Best box (N,4) px x0 y0 x1 y1, its score (N,) and the words it matched, for frames (N,H,W,3);
+    score 0 if none passes.
 
     A query's score is its highest token probability; words are the tokens above `text_threshold`.
     """
     import torch
 
     n, height, width = frames.shape[:3]
-    text = detector.tokenizer([caption], return_tensors="pt", truncation=True, max_length=detector.model.config.max_text_len)
+    text = detector.tokenizer(
+        [caption],
+        return_tensors="pt",
+        truncation=True,
+        max_length=detector.model.config.max_text_len,
+    )
     text = {k: v.to(detector.device).expand(n, -1) for k, v in text.items()}
     with inference(detector.device, detector.precision):
-        x = pixels(frames, detector_size(height, width, detector.short, detector.long), detector.settings, detector.device)
-        out = detector.model(pixel_values=x, pixel_mask=torch.ones_like(x[:, 0], dtype=torch.long), **text)
+        x = pixels(
+            frames,
+            detector_size(height, width, detector.short, detector.long),
+            detector.settings,
+            detector.device,
+        )
+        out = detector.model(
+            pixel_values=x, pixel_mask=torch.ones_like(x[:, 0], dtype=torch.long), **text
+        )
         probability = out.logits.float().sigmoid()
         score, query = probability.amax(-1).max(-1)
         rows = torch.arange(n, device=score.device)
@@ -105,14 +145,22 @@ def detect(
     boxes, scores = corners.cpu().numpy().astype(np.float32), score.cpu().numpy().astype(np.float32)
     ids = text["input_ids"][0].tolist()
     # the first and last tokens are the tokenizer's own marks
-    words = [[ids[j] for j in np.flatnonzero(m[: len(ids)]) if 0 < j < len(ids) - 1] for m in matched]
+    words = [
+        [ids[j] for j in np.flatnonzero(m[: len(ids)]) if 0 < j < len(ids) - 1] for m in matched
+    ]
     found = scores > box_threshold
-    phrases = [detector.tokenizer.decode(w).replace(".", "").strip() if f else "" for w, f in zip(words, found, strict=True)]
+    phrases = [
+        detector.tokenizer.decode(w).replace(".", "").strip() if f else ""
+        for w, f in zip(words, found, strict=True)
+    ]
     return boxes * found[:, None], scores * found, phrases
 
 
-def segment(segmenter: Segmenter, frames: NDArray[np.uint8], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Masks (N,K,H,W) of boxes (N,K,4) px in frames (N,H,W,3); each image is encoded once for its K boxes."""
+def segment(
+    segmenter: Segmenter, frames: NDArray[np.uint8], boxes: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Masks (N,K,H,W) of boxes (N,K,4) px in frames (N,H,W,3); each image is encoded once for its K
+    boxes."""
     import torch
     import torch.nn.functional as functional
 
@@ -121,9 +169,13 @@ def segment(segmenter: Segmenter, frames: NDArray[np.uint8], boxes: NDArray[np.f
     with inference(segmenter.device, segmenter.precision):
         x = pixels(frames, (segmenter.side, segmenter.side), segmenter.settings, segmenter.device)
         out = segmenter.model(
-            pixel_values=x, input_boxes=torch.from_numpy(boxes * scale).to(segmenter.device), multimask_output=False
+            pixel_values=x,
+            input_boxes=torch.from_numpy(boxes * scale).to(segmenter.device),
+            multimask_output=False,
         )
-        logits = functional.interpolate(out.pred_masks[:, :, 0].float(), (height, width), mode="bilinear", align_corners=False)
+        logits = functional.interpolate(
+            out.pred_masks[:, :, 0].float(), (height, width), mode="bilinear", align_corners=False
+        )
     return (logits > 0).cpu().numpy()
 
 
@@ -139,7 +191,8 @@ def model_masks(
 ) -> Masks:
     """Masks of frames (T,H,W,3) for K captions, computed `batch` frames at a time.
 
-    A mask is valid if a box passed both thresholds and it is neither empty nor larger than `max_area` of the image."""
+    A mask is valid if a box passed both thresholds and it is neither empty nor larger than
+    `max_area` of the image."""
     (t, height, width), k = frames.shape[:3], len(captions)
     mask = np.zeros((t, k, height, width), bool)
     box, score = np.zeros((t, k, 4), np.float32), np.zeros((t, k), np.float32)
@@ -147,19 +200,26 @@ def model_masks(
     for start in range(0, t, batch):
         part = slice(start, min(start + batch, t))
         for j, caption in enumerate(captions):
-            box[part, j], score[part, j], words = detect(detector, frames[part], caption, box_threshold, text_threshold)
+            box[part, j], score[part, j], words = detect(
+                detector, frames[part], caption, box_threshold, text_threshold
+            )
             phrases[j] += words
         if (score[part] > 0).any():
-            mask[part] = segment(segmenter, frames[part], box[part]) & (score[part] > 0)[..., None, None]
+            mask[part] = (
+                segment(segmenter, frames[part], box[part]) & (score[part] > 0)[..., None, None]
+            )
     fraction = mask.mean((2, 3))
     valid = (score > 0) & (fraction > 0) & (fraction <= max_area)
     mask[~valid] = False
     return Masks(mask, box, score, valid, phrases)
 
 
-def exact_masks(segmentation: NDArray[np.uint8], bodies: list[str], objects: tuple[str, ...]) -> Masks:
-    """Masks of objects from a segmentation (T,H,W) of body index + 1: a body is part of an object if it has its name or lies under
-    it ("cabinet/drawer"). Boxes are tight, scores 1; valid where at least one pixel is seen."""
+def exact_masks(
+    segmentation: NDArray[np.uint8], bodies: list[str], objects: tuple[str, ...]
+) -> Masks:
+    """Masks of objects from a segmentation (T,H,W) of body index + 1: a body is part of an object
+    if it has its name or lies under it ("cabinet/drawer"). Boxes are tight, scores 1; valid where
+    at least one pixel is seen."""
     shape = (len(segmentation), len(objects), *segmentation.shape[1:])
     mask = np.zeros(shape, bool)
     for k, name in enumerate(objects):
@@ -170,7 +230,8 @@ def exact_masks(segmentation: NDArray[np.uint8], bodies: list[str], objects: tup
 
 
 def tight_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Smallest boxes (...,4) px x0 y0 x1 y1 around masks (...,H,W), upper ends exclusive; zeros where a mask is empty."""
+    """Smallest boxes (...,4) px x0 y0 x1 y1 around masks (...,H,W), upper ends exclusive; zeros
+    where a mask is empty."""
     height, width = mask.shape[-2:]
     box = np.zeros((*mask.shape[:-2], 4), np.float32)
     for axis, (i, size) in enumerate(((0, width), (1, height))):

@@ -1,6 +1,8 @@
-"""Where networks come from: a short name, a hub id, or a local directory; what they are is the hash of their files.
+"""Where networks come from: a short name, a hub id, or a local directory; what they are is the hash
+of their files.
 
-Two copies of the same weights are the same model wherever they lie; changed weights at the same path are another one.
+Two copies of the same weights are the same model wherever they lie; changed weights at the same
+path are another one.
 """
 
 import contextlib
@@ -21,9 +23,15 @@ from pipeline.data.parsing import read_json
 ALIASES = {
     "grounding-dino-tiny": "IDEA-Research/grounding-dino-tiny",  # Swin-T, the paper's
     "grounding-dino-base": "IDEA-Research/grounding-dino-base",
-    **{f"sam2.1-hiera-{s}": f"facebook/sam2.1-hiera-{s}" for s in ("tiny", "small", "base-plus", "large")},
+    **{
+        f"sam2.1-hiera-{s}": f"facebook/sam2.1-hiera-{s}"
+        for s in ("tiny", "small", "base-plus", "large")
+    },
     **{f"dinov2-{s}": f"facebook/dinov2-{s}" for s in ("small", "base", "large", "giant")},
-    **{f"dinov3-{s}": f"facebook/dinov3-{s}-pretrain-lvd1689m" for s in ("vits16", "vitb16", "vitl16")},
+    **{
+        f"dinov3-{s}": f"facebook/dinov3-{s}-pretrain-lvd1689m"
+        for s in ("vits16", "vitb16", "vitl16")
+    },
 }
 _FILES = ("*.json", "*.txt", "*.safetensors")
 _IMAGENET = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
@@ -35,7 +43,8 @@ class NoWeights(AnnotateError):
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """A model found on this machine. `digest` is the hash of its configuration, tokenizer and weights; it alone enters keys."""
+    """A model found on this machine. `digest` is the hash of its configuration, tokenizer and
+    weights; it alone enters keys."""
 
     name: str
     revision: str | None
@@ -50,9 +59,16 @@ def resolve(name: str, revision: str | None = None, download: bool = True) -> Mo
     """
     if not Path(name).is_dir() and name.startswith(("/", ".", "~")):
         raise NoWeights(f"model directory {name} does not exist")
-    path = Path(name) if Path(name).is_dir() else _from_hub(ALIASES.get(name, name), revision, download)
+    path = (
+        Path(name)
+        if Path(name).is_dir()
+        else _from_hub(ALIASES.get(name, name), revision, download)
+    )
     if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
-        raise AnnotateError(f"{path} is no model directory: it wants config.json and *.safetensors (as save_pretrained writes)")
+        raise AnnotateError(
+            f"{path} is no model directory: it wants config.json and *.safetensors (as"
+            " save_pretrained writes)"
+        )
     files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
     return ModelFiles(name, revision, str(path), digest([[f.name, _file_digest(f)] for f in files]))
 
@@ -60,9 +76,15 @@ def resolve(name: str, revision: str | None = None, download: bool = True) -> Mo
 def _from_hub(repo: str, revision: str | None, download: bool) -> Path:
     try:
         from huggingface_hub import snapshot_download
-        from huggingface_hub.errors import HfHubHTTPError, HFValidationError, LocalEntryNotFoundError
+        from huggingface_hub.errors import (
+            HfHubHTTPError,
+            HFValidationError,
+            LocalEntryNotFoundError,
+        )
     except ImportError as error:
-        raise NoWeights(f"model {repo} needs huggingface_hub: install the annotate extra") from error
+        raise NoWeights(
+            f"model {repo} needs huggingface_hub: install the annotate extra"
+        ) from error
     options: dict[str, Any] = {"revision": revision, "allow_patterns": list(_FILES)}
     try:
         with contextlib.suppress(LocalEntryNotFoundError):
@@ -73,8 +95,9 @@ def _from_hub(repo: str, revision: str | None, download: bool) -> Path:
     except (HfHubHTTPError, HFValidationError, LocalEntryNotFoundError, OSError) as error:
         at = f" --revision {revision}" if revision else ""
         raise NoWeights(
-            f"model {repo} is not on this machine and cannot be downloaded ({type(error).__name__}): run `hf download {repo}{at}` "
-            "where there is a network, or name a local directory that holds it (--mask-source sim needs no detector)"
+            f"model {repo} is not on this machine and cannot be downloaded"
+            f" ({type(error).__name__}): run `hf download {repo}{at}` where there is a network, or"
+            " name a local directory that holds it (--mask-source sim needs no detector)"
         ) from error
 
 
@@ -94,28 +117,37 @@ def _hash(path: str, size: int, mtime_ns: int) -> str:
 
 
 def pick_device(device: str) -> str:
-    """ "cuda" where there is one, for "auto"; else what was asked for. Raises AnnotateError without torch."""
+    """ "cuda" where there is one, for "auto"; else what was asked for. Raises AnnotateError without
+    torch."""
     try:
         import torch
     except ImportError as error:
-        raise AnnotateError("masks and features by model need torch and transformers: install the annotate extra") from error
+        raise AnnotateError(
+            "masks and features by model need torch and transformers: install the annotate extra"
+        ) from error
     return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
 
 
 def load_model(cls: type, files: ModelFiles, device: str) -> Any:
-    """Frozen model in evaluation mode. `cls` has from_pretrained; raises AnnotateError for files it cannot read whole."""
+    """Frozen model in evaluation mode. `cls` has from_pretrained; raises AnnotateError for files it
+    cannot read whole."""
     from transformers.utils import logging
 
     logging.disable_progress_bar()
     try:
-        model, info = cls.from_pretrained(files.path, local_files_only=True, output_loading_info=True)
+        model, info = cls.from_pretrained(
+            files.path, local_files_only=True, output_loading_info=True
+        )
     except (OSError, ValueError, RuntimeError, KeyError) as error:
-        raise AnnotateError(f"model {files.name} cannot be loaded as {cls.__name__}: {str(error).splitlines()[0]}") from error
+        raise AnnotateError(
+            f"model {files.name} cannot be loaded as {cls.__name__}: {str(error).splitlines()[0]}"
+        ) from error
     # the library fills in random numbers for weights that a file lacks, and only warns
     if info["missing_keys"]:
         some = ", ".join(sorted(info["missing_keys"])[:2])
         raise AnnotateError(
-            f"model {files.name} is no {cls.__name__}: its file is missing {some} and {len(info['missing_keys'])} in all"
+            f"model {files.name} is no {cls.__name__}: its file is missing {some} and"
+            f" {len(info['missing_keys'])} in all"
         )
     return model.to(device).eval().requires_grad_(False)
 
@@ -127,13 +159,18 @@ def inference(device: str, precision: str) -> Iterator[None]:
 
     if precision == "auto":
         precision = "float16" if device.startswith("cuda") else "float32"
-    cast = contextlib.nullcontext() if precision == "float32" else torch.autocast(device.split(":")[0], getattr(torch, precision))
+    cast = (
+        contextlib.nullcontext()
+        if precision == "float32"
+        else torch.autocast(device.split(":")[0], getattr(torch, precision))
+    )
     with torch.inference_mode(), cast:
         yield
 
 
 def image_settings(files: ModelFiles) -> dict[str, Any]:
-    """`size`, `image_mean`, `image_std` of a model's image processor, ImageNet's mean and deviation where it names none."""
+    """`size`, `image_mean`, `image_std` of a model's image processor, ImageNet's mean and deviation
+    where it names none."""
     found: dict[str, Any] = {}
     for name in ("processor_config.json", "preprocessor_config.json"):
         path = Path(files.path) / name
@@ -147,14 +184,24 @@ def image_settings(files: ModelFiles) -> dict[str, Any]:
     }
 
 
-def pixels(frames: NDArray[np.uint8], size: tuple[int, int], settings: dict[str, Any], device: str) -> Any:
-    """Frames (N,H,W,3) uint8 -> tensor (N,3,h,w) float32 at `size` = (height, width), antialiased bilinear, normalised."""
+def pixels(
+    frames: NDArray[np.uint8], size: tuple[int, int], settings: dict[str, Any], device: str
+) -> Any:
+    """Frames (N,H,W,3) uint8 -> tensor (N,3,h,w) float32 at `size` = (height, width), antialiased
+    bilinear, normalised."""
     import torch
     import torch.nn.functional as functional
 
     x = torch.from_numpy(np.ascontiguousarray(frames)).to(device).permute(0, 3, 1, 2).float()
     if tuple(x.shape[2:]) != size:
         # the library's processors round to whole grey levels after resizing
-        x = functional.interpolate(x, size, mode="bilinear", antialias=True, align_corners=False).clamp(0, 255).round()
-    mean, std = (torch.tensor(settings[k], device=device).view(1, 3, 1, 1) for k in ("image_mean", "image_std"))
+        x = (
+            functional.interpolate(x, size, mode="bilinear", antialias=True, align_corners=False)
+            .clamp(0, 255)
+            .round()
+        )
+    mean, std = (
+        torch.tensor(settings[k], device=device).view(1, 3, 1, 1)
+        for k in ("image_mean", "image_std")
+    )
     return (x / 255 - mean) / std

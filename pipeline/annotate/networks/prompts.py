@@ -1,7 +1,8 @@
 """What the detector is asked to find.
 
-By default the nouns of the episode's own metadata: the moving target and the manipulated object are not always the first object
-of the instruction. The alternative is the paper's: a rule-based parser over the instruction, else the whole instruction.
+By default the nouns of the episode's own metadata: the moving target and the manipulated object are
+not always the first object of the instruction. The alternative is the paper's: a rule-based parser
+over the instruction, else the whole instruction.
 """
 
 import re
@@ -12,14 +13,17 @@ from pipeline.annotate.stage_key import AnnotateError
 from pipeline.data.episode.meta import EpisodeMeta
 
 ROLES = ("target", "manipulated")
-_LABELLED = re.compile(r"\b(?:target|object|item|goal|subject)\b\s*(?::|=|\bis\b)\s*([^,.;:!?\n]+)", re.IGNORECASE)
+_LABELLED = re.compile(
+    r"\b(?:target|object|item|goal|subject)\b\s*(?::|=|\bis\b)\s*([^,.;:!?\n]+)", re.IGNORECASE
+)
 # a single quote counts only where it cannot be an apostrophe
 _QUOTED = re.compile(r"\"([^\"]+)\"|“([^”]+)”|(?<!\w)'([^']+)'(?!\w)")
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Objects to mask, without repeats; `roles` maps "target" and "manipulated" to their index where they were asked for."""
+    """Objects to mask, without repeats; `roles` maps "target" and "manipulated" to their index
+    where they were asked for."""
 
     objects: tuple[str, ...]
     prompts: tuple[str, ...]
@@ -27,7 +31,8 @@ class Asked:
 
 
 def parse_instruction(text: str) -> str:
-    """Object phrase of an instruction: after "target:", "object is", ...; else the longest quoted text; else all of it."""
+    """Object phrase of an instruction: after "target:", "object is", ...; else the longest quoted
+    text; else all of it."""
     labelled = _LABELLED.search(text)
     if labelled:
         return labelled[1].strip()
@@ -41,7 +46,8 @@ def caption(phrase: str) -> str:
 
 
 def ask(meta: EpisodeMeta, instruction: str, wanted: Sequence[str], source: str) -> Asked:
-    """Objects and captions for an episode. `wanted` are roles or object names; `source` as in MaskOptions.prompt.
+    """Objects and captions for an episode. `wanted` are roles or object names; `source` as in
+    MaskOptions.prompt.
 
     Raises AnnotateError for an object that the episode does not have.
     """
@@ -52,7 +58,9 @@ def ask(meta: EpisodeMeta, instruction: str, wanted: Sequence[str], source: str)
     for want in wanted:
         name = getattr(meta, want) if want in ROLES else want
         if name not in meta.objects:
-            raise AnnotateError(f"there is no object {name!r} in this episode: it has {', '.join(meta.objects)}")
+            raise AnnotateError(
+                f"there is no object {name!r} in this episode: it has {', '.join(meta.objects)}"
+            )
         if name not in names:
             names.append(name)
         if want in ROLES:

@@ -1,4 +1,5 @@
-"""The episode file: one HDF5 per accepted episode. Schema in docs/formats.md; keys of the original keep their names."""
+"""The episode file: one HDF5 per accepted episode. Schema in docs/formats.md; keys of the original
+keep their names."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,9 +40,10 @@ _FAULTS = (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueErro
 class Episode:
     """Everything that one file holds, except images, which `EpisodeFile` reads on demand.
 
-    `motion` is TargetMotion.to_json(); `instructions` has "seen" and "unseen" lists; `interception` are the arrays of the group of
-    that name, first contacts left out, by key (motion/recorded/group.py). `attempts` are those at its slot (data/records.py,
-    `untimed`); none of a variant, nor of an episode of version 0.1.
+    `motion` is TargetMotion.to_json(); `instructions` has "seen" and "unseen" lists; `interception`
+    are the arrays of the group of that name, first contacts left out, by key
+    (motion/recorded/group.py). `attempts` are those at its slot (data/records.py, `untimed`); none
+    of a variant, nor of an episode of version 0.1.
     """
 
     spec: EpisodeSpec
@@ -55,7 +57,8 @@ class Episode:
 
 
 class EpisodeFile:
-    """Read access to one episode file; use as a context manager. Raises EpisodeError for a file that is not one."""
+    """Read access to one episode file; use as a context manager. Raises EpisodeError for a file
+    that is not one."""
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
@@ -63,14 +66,19 @@ class EpisodeFile:
             self._file = open_hdf5(self.path)
             self._bytes = self.path.stat().st_size
         except (OSError, RuntimeError) as error:
-            raise EpisodeError(f"{self.path}: cannot be read as HDF5 ({_line(error)}); run the build again") from error
+            raise EpisodeError(
+                f"{self.path}: cannot be read as HDF5 ({_line(error)}); run the build again"
+            ) from error
         try:
             schema = self._file.attrs.get("schema")
         except _FAULTS:
             schema = None
         if not isinstance(schema, np.integer) or schema != SCHEMA:
             self._file.close()
-            raise EpisodeError(f"{self.path}: its schema is not {SCHEMA}; it was written by another version of domino-data")
+            raise EpisodeError(
+                f"{self.path}: its schema is not {SCHEMA}; it was written by another version of"
+                " domino-data"
+            )
 
     def __enter__(self) -> "EpisodeFile":
         return self
@@ -89,7 +97,8 @@ class EpisodeFile:
             raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
 
     def array(self, key: str) -> NDArray[Any]:
-        """One dataset, whole, e.g. "joint_state/vector" (T,A) or "observation/head_camera/extrinsic_cv" (T,3,4)."""
+        """One dataset, whole, e.g. "joint_state/vector" (T,A) or
+        "observation/head_camera/extrinsic_cv" (T,3,4)."""
         return self._values(key, self._get(key))
 
     def _optional(self, key: str) -> NDArray[Any] | None:
@@ -114,7 +123,9 @@ class EpisodeFile:
             raise EpisodeError(f"{self.path}: has no {key}")
         size = found.get_space().get_simple_extent_npoints() * found.get_type().get_size()
         if size > INFLATION * self._bytes:
-            raise EpisodeError(f"{self.path}: {key} claims {size} bytes, more than the file can hold")
+            raise EpisodeError(
+                f"{self.path}: {key} claims {size} bytes, more than the file can hold"
+            )
         return found
 
     def _group(self, key: str) -> h5py.Group:
@@ -124,7 +135,8 @@ class EpisodeFile:
         return h5py.Group(found)
 
     def _get(self, key: str) -> object:
-        """The identifier of a dataset or group, or None: objects of h5py cost several times what reading does."""
+        """The identifier of a dataset or group, or None: objects of h5py cost several times what
+        reading does."""
         try:
             return h5o.open(self._file.id, key.encode())
         except KeyError:
@@ -139,14 +151,19 @@ class EpisodeFile:
         try:
             names = tuple(group)
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: observation cannot be read ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: observation cannot be read ({_line(error)})"
+            ) from error
         if wrong := [name for name in names if not is_name(name)]:
-            raise EpisodeError(f"{self.path}: observation/{wrong[0][:LONGEST]} is not the name of a camera")
+            raise EpisodeError(
+                f"{self.path}: observation/{wrong[0][:LONGEST]} is not the name of a camera"
+            )
         return names
 
     @property
     def spec(self) -> EpisodeSpec:
-        """The spec the episode was made from. Raises EpisodeError for one that cannot be, such as a name that is a path."""
+        """The spec the episode was made from. Raises EpisodeError for one that cannot be, such as a
+        name that is a path."""
         try:
             return EpisodeSpec.from_json(self._text("spec"))
         except (ValueError, TypeError) as error:
@@ -160,7 +177,9 @@ class EpisodeFile:
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"]))
-            raise EpisodeError(f"{self.path}: its meta attribute cannot be used: {where}: {first['msg']}") from error
+            raise EpisodeError(
+                f"{self.path}: its meta attribute cannot be used: {where}: {first['msg']}"
+            ) from error
 
     def _text(self, attribute: str) -> str:
         try:
@@ -186,7 +205,9 @@ class EpisodeFile:
         try:
             return bytes(found[frame])
         except (OSError, RuntimeError) as error:
-            raise EpisodeError(f"{self.path}: observation/{camera}/rgb cannot be read ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: observation/{camera}/rgb cannot be read ({_line(error)})"
+            ) from error
 
     def size(self, camera: str) -> tuple[int, int]:
         """Height and width that the first image of a camera states."""
@@ -203,37 +224,59 @@ class EpisodeFile:
             yield decode_frame(bytes(data))
 
     def names(self, group: str, attribute: str) -> tuple[str, ...]:
-        """A list of names that stands in an attribute of a group: "bodies" and "joints" of state, "names" of joint_state."""
+        """A list of names that stands in an attribute of a group: "bodies" and "joints" of state,
+        "names" of joint_state."""
         attributes = self._group(group).attrs
         try:
             return tuple(map(str, np.asarray(attributes[attribute]).tolist()))
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: group {group} has no attribute {attribute}") from error
+            raise EpisodeError(
+                f"{self.path}: group {group} has no attribute {attribute}"
+            ) from error
 
     def attempts(self) -> list[dict[str, Any]] | None:
-        """The attempts at the episode's slot, itself the last; None where the file has none (a variant, version 0.1)."""
+        """The attempts at the episode's slot, itself the last; None where the file has none (a
+        variant, version 0.1)."""
         if not self.has(ATTEMPTS):
             return None
         try:
             return [dict(row) for row in parse_json(self.array(ATTEMPTS).item())]
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: {ATTEMPTS} is no list of attempts ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: {ATTEMPTS} is no list of attempts ({_line(error)})"
+            ) from error
 
     def _skills(self) -> list[SkillRun]:
-        return [SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in parse_json(self.array("skills").item())]
+        return [
+            SkillRun(**(run | {"arms": tuple(run["arms"])}))
+            for run in parse_json(self.array("skills").item())
+        ]
 
     def _touches(self) -> list[Touch]:
-        columns = [self.array(f"{FIRST_CONTACT}/{name}") for name in ("step", "point", "points", "tcp", "target")]
+        columns = [
+            self.array(f"{FIRST_CONTACT}/{name}")
+            for name in ("step", "point", "points", "tcp", "target")
+        ]
         rows = zip(SIDES, *columns, strict=True)
         return [
-            Touch(side, int(step), tuple(point.tolist()), int(points), tuple(tcp.tolist()), tuple(target.tolist()))
+            Touch(
+                side,
+                int(step),
+                tuple(point.tolist()),
+                int(points),
+                tuple(tcp.tolist()),
+                tuple(target.tolist()),
+            )
             for side, step, point, points, tcp, target in rows
             if step >= 0
         ]
 
     def interception(self) -> dict[str, NDArray[Any]]:
         """The arrays of the group `interception` but for the first contacts, by key."""
-        return {key.removeprefix("interception/"): self._values(key, found) for key, found in self._below("interception")}
+        return {
+            key.removeprefix("interception/"): self._values(key, found)
+            for key, found in self._below("interception")
+        }
 
     def _below(self, name: str) -> Iterator[tuple[str, object]]:
         """Keys of the datasets below a group, and these, first contacts left out."""
@@ -250,28 +293,37 @@ class EpisodeFile:
                 yield key, found
 
     def damaged(self) -> list[str]:
-        """Names of the datasets whose content changed since it was written, and of those that are missing or unexpected.
+        """Names of the datasets whose content changed since it was written, and of those that are
+        missing or unexpected.
 
         Changed attributes are reported as content.HEADER."""
         try:
             written = dict(parse_json(self._text(HASHES)))
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: its hashes cannot be read ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: its hashes cannot be read ({_line(error)})"
+            ) from error
         return differing(written, self.contents())
 
     def contents(self) -> dict[str, str]:
-        """The hash of every dataset by its name, and of the attributes under content.HEADER, as they are now."""
+        """The hash of every dataset by its name, and of the attributes under content.HEADER, as
+        they are now."""
         try:
             return content_hashes(self._file, self.array)
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: its content cannot be read ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: its content cannot be read ({_line(error)})"
+            ) from error
 
     def read(self) -> Episode:
-        """The whole episode without its images. Raises EpisodeError for one that is not complete."""
+        """The whole episode without its images. Raises EpisodeError for one that is not
+        complete."""
         try:
             return self._read()
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: is not a complete episode ({_line(error)})") from error
+            raise EpisodeError(
+                f"{self.path}: is not a complete episode ({_line(error)})"
+            ) from error
 
     def _read(self) -> Episode:
         vector_names = self.names("joint_state", "names")
@@ -285,7 +337,9 @@ class EpisodeFile:
             vector_names=vector_names,
             state=self.array("joint_state/vector"),
             action=self.array("joint_action/vector"),
-            tcp=np.stack([self.array(f"endpose/{side}_endpose") for side in sides_of(vector_names)], axis=1),
+            tcp=np.stack(
+                [self.array(f"endpose/{side}_endpose") for side in sides_of(vector_names)], axis=1
+            ),
             target_velocity=self.array("target/velocity"),
             contacts=as_contacts(self.array("state/contacts")),
             events=[Event(**e) for e in json.loads(self.array("events").item())],
@@ -297,7 +351,9 @@ class EpisodeFile:
         )
         split = {s: self.instructions(s) for s in ("seen", "unseen")}
         motion, tried = self.array("motion").item().decode(), self.attempts() or ()
-        return Episode(self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried)
+        return Episode(
+            self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried
+        )
 
 
 def _line(error: BaseException) -> str:

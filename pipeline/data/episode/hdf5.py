@@ -1,4 +1,5 @@
-"""HDF5 files: opened so that no damage makes the library hang, and written so that no full disk makes it crash."""
+"""HDF5 files: opened so that no damage makes the library hang, and written so that no full disk
+makes it crash."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,16 +12,19 @@ import h5py
 from pipeline.data.reading import read_regular
 
 _HEAP = b"GCOL\x01"
-"""How a collection of texts begins: signature and version. Three unused bytes and its size (8 bytes) follow."""
+"""How a collection of texts begins: signature and version. Three unused bytes and its size (8
+bytes) follow."""
 
 _HEAD = 16
 """Bytes of the header of a collection, and of the header of each text in it."""
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open a file for reading. Raises OSError for what is no regular file, no HDF5, or has a damaged collection of texts.
+    """Open a file for reading. Raises OSError for what is no regular file, no HDF5, or has a
+    damaged collection of texts.
 
-    The library checks all structures of our files but these ("global heap", version 1). A wrong size in one makes it hang.
+    The library checks all structures of our files but these ("global heap", version 1). A wrong
+    size in one makes it hang.
     """
     _check_heaps(path)
     # a finished file is never written again, and some file systems have no locks
@@ -40,7 +44,10 @@ def _check_heaps(path: Path) -> None:
 def _is_heap(data: bytes, at: int, end: int) -> bool:
     """Whether the sizes of the texts of a collection lead from one to the next until its end."""
     while end - at >= _HEAD:
-        number, size = int.from_bytes(data[at : at + 2], "little"), int.from_bytes(data[at + 8 : at + _HEAD], "little")
+        number, size = (
+            int.from_bytes(data[at : at + 2], "little"),
+            int.from_bytes(data[at + 8 : at + _HEAD], "little"),
+        )
         step = _HEAD + (size + 7) // 8 * 8 if number else size  # free space counts its header
         if not _HEAD <= step <= end - at:
             return False
@@ -49,9 +56,11 @@ def _is_heap(data: bytes, at: int, end: int) -> bool:
 
 
 class _Kept(FileIO):
-    """A file whose disk may refuse: from the first refusal on, which `refused` holds, nothing is written and nothing fails.
+    """A file whose disk may refuse: from the first refusal on, which `refused` holds, nothing is
+    written and nothing fails.
 
-    HDF5 that cannot write leaves objects open, says so in tracebacks of its own, and ends the process with a segmentation fault.
+    HDF5 that cannot write leaves objects open, says so in tracebacks of its own, and ends the
+    process with a segmentation fault.
     """
 
     refused: OSError | None = None

@@ -12,18 +12,23 @@ LARGEST = 8192
 
 
 class EpisodeError(DominoError):
-    """An episode file that is missing, truncated or not of this schema; the message names the file and what is wrong."""
+    """An episode file that is missing, truncated or not of this schema; the message names the file
+    and what is wrong."""
 
 
 def encode_frames(rgb: NDArray[np.uint8]) -> NDArray[np.bytes_]:
     """Frames (T,H,W,3) uint8 RGB as JPEG bytes (T,), padded with zeros to one length."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    coded = [cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), quality)[1].tobytes() for frame in rgb]
+    coded = [
+        cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), quality)[1].tobytes()
+        for frame in rgb
+    ]
     return np.array(coded, dtype=f"S{max(map(len, coded))}")
 
 
 def frame_size(jpeg: bytes) -> tuple[int, int] | None:
-    """Width and height that the header of a JPEG states, read without decoding; None if it has no such header."""
+    """Width and height that the header of a JPEG states, read without decoding; None if it has no
+    such header."""
     at = 2
     while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
         marker, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4])
@@ -40,12 +45,15 @@ def stated_size(jpeg: bytes) -> tuple[int, int]:
     if size is None:
         raise EpisodeError("a frame does not decode as JPEG")
     if max(size) > LARGEST:
-        raise EpisodeError(f"a frame claims to be {max(size)} pixels wide or high; {LARGEST} are allowed")
+        raise EpisodeError(
+            f"a frame claims to be {max(size)} pixels wide or high; {LARGEST} are allowed"
+        )
     return size
 
 
 def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
-    """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no image, or one larger than LARGEST."""
+    """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no image, or one
+    larger than LARGEST."""
     stated_size(jpeg)
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:

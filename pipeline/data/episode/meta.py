@@ -1,4 +1,5 @@
-"""What an episode file says about itself besides its arrays: roles, objects, cameras, motion, look and keys; stored as JSON."""
+"""What an episode file says about itself besides its arrays: roles, objects, cameras, motion, look
+and keys; stored as JSON."""
 
 from typing import Annotated, Any, Literal
 
@@ -40,7 +41,8 @@ Name = Annotated[str, AfterValidator(_named)]
 """A plain name: it becomes a part of a path inside the file."""
 
 Replaced = Annotated[str, AfterValidator(_family)]
-"""A family that objects from files replace, or that of one task: `cup`, or `place_empty_cup.cup`."""
+"""A family that objects from files replace, or that of one task: `cup`, or
+`place_empty_cup.cup`."""
 
 type Category = Literal["interception", "tracking"]
 
@@ -57,7 +59,8 @@ class _Record(BaseModel):
 
 
 class ObjectInfo(_Record):
-    """A body of the scene in words: its family, a noun and a description that people would use, the instance's parameters."""
+    """A body of the scene in words: its family, a noun and a description that people would use, the
+    instance's parameters."""
 
     family: str = ""
     noun: str = ""
@@ -66,8 +69,9 @@ class ObjectInfo(_Record):
 
 
 class CameraInfo(_Record):
-    """A camera: image size (pixels), vertical field of view (degrees), the link that carries it (None: fixed in the world), and
-    its pose (7,) in that link or in the world, x forward, y left, z up."""
+    """A camera: image size (pixels), vertical field of view (degrees), the link that carries it
+    (None: fixed in the world), and its pose (7,) in that link or in the world, x forward, y left, z
+    up."""
 
     width: Annotated[int, Field(ge=1, le=8192, strict=True)]
     height: Annotated[int, Field(ge=1, le=8192, strict=True)]
@@ -79,7 +83,13 @@ class CameraInfo(_Record):
     def of(cls, camera: Camera) -> "CameraInfo":
         """The record of a camera."""
         kind = camera.type
-        return cls(width=kind.width, height=kind.height, fovy=kind.fovy, link=camera.link, pose=tuple(map(float, camera.pose)))
+        return cls(
+            width=kind.width,
+            height=kind.height,
+            fovy=kind.fovy,
+            link=camera.link,
+            pose=tuple(map(float, camera.pose)),
+        )
 
     def camera(self, name: str) -> Camera:
         """The camera of this record."""
@@ -116,7 +126,9 @@ class NamedCamera(CameraInfo):
             return values
         if "pose" in values:
             raise ValueError("give a pose, or position and look_at, not both")
-        given = _Points.model_validate({k: values[k] for k in ("position", "look_at") if k in values})
+        given = _Points.model_validate(
+            {k: values[k] for k in ("position", "look_at") if k in values}
+        )
         forward = np.subtract(given.look_at, given.position)
         if not 1e-6 < np.linalg.norm(forward) < 2 * FARTHEST:
             raise ValueError("look_at is the position itself, or too far away")
@@ -130,16 +142,21 @@ class NamedCamera(CameraInfo):
     @classmethod
     def _a_pose(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         """Within sight of the table, its quaternion made a unit one."""
-        if not np.all(np.abs(value) <= FARTHEST) or (length := float(np.linalg.norm(value[3:]))) < 1e-6:
+        if (
+            not np.all(np.abs(value) <= FARTHEST)
+            or (length := float(np.linalg.norm(value[3:]))) < 1e-6
+        ):
             raise ValueError(f"is not a pose x y z qw qx qy qz, all within {FARTHEST:g}")
         return (*value[:3], *(v / length for v in value[3:]))
 
 
 class Drawing(_Record):
-    """What the images were drawn with: renderer preset, room and lights, cameras by name, and the stored assets by body.
+    """What the images were drawn with: renderer preset, room and lights, cameras by name, and the
+    stored assets by body.
 
-    `assets` maps each body that shows something, and "furniture", to the hash of its meshes and materials in the dataset's
-    assets/ directory; it is empty in an episode that was never drawn. `sensors` are the imperfections of the cameras.
+    `assets` maps each body that shows something, and "furniture", to the hash of its meshes and
+    materials in the dataset's assets/ directory; it is empty in an episode that was never drawn.
+    `sensors` are the imperfections of the cameras.
     """
 
     preset: str
@@ -151,8 +168,13 @@ class Drawing(_Record):
     @model_validator(mode="before")
     @classmethod
     def _without_retired(cls, values: Any) -> Any:
-        """Drop the key of robots drawn with vendors' meshes, which earlier versions wrote; the assets hold the meshes."""
-        return {key: value for key, value in values.items() if key != RETIRED} if isinstance(values, dict) else values
+        """Drop the key of robots drawn with vendors' meshes, which earlier versions wrote; the
+        assets hold the meshes."""
+        return (
+            {key: value for key, value in values.items() if key != RETIRED}
+            if isinstance(values, dict)
+            else values
+        )
 
     @property
     def latency(self) -> float:
@@ -168,8 +190,11 @@ class Drawing(_Record):
         return values
 
     @field_serializer("visuals", mode="wrap")
-    def _without_the_first_look(self, visuals: Visuals, handler: SerializerFunctionWrapHandler) -> Any:
-        """Episodes of the first look were stored before looks had a number: drawn again, their bytes stay."""
+    def _without_the_first_look(
+        self, visuals: Visuals, handler: SerializerFunctionWrapHandler
+    ) -> Any:
+        """Episodes of the first look were stored before looks had a number: drawn again, their
+        bytes stay."""
         values = handler(visuals)
         if visuals.look == FIRST_LOOK:
             del values["look"]
@@ -177,9 +202,11 @@ class Drawing(_Record):
 
 
 class FailureInfo(_Record):
-    """Why a stored attempt was rejected: its number, the stage that ended it, the reason code and the reason in words.
+    """Why a stored attempt was rejected: its number, the stage that ended it, the reason code and
+    the reason in words.
 
-    `conditions` names the success conditions that did not hold, if that is the reason (stages/failure.py).
+    `conditions` names the success conditions that did not hold, if that is the reason
+    (stages/failure.py).
     """
 
     attempt: Annotated[int, Field(ge=0)]
@@ -192,24 +219,27 @@ class FailureInfo(_Record):
 class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
-    `target` is the body that moves on its own until the meeting, `manipulated` the one the arms handle, `arms` maps roles to sides,
-    `clutter` lists the distractors (described in `objects`, too), of which `clutter_wanted` were wanted at least and at most (left
-    out of the file where it is 3 and 8). `objects_wanted` names the objects from files that stand for families.
-    `table_drop` (m): how much higher than in the clean domain robot and
-    head camera are, the table top staying where it is. `meeting_time` (s) is the planned meeting, when the motion is at the
-    manipulation pose; the `expert` "planned" meets the target then, the "reactive" one when it can; `corrects` names the policy
-    that acts before the expert does, "" for none. Speeds (m/s) and
-    `displacement` (m) are those of the target's motion (motion/target_motion.py, Features). `rules`, `contact` and `layout` say how
-    the episode was judged, what the first touch did and where the bases stood (data/rules.py), `physics_hz` how fast
-    physics ran, `step_limit` how many control periods the task allows,
-    `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.
+    `target` is the body that moves on its own until the meeting, `manipulated` the one the arms
+    handle, `arms` maps roles to sides, `clutter` lists the distractors (described in `objects`,
+    too), of which `clutter_wanted` were wanted at least and at most (left out of the file where it
+    is 3 and 8). `objects_wanted` names the objects from files that stand for families. `table_drop`
+    (m): how much higher than in the clean domain robot and head camera are, the table top staying
+    where it is. `meeting_time` (s) is the planned meeting, when the motion is at the manipulation
+    pose; the `expert` "planned" meets the target then, the "reactive" one when it can; `corrects`
+    names the policy that acts before the expert does, "" for none. Speeds (m/s) and `displacement`
+    (m) are those of the target's motion (motion/target_motion.py, Features). `rules`, `contact` and
+    `layout` say how the episode was judged, what the first touch did and where the bases stood
+    (data/rules.py), `physics_hz` how fast physics ran, `step_limit` how many control periods the
+    task allows, `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.
 
-    `physics_key` and `render_key` name what the episode was made from (run/identity/slot_keys.py), `keys` all parts of these
-    and of the key of its sentences, by kind. `physics_id` is the same for all episodes
-    that show the same physics (data/episode/physics_id.py), which no split may separate; `variant` numbers their looks.
+    `physics_key` and `render_key` name what the episode was made from (run/identity/slot_keys.py),
+    `keys` all parts of these and of the key of its sentences, by kind. `physics_id` is the same for
+    all episodes that show the same physics (data/episode/physics_id.py), which no split may
+    separate; `variant` numbers their looks.
 
-    `failure` is set in the file of a failed attempt and nowhere else. Where that failed in a dry run, the target stands still and
-    `meeting_time` is when something touched it, or the end where nothing did.
+    `failure` is set in the file of a failed attempt and nowhere else. Where that failed in a dry
+    run, the target stands still and `meeting_time` is when something touched it, or the end where
+    nothing did.
     """
 
     fps: Annotated[int, Field(gt=0)]
@@ -245,7 +275,8 @@ class EpisodeMeta(_Record):
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A file says the usual number of distractors and the planned expert by leaving them out."""
+        """A file says the usual number of distractors and the planned expert by leaving them
+        out."""
         values = write(self)
         if self.clutter_wanted == CLUTTER:
             values.pop("clutter_wanted", None)

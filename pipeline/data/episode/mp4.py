@@ -7,11 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 OPTIONS = {"crf": "27", "preset": "veryfast", "threads": "1", "x264-params": "aq-mode=0:mbtree=0"}
-"""One thread, and no quantisation that follows x264's look-ahead: with either, the same frames give other bytes now and then."""
+"""One thread, and no quantisation that follows x264's look-ahead: with either, the same frames give
+other bytes now and then."""
 
 
-def encode_mp4(frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str, str] | None = None) -> bytes:
-    """Frames (H,W,3) uint8 RGB, H and W even, as an mp4; the same frames give the same bytes. b"" without frames.
+def encode_mp4(
+    frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str, str] | None = None
+) -> bytes:
+    """Frames (H,W,3) uint8 RGB, H and W even, as an mp4; the same frames give the same bytes. b""
+    without frames.
 
     `more` are options of x264 that replace or join OPTIONS.
     """
@@ -22,7 +26,11 @@ def encode_mp4(frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str,
         for rgb in frames:
             if stream is None:
                 stream = container.add_stream("h264", fps, options=OPTIONS | dict(more or {}))
-                stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], "yuv420p", 1
+                stream.height, stream.width, stream.pix_fmt, stream.thread_count = (
+                    *rgb.shape[:2],
+                    "yuv420p",
+                    1,
+                )
             container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
         if stream is not None:
             container.mux(stream.encode())

@@ -1,4 +1,5 @@
-"""Whether an episode file has what its layout names (docs/formats.md), of the right types and lengths, and images that decode."""
+"""Whether an episode file has what its layout names (docs/formats.md), of the right types and
+lengths, and images that decode."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -35,7 +36,9 @@ def faults(file: EpisodeFile) -> Iterator[str]:
         yield from _undecodable(name, coded, size)
         for key, kind in (("depth", np.uint16), ("actor_segmentation", np.uint8)):
             if file.has(f"{group}/{key}"):
-                yield from filter(None, [_fault(file, f"{group}/{key}", (frames, *reversed(size)), kind)])
+                yield from filter(
+                    None, [_fault(file, f"{group}/{key}", (frames, *reversed(size)), kind)]
+                )
     if file.has("pointcloud"):
         shape = file.array("pointcloud").shape
         if len(shape) != 3 or shape[0] != frames or shape[2] != 6:
@@ -43,7 +46,8 @@ def faults(file: EpisodeFile) -> Iterator[str]:
 
 
 def layout_of(file: EpisodeFile) -> Layout:
-    """Shape and type of every array of numbers that an episode has. Raises EpisodeError if names are missing."""
+    """Shape and type of every array of numbers that an episode has. Raises EpisodeError if names
+    are missing."""
     frames, names = len(file), file.names("joint_state", "names")
     bodies, joints = len(file.names("state", "bodies")), len(file.names("state", "joints"))
     found: dict[str, tuple[int, ...]] = {
@@ -65,7 +69,12 @@ def layout_of(file: EpisodeFile) -> Layout:
         found |= {f"endpose/{side}_endpose": (7,), f"endpose/{side}_gripper": ()}
     found |= {f"objects/{name}/pose": (7,) for name in file.meta.objects}
     for camera in file.cameras:
-        matrices = {"intrinsic_cv": (3, 3), "extrinsic_cv": (3, 4), "cam2world_gl": (4, 4), "pose": (7,)}
+        matrices = {
+            "intrinsic_cv": (3, 3),
+            "extrinsic_cv": (3, 4),
+            "cam2world_gl": (4, 4),
+            "pose": (7,),
+        }
         found |= {f"observation/{camera}/{key}": shape for key, shape in matrices.items()}
     corrects = file.meta.corrects and not file.meta.failure
     found |= {"expert_action": (len(names),)} if corrects else {}
@@ -82,7 +91,8 @@ def _fault(file: EpisodeFile, key: str, shape: tuple[int, ...], kind: type) -> s
 
 
 def _undecodable(camera: str, coded: NDArray[Any], size: tuple[int, int]) -> Iterator[str]:
-    """The first image of a camera that does not decode, or has another size (pixels, width first)."""
+    """The first image of a camera that does not decode, or has another size (pixels, width
+    first)."""
     for t, data in enumerate(coded):
         jpeg = bytes(data)
         try:

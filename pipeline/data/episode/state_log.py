@@ -1,4 +1,5 @@
-"""The state log: everything the physics produced, at the recording rate. Rendering, verification and success read only this."""
+"""The state log: everything the physics produced, at the recording rate. Rendering, verification
+and success read only this."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,15 +10,24 @@ from pipeline.data.names import sides_of
 from pipeline.poses import between
 
 CONTACT_DTYPE = np.dtype(
-    [("frame", "<i4"), ("a", "<i2"), ("b", "<i2"), ("impulse", "<f4"), ("point", "<f4", (3,)), ("points", "<i2")]
+    [
+        ("frame", "<i4"),
+        ("a", "<i2"),
+        ("b", "<i2"),
+        ("impulse", "<f4"),
+        ("point", "<f4", (3,)),
+        ("points", "<i2"),
+    ]
 )
-"""One row: bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at `frame`; the largest summed impulse
-(N s) of the sampled steps, its mean contact point in the world frame (m) and the number of its contact points."""
+"""One row: bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at
+`frame`; the largest summed impulse (N s) of the sampled steps, its mean contact point in the world
+frame (m) and the number of its contact points."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: a name such as meeting, release, success, its time in s, and the body that did it, if any."""
+    """Something that happened: a name such as meeting, release, success, its time in s, and the
+    body that did it, if any."""
 
     name: str
     time: float
@@ -26,11 +36,13 @@ class Event:
 
 @dataclass(frozen=True)
 class SkillRun:
-    """A skill that the expert executed in physics steps `start` (exclusive) to `end`, counted from the start of the episode.
+    """A skill that the expert executed in physics steps `start` (exclusive) to `end`, counted from
+    the start of the episode.
 
-    `arms` are the sides that moved, `body` and `part` what it was about ("" for none): the body named to the skill, else the one
-    that an arm held as it began. `half` is the half of the task's script, "meet" or "finish". Of runs within one another, such as
-    the grasp of a hand-over, the outer one comes first.
+    `arms` are the sides that moved, `body` and `part` what it was about ("" for none): the body
+    named to the skill, else the one that an arm held as it began. `half` is the half of the task's
+    script, "meet" or "finish". Of runs within one another, such as the grasp of a hand-over, the
+    outer one comes first.
     """
 
     skill: str
@@ -46,8 +58,9 @@ class SkillRun:
 class Touch:
     """The first physics step in which links of an arm pushed the target.
 
-    `side` is the arm's, `step` counts from the start of the episode. `point` (3,) is the mean of the `points` contact points, m,
-    world frame. The world poses (7,) of the arm's tcp and of the target's origin are measured after that step.
+    `side` is the arm's, `step` counts from the start of the episode. `point` (3,) is the mean of
+    the `points` contact points, m, world frame. The world poses (7,) of the arm's tcp and of the
+    target's origin are measured after that step.
     """
 
     side: str
@@ -67,10 +80,12 @@ def as_contacts(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 @dataclass(eq=False)
 class StateLog:
-    """T frames. Names index the second axis of the arrays beside them; poses are xyz + wxyz in the world frame, float64."""
+    """T frames. Names index the second axis of the arrays beside them; poses are xyz + wxyz in the
+    world frame, float64."""
 
     times: NDArray[np.float64]  # (T,) s
-    bodies: tuple[str, ...]  # objects, links of the arms (side_link), scenery of the motion, "table"
+    # objects, links of the arms (side_link), scenery of the motion, "table"
+    bodies: tuple[str, ...]
     poses: NDArray[np.float64]  # (T, B, 7)
     joints: tuple[str, ...]  # side_joint, jaws included
     qpos: NDArray[np.float64]  # (T, J) measured, rad or m
@@ -84,9 +99,12 @@ class StateLog:
     events: list[Event] = field(default_factory=list)
     skills: list[SkillRun] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
-    target_angular_velocity: NDArray[np.float64] | None = None  # (T, 3) rad/s, world frame; None in files of earlier versions
-    intervention: NDArray[np.bool_] | None = None  # (T,) whether the expert acts after the frame, where a policy acts first
-    expert_action: NDArray[np.float64] | None = None  # (T, A) what the expert commands, or would command, after the frame
+    # (T, 3) rad/s, world frame; None in files of earlier versions
+    target_angular_velocity: NDArray[np.float64] | None = None
+    # (T,) whether the expert acts after the frame, where a policy acts first
+    intervention: NDArray[np.bool_] | None = None
+    # (T, A) what the expert commands, or would command, after the frame
+    expert_action: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.times)
@@ -102,16 +120,25 @@ class StateLog:
 
     def late(self, frames: float) -> "StateLog":
         """The log with the poses of `frames` before, as images show them whose cameras are late."""
-        return replace(self, poses=between(self.poses, np.arange(len(self)) - frames)) if frames else self
+        return (
+            replace(self, poses=between(self.poses, np.arange(len(self)) - frames))
+            if frames
+            else self
+        )
 
     def event(self, name: str) -> Event | None:
         """The first event of that name, or None."""
         return next((e for e in self.events if e.name == name), None)
 
     def frames_until(self, event: str, more: float) -> int:
-        """The number of frames until `more` seconds after an event, at least one; all of them if it did not happen."""
+        """The number of frames until `more` seconds after an event, at least one; all of them if it
+        did not happen."""
         time = self.time_of(event)
-        return len(self) if time is None else max(1, int(np.searchsorted(self.times, time + more + 1e-6, side="right")))
+        return (
+            len(self)
+            if time is None
+            else max(1, int(np.searchsorted(self.times, time + more + 1e-6, side="right")))
+        )
 
     def time_of(self, event: str) -> float | None:
         """Time (s) of the first event of that name, or None."""

@@ -19,7 +19,17 @@ from pipeline.data.episode.state_log import Touch
 from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
 
-_GROUPS = ("instruction", "joint_action", "joint_state", "endpose", "target", "objects", "state", "observation", "interception")
+_GROUPS = (
+    "instruction",
+    "joint_action",
+    "joint_state",
+    "endpose",
+    "target",
+    "objects",
+    "state",
+    "observation",
+    "interception",
+)
 
 
 def write_episode(
@@ -31,20 +41,31 @@ def write_episode(
 ) -> None:
     """Write one episode atomically.
 
-    `images` are the JPEG frames (T,) of `views`, if they are encoded already; `pointcloud` (T,N,6) float32 is x y z (m, world) and
-    r g b (0-1). Raises OSError if the file cannot be written; no partial file is left.
+    `images` are the JPEG frames (T,) of `views`, if they are encoded already; `pointcloud` (T,N,6)
+    float32 is x y z (m, world) and r g b (0-1). Raises OSError if the file cannot be written; no
+    partial file is left.
     """
     coded = [encode_frames(view.rgb) for view in views] if images is None else images
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         # groups that h5py makes on the way to a dataset carry the time of day; these do not
-        below = {"/".join(key.split("/")[:n]) for key in episode.interception for n in range(1, key.count("/") + 1)}
+        below = {
+            "/".join(key.split("/")[:n])
+            for key in episode.interception
+            for n in range(1, key.count("/") + 1)
+        }
         inner = [f"interception/{name}" for name in sorted(below)]
-        for name in (*_GROUPS, *(f"objects/{body}" for body in episode.meta.objects), *inner, FIRST_CONTACT):
+        for name in (
+            *_GROUPS,
+            *(f"objects/{body}" for body in episode.meta.objects),
+            *inner,
+            FIRST_CONTACT,
+        ):
             f.create_group(name)
         _write_header(f, episode)
         _write_log(f, episode)
         _write_touches(f.require_group(FIRST_CONTACT), episode)
-        for key in sorted(episode.interception):  # the same bytes, whether it was just made or read from a file
+        # the same bytes, whether it was just made or read from a file
+        for key in sorted(episode.interception):
             f[f"interception/{key}"] = episode.interception[key]
         for view, frames in zip(views, coded, strict=True):
             _write_view(f.create_group(f"observation/{view.camera.name}"), view, frames)
@@ -73,7 +94,11 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     names = list(log.vector_names)
     for group, vector in (("joint_action", log.action), ("joint_state", log.state)):
         for side in log.sides:
-            arm = [i for i, n in enumerate(names) if n.startswith(f"{side}_") and n != f"{side}_gripper"]
+            arm = [
+                i
+                for i, n in enumerate(names)
+                if n.startswith(f"{side}_") and n != f"{side}_gripper"
+            ]
             f[f"{group}/{side}_arm"] = vector[:, arm]
             f[f"{group}/{side}_gripper"] = vector[:, names.index(f"{side}_gripper")]
         f[f"{group}/vector"] = vector
@@ -92,15 +117,24 @@ def _write_log(f: h5py.File, e: Episode) -> None:
         f[f"objects/{name}/pose"] = log.pose(name)
     state = f.require_group("state")
     state.attrs["bodies"], state.attrs["joints"] = list(log.bodies), list(log.joints)
-    state["poses"], state["qpos"], state["qvel"], state["contacts"] = log.poses, log.qpos, log.qvel, log.contacts
+    state["poses"], state["qpos"], state["qvel"], state["contacts"] = (
+        log.poses,
+        log.qpos,
+        log.qvel,
+        log.contacts,
+    )
 
 
 def _write_touches(group: h5py.Group, e: Episode) -> None:
     """Rows left and right; an arm that did not touch the target has step -1 and zeros."""
     by_side = {touch.side: touch for touch in e.log.touches}
-    rows = [by_side.get(side, Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7)) for side in SIDES]
+    rows = [
+        by_side.get(side, Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7)) for side in SIDES
+    ]
     group["valid"] = np.array([row.step >= 0 for row in rows])
-    group["time"] = np.array([row.step / e.meta.physics_hz if row.step >= 0 else -1.0 for row in rows])
+    group["time"] = np.array(
+        [row.step / e.meta.physics_hz if row.step >= 0 else -1.0 for row in rows]
+    )
     for name in ("step", "point", "points", "tcp", "target"):
         group[name] = np.array([getattr(row, name) for row in rows])
 
@@ -114,4 +148,6 @@ def _write_view(group: h5py.Group, view: View, coded: NDArray[np.bytes_]) -> Non
     if view.depth is not None:
         group.create_dataset("depth", data=view.depth, compression="gzip", compression_opts=4)
     if view.segmentation is not None:
-        group.create_dataset("actor_segmentation", data=view.segmentation, compression="gzip", compression_opts=4)
+        group.create_dataset(
+            "actor_segmentation", data=view.segmentation, compression="gzip", compression_opts=4
+        )

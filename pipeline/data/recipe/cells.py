@@ -9,7 +9,8 @@ from types import MappingProxyType
 DEFAULT_ALPHA = 0.1
 
 _GOLDEN = 11400714819323198485
-"""2**64 over the golden ratio: multiples of it, modulo 2**64, fall evenly over the range, whatever their number."""
+"""2**64 over the golden ratio: multiples of it, modulo 2**64, fall evenly over the range, whatever
+their number."""
 
 
 @dataclass(frozen=True, order=True)
@@ -24,18 +25,23 @@ class Cell:
 
     @property
     def path(self) -> str:
-        """Directory of the cell's episodes below `episodes/`: the level carries alpha where that is not 0.1 m/s."""
-        level = f"L{self.level}" if self.alpha == DEFAULT_ALPHA or self.level == 0 else f"L{self.level}@{self.alpha:g}"
+        """Directory of the cell's episodes below `episodes/`: the level carries alpha where that is
+        not 0.1 m/s."""
+        level = (
+            f"L{self.level}"
+            if self.alpha == DEFAULT_ALPHA or self.level == 0
+            else f"L{self.level}@{self.alpha:g}"
+        )
         return f"{self.task}/{self.embodiment}/{level}/{self.domain}"
 
     def scenes(self, paired: Sequence[str]) -> str:
-        """What the seeds of the cell's scenes are drawn from: its path, or one text for all cells that differ only in `paired`
-        (levels, domains, alpha)."""
+        """What the seeds of the cell's scenes are drawn from: its path, or one text for all cells
+        that differ only in `paired` (levels, domains, alpha)."""
         if not paired:
             return self.path
         level = "*" if "levels" in paired else str(self.level)
         alpha = "*" if "alpha" in paired else f"{self.alpha:g}"
-        return f"{self.task}/{self.embodiment}/L{level}@{alpha}/{'*' if 'domains' in paired else self.domain}"
+        return f"{self.task}/{self.embodiment}/L{level}@{alpha}/{'*' if 'domains' in paired else self.domain}"  # noqa: E501
 
 
 @dataclass(frozen=True, order=True)
@@ -64,8 +70,8 @@ def episode_name(index: int, variant: int = 0) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """The values of a recipe that choose its slots. `each` is the number of episodes by domain, of every cell, or, where `total`
-    is given, the weight of the domain's cells."""
+    """The values of a recipe that choose its slots. `each` is the number of episodes by domain, of
+    every cell, or, where `total` is given, the weight of the domain's cells."""
 
     tasks: tuple[str, ...]
     embodiments: tuple[str, ...]
@@ -78,7 +84,8 @@ class Choice:
 
 @lru_cache(maxsize=8)
 def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
-    """Episodes wanted of every cell, in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""
+    """Episodes wanted of every cell, in a fixed order. Level 0 knows no speed, so it appears once
+    whatever the alphas."""
     lists = (choice.tasks, choice.embodiments, choice.levels, choice.alpha, choice.domains)
     cells = dict.fromkeys(
         Cell(task, embodiment, level, alpha if level else DEFAULT_ALPHA, domain)
@@ -90,17 +97,21 @@ def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
 
 
 def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
-    """Exactly `total` episodes over cells: by largest remainder between the domains, then evenly over the cells of each.
+    """Exactly `total` episodes over cells: by largest remainder between the domains, then evenly
+    over the cells of each.
 
-    All cells of a domain have the same weight. Every cell gets less than one more or less than its share, the remainders go to
-    cells that lie evenly among the domain's, and a larger total takes nothing from any cell (which largest remainder over single
-    cells would: the Alabama paradox). Nothing is given where all weights are 0.
+    All cells of a domain have the same weight. Every cell gets less than one more or less than its
+    share, the remainders go to cells that lie evenly among the domain's, and a larger total takes
+    nothing from any cell (which largest remainder over single cells would: the Alabama paradox).
+    Nothing is given where all weights are 0.
     """
     domains: dict[str, list[Cell]] = {}
     for cell, weight in weights.items():
         if weight:
             domains.setdefault(cell.domain, []).append(cell)
-    shares = largest_remainder([sum(weights[cell] for cell in cells) for cells in domains.values()], total)
+    shares = largest_remainder(
+        [sum(weights[cell] for cell in cells) for cells in domains.values()], total
+    )
     counts = dict.fromkeys(weights, 0)
     for cells, share in zip(domains.values(), shares, strict=True):
         counts |= dict(zip(cells, evenly(len(cells), share), strict=True))
@@ -108,8 +119,9 @@ def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
 
 
 def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
-    """Whole numbers with the sum `total`, in proportion to positive weights: every share rounded down, and one more for those with
-    the largest remainders, the first of equal ones first. Of at most two weights none ever gets less of a larger total."""
+    """Whole numbers with the sum `total`, in proportion to positive weights: every share rounded
+    down, and one more for those with the largest remainders, the first of equal ones first. Of at
+    most two weights none ever gets less of a larger total."""
     whole = sum(weights)
     counts = [total * weight // whole for weight in weights]
     order = sorted(range(len(weights)), key=lambda i: -(total * weights[i] % whole))
@@ -119,11 +131,12 @@ def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
 
 
 def evenly(places: int, total: int) -> list[int]:
-    """`total` over so many places: the same for all, and one more for a few that lie evenly among them; a larger total takes
-    nothing from any place.
+    """`total` over so many places: the same for all, and one more for a few that lie evenly among
+    them; a larger total takes nothing from any place.
 
-    The order in which places get one more is that of the fractions of their number's multiples of the golden ratio: every
-    beginning of it lies evenly, with at most three different distances between neighbours (Fibonacci hashing).
+    The order in which places get one more is that of the fractions of their number's multiples of
+    the golden ratio: every beginning of it lies evenly, with at most three different distances
+    between neighbours (Fibonacci hashing).
     """
     order = sorted(range(places), key=lambda i: i * _GOLDEN % 2**64)
     counts = [total // places] * places

@@ -15,23 +15,31 @@ def shipped_recipes() -> dict[str, Path]:
     """The recipe files that ship with the package, by name: "smoke", "paper/10-tasks", ..."""
     package = Path(str(pipeline.__file__)).parent
     # beside the package in a checkout, inside it in a wheel
-    root = next((place for place in (package / FOLDER, package.parent / FOLDER) if place.is_dir()), package)
-    return {path.relative_to(root).with_suffix("").as_posix(): path for path in sorted(root.rglob("*.yaml"))}
+    root = next(
+        (place for place in (package / FOLDER, package.parent / FOLDER) if place.is_dir()), package
+    )
+    return {
+        path.relative_to(root).with_suffix("").as_posix(): path
+        for path in sorted(root.rglob("*.yaml"))
+    }
 
 
 def find_recipe(given: Path) -> Path:
-    """A recipe file as it is given, or the one of that name that ships with the package if there is no such file."""
+    """A recipe file as it is given, or the one of that name that ships with the package if there is
+    no such file."""
     name = given.with_suffix("").as_posix().removeprefix(f"{FOLDER}/")
     return given if given.exists() else shipped_recipes().get(name, given)
 
 
 def read_recipe(path: Path) -> dict[str, Any]:
-    """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a YAML mapping of texts."""
+    """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a
+    YAML mapping of texts."""
     return {key: value for key, value in _read(path).items() if key != SEAL}
 
 
 def is_edited(path: Path) -> bool:
-    """Whether a sealed recipe file has other values than it was written with; one without a seal has not. Raises RecipeError."""
+    """Whether a sealed recipe file has other values than it was written with; one without a seal
+    has not. Raises RecipeError."""
     values = _read(path)
     return SEAL in values and not is_unchanged(values)
 

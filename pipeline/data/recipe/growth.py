@@ -1,4 +1,5 @@
-"""Whether one recipe asks for all that another one holds, and for the same: then a dataset may grow from the one to the other."""
+"""Whether one recipe asks for all that another one holds, and for the same: then a dataset may grow
+from the one to the other."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,7 +15,8 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
     Objects of the original count by the keys of the slots: more tasks use more of them.
     """
     given = ("objects",) if held.assets and wanted.assets else ()
-    out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}  # a policy is told by its label
+    # a policy is told by its label
+    out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}
     values, others = (recipe.model_dump(mode="json", exclude=out) for recipe in (held, wanted))
     return [
         f"{key} is {_show_key(held, values, key)} there, not {_show_key(wanted, others, key)}"
@@ -31,7 +33,8 @@ def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
 
 
 def left_out(held: Recipe, wanted: Recipe) -> list[str]:
-    """One phrase for each key by which slots that are held would be left out; nothing if all of them are wanted."""
+    """One phrase for each key by which slots that are held would be left out; nothing if all of
+    them are wanted."""
     return list(_left_out(held, wanted))
 
 
@@ -40,7 +43,9 @@ def _left_out(held: Recipe, wanted: Recipe) -> Iterator[str]:
     lacking = [cell for cell, count in before.items() if count and cell not in after]
     for key in _LISTS if lacking else ():
         if missing := [value for value in getattr(held, key) if value not in getattr(wanted, key)]:
-            yield f"{key} {', '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in missing)}"
+            yield (
+                f"{key} {', '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in missing)}"
+            )
     fewer = {count for cell, count in before.items() if after.get(cell, count) < count}
     if fewer:
         yield f"{max(fewer)} episodes a cell"

@@ -1,4 +1,5 @@
-"""A recipe: which episodes a dataset is to hold. Read from YAML, validated, expanded into cells and slots."""
+"""A recipe: which episodes a dataset is to hold. Read from YAML, validated, expanded into cells and
+slots."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -23,7 +24,19 @@ MOST_SLOTS = 10_000_000
 
 SLOWEST = 1e-3  # m/s
 
-CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "total", "variants", "floor", "assets")
+CHOOSING = (
+    "name",
+    "tasks",
+    "embodiments",
+    "levels",
+    "domains",
+    "alpha",
+    "episodes",
+    "total",
+    "variants",
+    "floor",
+    "assets",
+)
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
@@ -38,7 +51,8 @@ def _scheme(text: str) -> str:
 
 
 class Floor(BaseModel):
-    """When a cell is stopped: after its first `slots`, of whose attempts a smaller share than `share` was accepted."""
+    """When a cell is stopped: after its first `slots`, of whose attempts a smaller share than
+    `share` was accepted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,58 +61,76 @@ class Floor(BaseModel):
 
 
 class Recipe(Setup):
-    """What a dataset is made of: its setup and which episodes. Every field has the default that a bare `build` uses."""
+    """What a dataset is made of: its setup and which episodes. Every field has the default that a
+    bare `build` uses."""
 
     name: _Title = "domino"
     """A label of the dataset: a resume may change it, and makes no episode again."""
     seed: Seed = 0
     """Seed from which the seeds of all attempts follow."""
     embodiments: tuple[str, ...] = ("aloha-agilex",)
-    """Robots by name or alias (`domino-data embodiments`); two unlike arms are written left+right, one NAME+none or none+NAME."""
+    """Robots by name or alias (`domino-data embodiments`); two unlike arms are written left+right,
+    one NAME+none or none+NAME."""
     tasks: tuple[str, ...] = ()
-    """Names of tasks (`domino-data tasks`) and of suites of tasks; `all`, or none, is the suite `domino`, the paper's 35."""
+    """Names of tasks (`domino-data tasks`) and of suites of tasks; `all`, or none, is the suite
+    `domino`, the paper's 35."""
     levels: tuple[Annotated[int, Field(ge=0, le=HIGHEST_LEVEL)], ...] = (1, 2, 3)
-    """How the target moves: 0 is static; of the paper's motions 1 is constant velocity, 2 polynomial, 3 two or three abrupt
-    pieces."""
+    """How the target moves: 0 is static; of the paper's motions 1 is constant velocity, 2
+    polynomial, 3 two or three abrupt pieces."""
     domains: tuple[Literal["clean", "randomized"], ...] = ("clean",)
-    """Looks and surroundings: clean, or randomized with distractors, other table heights and camera poses."""
+    """Looks and surroundings: clean, or randomized with distractors, other table heights and camera
+    poses."""
     alpha: tuple[Annotated[float, Field(ge=0, le=2)], ...] = (DEFAULT_ALPHA,)
     """Speed coefficients of the target, m/s; 0 is a static target at every level."""
-    episodes: _Count | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0, le=1_000_000, strict=True)]] = 50
-    """Episodes per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50, randomized: 10}."""
+    episodes: (
+        _Count
+        | Mapping[
+            Literal["clean", "randomized"], Annotated[int, Field(ge=0, le=1_000_000, strict=True)]
+        ]
+    ) = 50
+    """Episodes per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50,
+    randomized: 10}."""
     total: Annotated[int, Field(ge=1, le=MOST_SLOTS, strict=True)] | None = None
-    """Exact number of episodes of all cells, spread evenly over them; `episodes` are then the weights of the domains."""
+    """Exact number of episodes of all cells, spread evenly over them; `episodes` are then the
+    weights of the domains."""
     paired: tuple[Literal["levels", "domains", "alpha"], ...] = ()
-    """Cells that differ only in these keys try the same scenes slot by slot: same layout, objects and looks."""
+    """Cells that differ only in these keys try the same scenes slot by slot: same layout, objects
+    and looks."""
     attempts: _Thousand = 30
     """Seeds tried for one slot before it is given up."""
     floor: Floor | None = None
-    """{share: 0.1, slots: 3} stops a cell if fewer than 10 % of the attempts at its first 3 slots are accepted."""
+    """{share: 0.1, slots: 3} stops a cell if fewer than 10 % of the attempts at its first 3 slots
+    are accepted."""
     variants: _Thousand = 1
     """Number of looks in which every physics episode is drawn."""
     assets: Annotated[str, AfterValidator(_scheme)] | None = None
-    """The original's objects in place of ours, in every task that has some: robotwin:DIR, its directory assets/objects."""
+    """The original's objects in place of ours, in every task that has some: robotwin:DIR, its
+    directory assets/objects."""
     expert: Expert = "planned"
-    """The demonstrator: the planned expert knows where and when it meets the target, the reactive one sees only the past,
-    follows the target and tries again."""
+    """The demonstrator: the planned expert knows where and when it meets the target, the reactive
+    one sees only the past, follows the target and tries again."""
     sight: Sight = Sight()
-    """Delay and error with which the reactive expert sees the target: 100ms,5mm; in a file also {delay: 0.1,
+    """Delay and error with which the reactive expert sees the target: 100ms,5mm; in a file also
+    {delay: 0.1,
     noise: 0.005} (s, m)."""
     corrections: Corrections | None = None
-    """A policy (as for `evaluate --policy`) that acts first; the reactive expert labels every frame, takes over and finishes."""
+    """A policy (as for `evaluate --policy`) that acts first; the reactive expert labels every
+    frame, takes over and finishes."""
     takeover: Takeover = "time"
-    """When the expert takes over from the policy: at a drawn time before the planned meeting, or when the policy's hand is farther
-    off the expert's path than a drawn distance (error)."""
+    """When the expert takes over from the policy: at a drawn time before the planned meeting, or
+    when the policy's hand is farther off the expert's path than a drawn distance (error)."""
     perturb: Perturbation | None = None
-    """What happens to the robot between the policy's turn and the expert's: nothing, a pause of drawn length, or a push in a drawn
-    direction. Needs `corrections`."""
+    """What happens to the robot between the policy's turn and the expert's: nothing, a pause of
+    drawn length, or a push in a drawn direction. Needs `corrections`."""
     view: Literal["any", "unoccluded"] = "any"
-    """`unoccluded` rejects attempts in which the head camera does not see the target well before the meeting: at least 25 % of its
-    silhouette in at least half of the frames of the last 0.5 s."""
+    """`unoccluded` rejects attempts in which the head camera does not see the target well before
+    the meeting: at least 25 % of its silhouette in at least half of the frames of the last 0.5
+    s."""
     instructions: _Thousand = 100
     """Number of sentences for each of the splits seen and unseen."""
     keep_failures: Literal["all", "rendered", "none"] = "none"
-    """Failed attempts stored as files below failures/: `rendered` those of the replay, `all` also those of dry runs."""
+    """Failed attempts stored as files below failures/: `rendered` those of the replay, `all` also
+    those of dry runs."""
 
     @property
     def reactive(self) -> Sight | None:
@@ -110,9 +142,13 @@ class Recipe(Setup):
         """The label of the setup, followed by the expert unless it is the planned one."""
         if self.reactive is None:
             return super().label
-        corrected = f"-takeover-{self.takeover}-{digest([self.corrections.label])[:8]}" if self.corrections else ""
+        corrected = (
+            f"-takeover-{self.takeover}-{digest([self.corrections.label])[:8]}"
+            if self.corrections
+            else ""
+        )
         corrected += f"-{self.perturb}" if self.perturb else ""
-        return f"{super().label}-reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}{corrected}"
+        return f"{super().label}-reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}{corrected}"  # noqa: E501
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", "paired", mode="before")
     @classmethod
@@ -130,17 +166,27 @@ class Recipe(Setup):
     def _apart(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         """Speeds that have directories of their own, and that are speeds."""
         if any(0 < alpha < SLOWEST for alpha in value):
-            raise ValueError(f"holds a speed below {SLOWEST} m/s, which is no motion; level 0 is a target that stands still")
+            raise ValueError(
+                f"holds a speed below {SLOWEST} m/s, which is no motion; level 0 is a target that"
+                " stands still"
+            )
         if len({f"{alpha:g}" for alpha in value}) < len(value):
-            raise ValueError("holds two speeds that are the same to six digits, which name directories")
+            raise ValueError(
+                "holds two speeds that are the same to six digits, which name directories"
+            )
         return value
 
     @field_validator("episodes", mode="before")
     @classmethod
     def _by_domain(cls, value: Any) -> Any:
         """One number, or one for each domain."""
-        if isinstance(value, Mapping) and (unknown := [key for key in value if key not in ("clean", "randomized")]):
-            raise ValueError(f"names the domain {show_value(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
+        if isinstance(value, Mapping) and (
+            unknown := [key for key in value if key not in ("clean", "randomized")]
+        ):
+            raise ValueError(
+                f"names the domain {show_value(unknown[0])}; write a number, or {{clean: 50,"
+                " randomized: 10}"
+            )
         return value
 
     @field_validator("floor", mode="before")
@@ -165,30 +211,45 @@ class Recipe(Setup):
 
     def counts(self) -> Mapping[Cell, int]:
         """Episodes wanted of every cell, in a fixed order: physics, each drawn `variants` times."""
-        of, lists = self.episodes, (self.tasks, self.embodiments, self.levels, self.alpha, self.domains)
-        each = tuple((domain, of if isinstance(of, int) else of.get(domain, 0)) for domain in self.domains)
+        of, lists = (
+            self.episodes,
+            (self.tasks, self.embodiments, self.levels, self.alpha, self.domains),
+        )
+        each = tuple(
+            (domain, of if isinstance(of, int) else of.get(domain, 0)) for domain in self.domains
+        )
         return episodes_by_cell(Choice(*lists, each, self.total))
 
     def cells(self) -> list[Cell]:
-        """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""
+        """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the
+        alphas."""
         return list(self.counts())
 
     def robots(self) -> list[str]:
         """The single robots of the embodiments, sorted: both of a mixed pair."""
-        return sorted({name for embodiment in self.embodiments for name in embodiment.split("+") if name != NONE})
+        return sorted(
+            {
+                name
+                for embodiment in self.embodiments
+                for name in embodiment.split("+")
+                if name != NONE
+            }
+        )
 
     def wanted(self, cell: Cell) -> int:
         """Episodes wanted of a cell; 0 of one that is not the recipe's."""
         return self.counts().get(cell, 0)
 
     def slots(self) -> Iterator[Slot]:
-        """Every wanted episode: the physical slots in their order, each followed by its other variants."""
+        """Every wanted episode: the physical slots in their order, each followed by its other
+        variants."""
         for slot in self.physical_slots():
             for variant in range(self.variants):
                 yield replace(slot, variant=variant)
 
     def physical_slots(self) -> Iterator[Slot]:
-        """Variant 0 of every slot: all cells' first, then all second ones, so that an interrupted build is already balanced."""
+        """Variant 0 of every slot: all cells' first, then all second ones, so that an interrupted
+        build is already balanced."""
         counts = self.counts()
         for index in range(max(counts.values(), default=0)):
             for cell, count in counts.items():
@@ -198,15 +259,29 @@ class Recipe(Setup):
     def spec(self, slot: Slot, attempt: int) -> EpisodeSpec:
         """The spec of one attempt at a slot.
 
-        The first half of the attempts share the drawn shape of the target's motion, and with it its speed, whatever the layout:
-        a fast motion, which fits more seldom, is not replaced by a slow one. Later attempts draw their own. Cells that are paired
-        have the same seeds, and with them the same scenes.
+        The first half of the attempts share the drawn shape of the target's motion, and with it its
+        speed, whatever the layout: a fast motion, which fits more seldom, is not replaced by a slow
+        one. Later attempts draw their own. Cells that are paired have the same seeds, and with them
+        the same scenes.
         """
         cell = slot.cell
         scenes = cell.scenes(self.paired)
         seed = attempt_seed(self.seed, scenes, slot.index, attempt)
-        shared = attempt_seed(self.seed, scenes, slot.index, -1) if attempt <= self.attempts // 2 else None
-        return EpisodeSpec(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed, shared)
+        shared = (
+            attempt_seed(self.seed, scenes, slot.index, -1)
+            if attempt <= self.attempts // 2
+            else None
+        )
+        return EpisodeSpec(
+            cell.task,
+            cell.embodiment,
+            cell.level,
+            cell.alpha,
+            cell.domain,
+            slot.index,
+            seed,
+            shared,
+        )
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""
@@ -218,10 +293,14 @@ KEYS = (*(key for key in Recipe.model_fields if key not in Setup.model_fields), 
 """The keys of a recipe as files and documents list them: which episodes first, then the setup."""
 
 
-def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
-    """A recipe whose keys and values have the right form; whether its tasks and robots exist is for `run.names` to say.
+def parse_recipe(
+    values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
+) -> Recipe:
+    """A recipe whose keys and values have the right form; whether its tasks and robots exist is for
+    `run.names` to say.
 
-    Raises RecipeError in one line that names `source` and the key, or the option that gave it (`flags`), and what is wrong.
+    Raises RecipeError in one line that names `source` and the key, or the option that gave it
+    (`flags`), and what is wrong.
     """
     recipe = Recipe.parse(values, source, flags)
     check_size(recipe, source)
@@ -229,14 +308,19 @@ def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mappi
 
 
 def check_size(recipe: Recipe, source: str = "recipe") -> None:
-    """Raise RecipeError for a recipe of no episode, or of more than one dataset holds; without tasks it is counted for one."""
+    """Raise RecipeError for a recipe of no episode, or of more than one dataset holds; without
+    tasks it is counted for one."""
     if not recipe.tasks:
         recipe = recipe.model_copy(update={"tasks": ("all",)})
     lists = (recipe.tasks, recipe.embodiments, recipe.levels, recipe.alpha, recipe.domains)
     if (cells := math.prod(map(len, lists))) > MOST_SLOTS:
         raise RecipeError(
-            f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer tasks, robots or alphas"
+            f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer"
+            " tasks, robots or alphas"
         )
     wanted = recipe.variants * sum(recipe.counts().values())
     if not 0 < wanted <= MOST_SLOTS:
-        raise RecipeError(f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes, alpha or variants")
+        raise RecipeError(
+            f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes,"
+            " alpha or variants"
+        )

@@ -1,4 +1,5 @@
-"""What went wrong at a store: every library has exceptions of its own, which are told apart by names, codes and numbers."""
+"""What went wrong at a store: every library has exceptions of its own, which are told apart by
+names, codes and numbers."""
 
 import errno
 from collections.abc import Iterator, Mapping
@@ -7,11 +8,27 @@ AGAIN = "check the network and the endpoint, then rerun the same command to resu
 GONE = "there is no such bucket or repository: make it first, or name another"
 LOCAL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ENOTCONN, errno.ESTALE, errno.EIO)
 _PASSING = (errno.EBUSY, getattr(errno, "EREMOTEIO", errno.EIO))
-_LOST = {"ConnectionError", "TimeoutError", "HTTPClientError", "ClientConnectionError", "ClientPayloadError", "TransportError"}
-_ANONYMOUS = {"NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "DefaultCredentialsError"}
-_EXPIRED = {"ExpiredToken", "ExpiredTokenException", "RequestExpired", "TokenRefreshRequired", "UnauthorizedSSOTokenError"} | {
-    *("TokenRetrievalError", "SSOTokenLoadError", "RefreshError", "InvalidToken")
+_LOST = {
+    "ConnectionError",
+    "TimeoutError",
+    "HTTPClientError",
+    "ClientConnectionError",
+    "ClientPayloadError",
+    "TransportError",
 }
+_ANONYMOUS = {
+    "NoCredentialsError",
+    "PartialCredentialsError",
+    "CredentialRetrievalError",
+    "DefaultCredentialsError",
+}
+_EXPIRED = {
+    "ExpiredToken",
+    "ExpiredTokenException",
+    "RequestExpired",
+    "TokenRefreshRequired",
+    "UnauthorizedSSOTokenError",
+} | {*("TokenRetrievalError", "SSOTokenLoadError", "RefreshError", "InvalidToken")}
 _WRONG = {"InvalidAccessKeyId", "SignatureDoesNotMatch", "401", "LocalTokenNotFoundError"}
 THERE = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
 ABSENT = {"NoSuchBucket", "RepositoryNotFoundError", "RevisionNotFoundError"}
@@ -50,11 +67,17 @@ def why(error: BaseException) -> str:
     names = names_of(error)
     for known, said in (
         (_EXPIRED, "the credential has expired: renew it, then rerun the same command to resume"),
-        (_ANONYMOUS, "there are no credentials for it: set them as its library wants them (docs/storage.md)"),
+        (
+            _ANONYMOUS,
+            "there are no credentials for it: set them as its library wants them (docs/storage.md)",
+        ),
         (_WRONG, "the credential is not accepted: check it, then rerun the same command to resume"),
         (ABSENT, GONE),
         (_LOST, f"the connection is lost or refused: {AGAIN}"),
-        ({"PermissionError", "403"}, "the credential has no permission: grant it, then rerun the same command to resume"),
+        (
+            {"PermissionError", "403"},
+            "the credential has no permission: grant it, then rerun the same command to resume",
+        ),
     ):
         if names & known:
             return f"{said} ({line_of(error)})"

@@ -1,4 +1,5 @@
-"""One command at a time writes a dataset on an object store, which has no locks: an object says who does, and until when."""
+"""One command at a time writes a dataset on an object store, which has no locks: an object says who
+does, and until when."""
 
 import json
 import os
@@ -25,21 +26,30 @@ SECONDS = 300.0
 
 @contextmanager
 def hold_lease(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
-    """Hold the lease of a store. A process that is killed leaves it behind: the next one on the same machine takes it over at once,
-    one on another machine when it has run out. The event is set when that has happened to this lease: its machine slept, or the
-    store could not be reached for so long.
+    """Hold the lease of a store. A process that is killed leaves it behind: the next one on the
+    same machine takes it over at once, one on another machine when it has run out. The event is set
+    when that has happened to this lease: its machine slept, or the store could not be reached for
+    so long.
 
-    Raises Busy if another process holds it, StoreError also for a store that cannot keep two commands apart.
+    Raises Busy if another process holds it, StoreError also for a store that cannot keep two
+    commands apart.
     """
     if not store.conditional:
         raise StoreError(
             f"{store.url}: can be read, not written, because two commands could write it at once: "
             "give a directory, s3:// or gs://; `domino-data publish` uploads an export to the hub"
         )
-    mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex, "since": time.time()}
+    mine = {
+        "host": socket.gethostname(),
+        "process": os.getpid(),
+        "id": uuid.uuid4().hex,
+        "since": time.time(),
+    }
     _take(store, mine, seconds)
     ended, lost = threading.Event(), threading.Event()
-    keeper = threading.Thread(target=_keep, args=(store, _Lease(mine, seconds, lost), ended), daemon=True)
+    keeper = threading.Thread(
+        target=_keep, args=(store, _Lease(mine, seconds, lost), ended), daemon=True
+    )
     keeper.start()
     try:
         yield lost
@@ -64,7 +74,10 @@ def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
             store.delete([LEASE])
         if store.create(LEASE, said):
             return
-    raise Busy(f"{store.url}: another command has just begun to write it: wait until that has ended, or stop it")
+    raise Busy(
+        f"{store.url}: another command has just begun to write it: wait until that has ended, or"
+        " stop it"
+    )
 
 
 @dataclass(frozen=True)
@@ -77,7 +90,8 @@ class _Lease:
 
 
 def _keep(store: Store, lease: _Lease, ended: threading.Event) -> None:
-    """Renew the lease until it has ended or is another one's. A store that cannot be reached stops the command elsewhere."""
+    """Renew the lease until it has ended or is another one's. A store that cannot be reached stops
+    the command elsewhere."""
     while not ended.wait(lease.seconds / 5):
         with suppress(StoreError, OSError):
             if (held := _read_lease(store)) and held.get("id") != lease.mine["id"]:
@@ -92,7 +106,8 @@ def _encode_lease(mine: dict[str, Any], seconds: float) -> bytes:
 
 
 def _whose(held: dict[str, Any]) -> str:
-    """The holder of the lease in words: the process, since when, and when the lease lapses if that process is dead."""
+    """The holder of the lease in words: the process, since when, and when the lease lapses if that
+    process is dead."""
     now = time.time()
     since, renewed = _clock(held["since"]), max(0, round(now - held["renewed"]))
     lapse = f"at {_clock(held['until'])}, in {max(1, round(held['until'] - now))} s"
@@ -100,8 +115,8 @@ def _whose(held: dict[str, Any]) -> str:
         lapse = "at once, since it is on this machine"
     who = f"process {held['process']} on {held['host']}, last renewed {renewed} s ago"
     return (
-        f"another command is writing it since {since} ({who}): wait until that has ended, or stop it; "
-        f"should that process be dead, its lease lapses {lapse}"
+        f"another command is writing it since {since} ({who}): wait until that has ended, or stop"
+        f" it; should that process be dead, its lease lapses {lapse}"
     )
 
 

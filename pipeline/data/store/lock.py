@@ -20,7 +20,8 @@ class Busy(DominoError):
 
 @contextmanager
 def exclusive(directory: Path) -> Iterator[None]:
-    """Hold the lock of an existing directory, which ends with the process however it ends, and leaves no file.
+    """Hold the lock of an existing directory, which ends with the process however it ends, and
+    leaves no file.
 
     Raises Busy if another process, or another call in this one, holds it. Where the file system
     has no such locks, it holds nothing and prints one line.
@@ -30,12 +31,15 @@ def exclusive(directory: Path) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise Busy(f"{directory}: another command is writing it: wait until that has ended, or stop it") from error
+            raise Busy(
+                f"{directory}: another command is writing it: wait until that has ended, or stop it"
+            ) from error
         except OSError as error:
             if error.errno not in _UNABLE:
                 raise
             print(
-                f"domino-data: warning: {directory} cannot be locked here ({error.strerror}): let one command at a time write it",
+                f"domino-data: warning: {directory} cannot be locked here ({error.strerror}): let"
+                " one command at a time write it",
                 file=sys.stderr,
             )
         yield

@@ -1,17 +1,21 @@
-"""Datasets on an object store: the directory of this machine that stands for one while a command works on it.
+"""Datasets on an object store: the directory of this machine that stands for one while a command
+works on it.
 
     CACHE/mirrors/s3%3A%2F%2Fbucket%2Fset/        what is below s3://bucket/set, file for object
     CACHE/mirrors/s3%3A%2F%2Fbucket%2Fset~1/      the same for a second command at the same time
 
-A mirror says by its name what it mirrors, so that any process on any machine knows it from a path. Its files are of three kinds:
+A mirror says by its name what it mirrors, so that any process on any machine knows it from a path.
+Its files are of three kinds:
 
 - written here: last changed when it was written;
-- the same as the object: its time of change, before 1999, is made from what the store says of the object (`mark`), so that the
-  stamps (stamps.py) of a file are the same on all machines, and change when the object does;
-- listed only: as the former, with its length, without its bytes and without the permission to read it (LISTED). Reading it through
-  data/reading.py fetches it first.
+- the same as the object: its time of change, before 1999, is made from what the store says of the
+  object (`mark`), so that the stamps (stamps.py) of a file are the same on all machines, and change
+  when the object does;
+- listed only: as the former, with its length, without its bytes and without the permission to read
+  it (LISTED). Reading it through data/reading.py fetches it first.
 
-Nothing that is only in a mirror counts: what the store lacks is removed when the next command pulls.
+Nothing that is only in a mirror counts: what the store lacks is removed when the next command
+pulls.
 """
 
 import os
@@ -45,7 +49,11 @@ def mirror_of(path: Path) -> "Mirror | None":
     """The mirror that a path is in, None for every other path."""
     parts = Path(path).parts
     for number in range(len(parts) - 1, 0, -1):
-        if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number] and not parts[number].startswith("."):
+        if (
+            parts[number - 1] == FOLDER
+            and "%3A%2F%2F" in parts[number]
+            and not parts[number].startswith(".")
+        ):
             return _mirror(Path(*parts[: number + 1]))
     return None
 
@@ -71,7 +79,11 @@ class Mirror:
 
     def pull(self) -> None:
         """Make the mirror what the store holds: small files fetched, all others listed only."""
-        listed = {name: each for name, each in self.store.list().items() if _plain(name) and not name.startswith(LEASE)}
+        listed = {
+            name: each
+            for name, each in self.store.list().items()
+            if _plain(name) and not name.startswith(LEASE)
+        }
         self.root.mkdir(parents=True, exist_ok=True)
         for path in list(self._files()):
             if self.name(path) not in listed:
@@ -94,7 +106,8 @@ class Mirror:
         self.fetch([path for path in folder.rglob("*") if not path.is_dir()])
 
     def find(self, path: Path) -> bool:
-        """Get a file that is not in the mirror, nor was when it was pulled: another machine wrote it. Whether there is one."""
+        """Get a file that is not in the mirror, nor was when it was pulled: another machine wrote
+        it. Whether there is one."""
         listed = self.store.stat(self.name(path))
         if listed is None:
             return False
@@ -108,8 +121,13 @@ class Mirror:
         _on_threads(self._push, [path for path in paths if is_new(path)])
 
     def push_all(self) -> None:
-        """Write to the store what was written here: first what others name, then the index, then the rest."""
-        files = [path for path in self._files() if is_new(path) and not path.name.endswith((".tmp", ".running", "-journal"))]
+        """Write to the store what was written here: first what others name, then the index, then
+        the rest."""
+        files = [
+            path
+            for path in self._files()
+            if is_new(path) and not path.name.endswith((".tmp", ".running", "-journal"))
+        ]
         names = {path: self.name(path) for path in files}
         last = [path for path in files if _LAST.match(names[path])]
         self.push(path for path in files if path not in set(last))
@@ -135,15 +153,24 @@ class Mirror:
 
     def _check(self) -> None:
         if self.lost.is_set():
-            raise StoreError(f"{self.url}: another command has begun to write it, since this one did not answer for minutes")
+            raise StoreError(
+                f"{self.url}: another command has begun to write it, since this one did not answer"
+                " for minutes"
+            )
 
     def _fetch(self, path: Path) -> None:
         # two threads may want the same file
-        state, temporary = path.stat(), temporary_name(path.with_name(f"{path.name}.{threading.get_ident()}"))
+        state, temporary = (
+            path.stat(),
+            temporary_name(path.with_name(f"{path.name}.{threading.get_ident()}")),
+        )
         try:
             self.store.get(self.name(path), temporary, state.st_size)
             if temporary.stat().st_size != state.st_size:
-                raise StoreError(f"{self.url}/{self.name(path)}: was changed while it was read: run the command again")
+                raise StoreError(
+                    f"{self.url}/{self.name(path)}: was changed while it was read: run the command"
+                    " again"
+                )
             os.utime(temporary, ns=(state.st_mtime_ns, state.st_mtime_ns))
             os.replace(temporary, path)
         finally:
@@ -152,7 +179,10 @@ class Mirror:
     def _push(self, path: Path) -> None:
         listed = self.store.put(path, self.name(path))
         if listed.size != path.stat().st_size:
-            raise StoreError(f"{self.url}/{self.name(path)}: has {listed.size} bytes after it was written: run the command again")
+            raise StoreError(
+                f"{self.url}/{self.name(path)}: has {listed.size} bytes after it was written: run"
+                " the command again"
+            )
         os.utime(path, ns=(mark(listed), mark(listed)))
 
     def _files(self) -> Iterator[Path]:
@@ -161,7 +191,8 @@ class Mirror:
 
 
 def fetch(path: Path) -> bool:
-    """Get the bytes of a file that is listed only, or that another machine wrote; False for one in no mirror, or not there."""
+    """Get the bytes of a file that is listed only, or that another machine wrote; False for one in
+    no mirror, or not there."""
     mirror = mirror_of(path)
     if mirror is None:
         return False
@@ -172,21 +203,24 @@ def fetch(path: Path) -> bool:
 
 
 def fetch_below(folder: Path) -> None:
-    """As `fetch`, for all files below a directory that are listed only: for libraries that read them by themselves."""
+    """As `fetch`, for all files below a directory that are listed only: for libraries that read
+    them by themselves."""
     mirror = mirror_of(folder)
     if mirror is not None:
         mirror.fetch_below(folder)
 
 
 def upload(*paths: Path) -> None:
-    """Write files to the store that they belong to, if any, so that they are there when this returns. Raises StoreError."""
+    """Write files to the store that they belong to, if any, so that they are there when this
+    returns. Raises StoreError."""
     mirror = mirror_of(paths[0]) if paths else None
     if mirror is not None:
         mirror.push(paths)
 
 
 def delete_uploaded(*paths: Path) -> None:
-    """Delete files that are gone from the store that they belonged to, if any. Raises StoreError."""
+    """Delete files that are gone from the store that they belonged to, if any. Raises
+    StoreError."""
     mirror = mirror_of(paths[0]) if paths else None
     if mirror is not None:
         mirror.delete(paths)
@@ -201,8 +235,8 @@ def free_space(path: Path) -> None:
 
 @contextmanager
 def replace_directory(folder: Path) -> Iterator[None]:
-    """Within, a directory is replaced by another. Where it is in a mirror, its objects are replaced at the end; nothing happens to
-    them where the block fails. Raises StoreError."""
+    """Within, a directory is replaced by another. Where it is in a mirror, its objects are replaced
+    at the end; nothing happens to them where the block fails. Raises StoreError."""
     mirror = mirror_of(folder)
     before = [path for path in folder.rglob("*") if not path.is_dir()] if mirror else []
     yield
@@ -213,11 +247,13 @@ def replace_directory(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def open_url(url: str, writes: bool = True, made: bool = False) -> Iterator[Path]:
-    """A directory with what is below a URL, for one command, which may be one of several at the same time.
+    """A directory with what is below a URL, for one command, which may be one of several at the
+    same time.
 
-    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again. A
-    directory in which nothing is then, and one of no dataset where the block fails, is removed. Raises StoreError, before anything
-    is fetched, if there is no dataset and there must be one that is `made`.
+    What `writes` changed in it is written to the store at the end, unless a StoreError ends the
+    block: it would come again. A directory in which nothing is then, and one of no dataset where
+    the block fails, is removed. Raises StoreError, before anything is fetched, if there is no
+    dataset and there must be one that is `made`.
     """
     with free_place(url) as place:
         mirror = _mirror(place)
@@ -232,7 +268,10 @@ def open_url(url: str, writes: bool = True, made: bool = False) -> Iterator[Path
             try:
                 yield mirror.root
             except BaseException as error:
-                if isinstance(error, StoreError | KeyboardInterrupt) or getattr(error, "exit_code", 0) == STOPPED:
+                if (
+                    isinstance(error, StoreError | KeyboardInterrupt)
+                    or getattr(error, "exit_code", 0) == STOPPED
+                ):
                     mirror.store.hurry()
                 if writes and not isinstance(error, StoreError):
                     mirror.push_all()
@@ -246,7 +285,13 @@ def open_url(url: str, writes: bool = True, made: bool = False) -> Iterator[Path
 def _plain(name: str) -> bool:
     """Whether an object's name can be a path below a directory."""
     parts = PurePosixPath(name).parts
-    return bool(parts) and ".." not in parts and not name.startswith("/") and "\0" not in name and str(PurePosixPath(name)) == name
+    return (
+        bool(parts)
+        and ".." not in parts
+        and not name.startswith("/")
+        and "\0" not in name
+        and str(PurePosixPath(name)) == name
+    )
 
 
 def _on_threads(work: Callable[[Path], None], paths: list[Path]) -> None:

@@ -15,7 +15,8 @@ _YEARS = 9 * 10**17  # ns: until 1998
 
 
 def mark(listed: Listed) -> int:
-    """Time of change (ns) of a file that is the same as an object: a number that is made from the object's identity."""
+    """Time of change (ns) of a file that is the same as an object: a number that is made from the
+    object's identity."""
     return int(hashlib.sha256(listed.identity.encode()).hexdigest()[:15], 16) % _YEARS
 
 

@@ -1,4 +1,5 @@
-"""Where the mirrors of a URL (mirror.py) lie on this machine: one is taken by one command at a time, and they can be removed."""
+"""Where the mirrors of a URL (mirror.py) lie on this machine: one is taken by one command at a
+time, and they can be removed."""
 
 import fcntl
 import os
@@ -27,7 +28,8 @@ class Place:
 
 @contextmanager
 def free_place(url: str) -> Iterator[Path]:
-    """The first mirror of a URL that no other command uses; one in which nothing is at the end is removed. Raises StoreError."""
+    """The first mirror of a URL that no other command uses; one in which nothing is at the end is
+    removed. Raises StoreError."""
     first = _first(url)
     first.parent.mkdir(parents=True, exist_ok=True)
     for number in count():
@@ -39,17 +41,23 @@ def free_place(url: str) -> Iterator[Path]:
 
 
 def forget(url: str, dry_run: bool = False) -> list[Place]:
-    """Remove, or only list, the mirrors of a URL on this machine. What is on the store stays, and is not asked.
+    """Remove, or only list, the mirrors of a URL on this machine. What is on the store stays, and
+    is not asked.
 
     Raises Busy if a command uses one of them, StoreError, OSError.
     """
     first, found = _first(url), list[Place]()
     # quoted, a URL has none of the signs that a pattern is made of
-    others = (path for path in first.parent.glob(f"{first.name}~*") if not path.name.endswith(".lock"))
+    others = (
+        path for path in first.parent.glob(f"{first.name}~*") if not path.name.endswith(".lock")
+    )
     for root in filter(Path.is_dir, (first, *sorted(others))):
         with _lock(root) as mine:
             if not mine:
-                raise Busy(f"{url}: another command on this machine is at work on it: wait until that has ended, or stop it")
+                raise Busy(
+                    f"{url}: another command on this machine is at work on it: wait until that has"
+                    " ended, or stop it"
+                )
             found.append(Place(str(root), _size(root)))
             if not dry_run:
                 remove(root)
@@ -58,7 +66,8 @@ def forget(url: str, dry_run: bool = False) -> list[Place]:
 
 @contextmanager
 def _lock(root: Path) -> Iterator[bool]:
-    """Whether this command alone may use a mirror until the block ends. One that is then empty is removed."""
+    """Whether this command alone may use a mirror until the block ends. One that is then empty is
+    removed."""
     path = root.with_name(f"{root.name}.lock")
     with open(path, "ab") as lock:
         try:
@@ -87,4 +96,8 @@ def _first(url: str) -> Path:
 
 def _size(root: Path) -> int:
     """Bytes on the disk: files that are listed only take none."""
-    return sum(os.lstat(os.path.join(folder, name)).st_blocks * 512 for folder, _, names in os.walk(root) for name in names)
+    return sum(
+        os.lstat(os.path.join(folder, name)).st_blocks * 512
+        for folder, _, names in os.walk(root)
+        for name in names
+    )

@@ -4,11 +4,13 @@ import os
 from pathlib import Path
 
 CACHE = "DOMINO_DATA_CACHE"
-"""Environment variable: the directory, where it is to be another one than domino-data below the user's cache."""
+"""Environment variable: the directory, where it is to be another one than domino-data below the
+user's cache."""
 
 
 def user_cache(name: str) -> Path | None:
-    """The directory $DOMINO_DATA_CACHE/<name>; where that is not set $XDG_CACHE_HOME/domino-data/<name>, or below ~/.cache.
+    """The directory $DOMINO_DATA_CACHE/<name>; where that is not set
+    $XDG_CACHE_HOME/domino-data/<name>, or below ~/.cache.
 
     None for a user without a home.
     """

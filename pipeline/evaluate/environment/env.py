@@ -1,11 +1,12 @@
-"""The gymnasium environment of one task: images, measured joints and an instruction in, joint targets or tool poses out.
+"""The gymnasium environment of one task: images, measured joints and an instruction in, joint
+targets or tool poses out.
 
     import gymnasium, pipeline.evaluate
     env = gymnasium.make("domino/click_bell-v0", embodiment="aloha", level=1, alpha=0.1)
 
-One step is one control period of simulated time. `reset(seed=n)` takes the scene of seed n if the expert solves it, else that of
-the next seed derived from n; `reset(options={"case": case})` takes an admitted case as it is. docs/reinforcement_learning.md says
-how to train in it.
+One step is one control period of simulated time. `reset(seed=n)` takes the scene of seed n if the
+expert solves it, else that of the next seed derived from n; `reset(options={"case": case})` takes
+an admitted case as it is. docs/reinforcement_learning.md says how to train in it.
 """
 
 from collections.abc import Mapping
@@ -43,30 +44,39 @@ REWARDS = ("score", "dense")
 class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     """One task x embodiment x level x alpha x domain.
 
-    `setup` is a Setup, keys of one (`{"cameras": ["head"], "fps": 30}`), or the directory of a dataset whose setup is taken.
+    `setup` is a Setup, keys of one (`{"cameras": ["head"], "fps": 30}`), or the directory of a
+    dataset whose setup is taken.
 
-    Observation: `observations="policy"` is a dictionary with "agent_pos" (A,) measured joints, grippers 0-1; "instruction";
-    "pixels" with (H,W,3) uint8 by camera unless the setup has none, and, where it has them, "depth" with (H,W) uint16 in mm along
-    the viewing axis and "segmentation" with (H,W) uint8 by camera, and "pointcloud" (N,6) of the head camera.
-    `observations="state"` is one vector (N,) of the true state without images, whose numbers `state_names` names: measured joints,
-    drive targets, joint velocities, poses of both tools and of all bodies of the task, the target's velocity, the progress of
-    reward.py, and the share of time left. All spaces are bounded, and numbers beyond the bounds are cut.
+    Observation: `observations="policy"` is a dictionary with "agent_pos" (A,) measured joints,
+    grippers 0-1; "instruction"; "pixels" with (H,W,3) uint8 by camera unless the setup has none,
+    and, where it has them, "depth" with (H,W) uint16 in mm along the viewing axis and
+    "segmentation" with (H,W) uint8 by camera, and "pointcloud" (N,6) of the head camera.
+    `observations="state"` is one vector (N,) of the true state without images, whose numbers
+    `state_names` names: measured joints, drive targets, joint velocities, poses of both tools and
+    of all bodies of the task, the target's velocity, the progress of reward.py, and the share of
+    time left. All spaces are bounded, and numbers beyond the bounds are cut.
 
-    Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"` (8S,) per arm a tool pose (x, y,
-    z, qw, qx, qy, qz; world frame) and a gripper value; `actions="delta_ee"` the same, poses in the frames of the
-    measured ones.
+    Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"`
+    (8S,) per arm a tool pose (x, y, z, qw, qx, qy, qz; world frame) and a gripper value;
+    `actions="delta_ee"` the same, poses in the frames of the measured ones.
 
-    Reward: `reward="score"` is 0 until the episode ends and then its manipulation score (0-100). `reward="dense"` is 1 at a success
-    plus the change of a potential with `discount` (reward.py); there the step limit ends an episode as `terminated`, because it
-    belongs to the task and `time_left` shows it.
+    Reward: `reward="score"` is 0 until the episode ends and then its manipulation score (0-100).
+    `reward="dense"` is 1 at a success plus the change of a potential with `discount` (reward.py);
+    there the step limit ends an episode as `terminated`, because it belongs to the task and
+    `time_left` shows it.
 
-    `scenes=N` draws every episode from N scenes that the expert solved at the first reset, none of which an evaluation with a
-    `--seed` below 10000 shows. The directory `manifests` keeps them for the next process. With `scenes=0` every reset without a
-    seed runs the expert on a new scene. `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
-    Raises ValueError for an option, level, alpha or domain that does not exist, RecipeError for a wrong key of a setup.
+    `scenes=N` draws every episode from N scenes that the expert solved at the first reset, none of
+    which an evaluation with a `--seed` below 10000 shows. The directory `manifests` keeps them for
+    the next process. With `scenes=0` every reset without a seed runs the expert on a new scene.
+    `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
+    Raises ValueError for an option, level, alpha or domain that does not exist, RecipeError for a
+    wrong key of a setup.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": DEFAULT_FPS}  # noqa: RUF012 (gymnasium's name and form)
+    metadata = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": DEFAULT_FPS,
+    }
 
     def __init__(
         self,
@@ -86,15 +96,25 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         instructions: str = "unseen",
         render_mode: str | None = None,
     ) -> None:
-        kinds = {"actions": (actions, ACTIONS), "observations": (observations, OBSERVATIONS), "reward": (reward, REWARDS)}
+        kinds = {
+            "actions": (actions, ACTIONS),
+            "observations": (observations, OBSERVATIONS),
+            "reward": (reward, REWARDS),
+        }
         for name, (value, known) in kinds.items():
             if value not in known:
                 raise ValueError(f"{name} {value!r} is unknown: choose {', '.join(known)}")
         if not isinstance(scenes, int) or scenes < (manifests is not None):
-            raise ValueError(f"scenes {scenes!r}: give how many scenes episodes are drawn from, at least 1 with manifests")
+            raise ValueError(
+                f"scenes {scenes!r}: give how many scenes episodes are drawn from, at least 1 with"
+                " manifests"
+            )
         setup = setup_of(setup)
         if level not in (levels := levels_of(TASKS[task].motion)):
-            raise ValueError(f"level {level!r} is unknown: {TASKS[task].motion} has {', '.join(map(str, levels))}")
+            raise ValueError(
+                f"level {level!r} is unknown: {TASKS[task].motion} has"
+                f" {', '.join(map(str, levels))}"
+            )
         robot = get_embodiment(embodiment)
         if not can_do(TASKS[task], robot.sides):
             raise ValueError(f"task {task!r}: {robot.name} has no arm for it: use two arms")
@@ -111,7 +131,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             low = np.array([-2.0, -2.0, lowest, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides))
             high = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides))
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
-        self._view: View = PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
+        self._view: View = (
+            PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
+        )
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
         self.observation_space = self._view.space
         self._discount = check_discount(discount) if reward == "dense" else None
@@ -119,10 +141,14 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
         self._trial: Trial | None = None
         self._eyes: Eyes | None = None
-        self._tools, self._relative = None if actions == "joint" else ToolPoses(robot), actions == "delta_ee"
+        self._tools, self._relative = (
+            None if actions == "joint" else ToolPoses(robot),
+            actions == "delta_ee",
+        )
         self.task_description = ""
         self.case: Case | None = None
-        """The scene of the episode, for whoever evaluates. Whatever is handed to a policy must not name it."""
+        """The scene of the episode, for whoever evaluates. Whatever is handed to a policy must not
+        name it."""
 
     @property
     def trial(self) -> Trial:
@@ -131,9 +157,11 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             raise RuntimeError("reset the environment before it is used")
         return self._trial
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; see the module. Raises NoCase if the expert solves none of 30 seeds, OtherCase for a case of another
-        cell or setup."""
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; see the module. Raises NoCase if the expert solves none of 30 seeds,
+        OtherCase for a case of another cell or setup."""
         super().reset(seed=seed)
         case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)
@@ -147,15 +175,23 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             self._eyes = Eyes(scene, self.setup.override({"cameras": ["head"]}))
         self.case = case
         progress = self._begin_measuring(self._trial)
-        return self._observe(progress), {"is_success": False, "task_description": self.task_description}
+        return self._observe(progress), {
+            "is_success": False,
+            "task_description": self.task_description,
+        }
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control period. Raises ActionError for an action of another shape or that is not finite."""
+        """One control period. Raises ActionError for an action of another shape or that is not
+        finite."""
         trial, info = self.trial, dict[str, Any]()
         values = check_action(action, len(self.action_names))
         if self._tools is not None:
             simulation = trial.simulation
-            tools = np.stack([simulation.tcp(side) for side in simulation.embodiment.sides]) if self._relative else None
+            tools = (
+                np.stack([simulation.tcp(side) for side in simulation.embodiment.sides])
+                if self._relative
+                else None
+            )
             values, info["unreachable"] = self._tools.joints(values, simulation.command, tools)
         trial.advance(values)
         info["is_success"] = trial.ending == SUCCESS
@@ -166,10 +202,17 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             reward = reward if self._shaped else result.manipulation_score
             info |= {"ending": trial.ending, "score": asdict(result)}
         truncated = trial.ending == TIME_LIMIT and self._shaped is None
-        return self._observe(progress), reward, bool(trial.ending) and not truncated, truncated, info
+        return (
+            self._observe(progress),
+            reward,
+            bool(trial.ending) and not truncated,
+            truncated,
+            info,
+        )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The image (H,W,3) now of the setup's first camera, of the head camera where it has none, in the mode "rgb_array"."""
+        """The image (H,W,3) now of the setup's first camera, of the head camera where it has none,
+        in the mode "rgb_array"."""
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))
@@ -186,11 +229,15 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def _begin_measuring(self, trial: Trial) -> Progress:
         self._meter = Meter(trial) if self._measures else None
         progress = self._meter.measure() if self._meter else NOTHING
-        self._shaped = None if self._discount is None else Shaped(self._discount, progress.potential)
+        self._shaped = (
+            None if self._discount is None else Shaped(self._discount, progress.potential)
+        )
         return progress
 
     def _observe(self, progress: Progress) -> Any:
-        sight = self._eyes.look(self.trial.recorder) if self.setup.cameras and self._eyes else Sight()
+        sight = (
+            self._eyes.look(self.trial.recorder) if self.setup.cameras and self._eyes else Sight()
+        )
         return self._view.observe(self.trial, Moment(self.task_description, sight, progress))
 
     def _draw_case(self, seed: int | None) -> Case:
@@ -198,4 +245,6 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         if self._scenes:
             known = training_scenes(self._cell, self._scenes, self.setup.physics, self._manifests)
             return known[int(self.np_random.integers(len(known)))]
-        return case_of_seed(self._cell, int(self.np_random.integers(1 << 31)) if seed is None else seed, self.setup)
+        return case_of_seed(
+            self._cell, int(self.np_random.integers(1 << 31)) if seed is None else seed, self.setup
+        )

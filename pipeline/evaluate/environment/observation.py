@@ -1,4 +1,5 @@
-"""What an environment observes, and its bounded space: a dictionary for policies that see, or one vector of the true state."""
+"""What an environment observes, and its bounded space: a dictionary for policies that see, or one
+vector of the true state."""
 
 import string
 from collections.abc import Iterable
@@ -58,27 +59,38 @@ class PolicyView:
 
     def __init__(self, robot: Embodiment, setup: Setup) -> None:
         limits = joint_limits(robot)
-        self._joints = Box((limits.lower - SLACK).astype(np.float32), (limits.upper + SLACK).astype(np.float32))
+        self._joints = Box(
+            (limits.lower - SLACK).astype(np.float32), (limits.upper + SLACK).astype(np.float32)
+        )
         parts: dict[str, gymnasium.Space[Any]] = {
             "agent_pos": self._joints,
             "instruction": gymnasium.spaces.Text(500, charset=_TEXT),
         }
         shapes = {c.name: (c.type.height, c.type.width) for c in setup_cameras(robot, setup)}
         kinds = {"pixels": ((3,), np.uint8, True), "depth": ((), np.uint16, setup.depth)}
-        for name, (tail, kind, wanted) in (kinds | {"segmentation": ((), np.uint8, setup.segmentation)}).items():
+        for name, (tail, kind, wanted) in (
+            kinds | {"segmentation": ((), np.uint8, setup.segmentation)}
+        ).items():
             if shapes and wanted:
                 top = np.iinfo(kind).max
-                boxes = {camera: Box(0, top, (*shape, *tail), kind) for camera, shape in shapes.items()}
+                boxes = {
+                    camera: Box(0, top, (*shape, *tail), kind) for camera, shape in shapes.items()
+                }
                 parts[name] = gymnasium.spaces.Dict(dict[str, gymnasium.Space[Any]](boxes))
         if setup.pointcloud:
             low = np.array([-TABLE_HALF[0], -TABLE_HALF[1], 0, 0, 0, 0], np.float32)
-            high = np.array([TABLE_HALF[0], TABLE_HALF[1], TABLE_TOP + HIGHEST, 1, 1, 1], np.float32)
+            high = np.array(
+                [TABLE_HALF[0], TABLE_HALF[1], TABLE_TOP + HIGHEST, 1, 1, 1], np.float32
+            )
             parts["pointcloud"] = Box(np.tile(low, (POINTS, 1)), np.tile(high, (POINTS, 1)))
         self.space = gymnasium.spaces.Dict(parts)
 
     def observe(self, trial: Trial, moment: Moment) -> dict[str, Any]:
         """Measured joints, the instruction, and what the cameras see."""
-        out: dict[str, Any] = {"agent_pos": _within(self._joints, measured(trial)), "instruction": moment.words}
+        out: dict[str, Any] = {
+            "agent_pos": _within(self._joints, measured(trial)),
+            "instruction": moment.words,
+        }
         sight = moment.sight
         parts = {"pixels": sight.images, "depth": sight.depth, "segmentation": sight.segmentation}
         out |= {name: images for name, images in parts.items() if images}
@@ -93,17 +105,24 @@ class StateView:
     def __init__(self, robot: Embodiment, task: Task) -> None:
         limits = joint_limits(robot)
         self._bodies = bodies_of(task)
-        self._joints = joints = [f"{side}_{name}" for side, arm in robot.arms.items() for name in arm.arm_joints]
+        self._joints = joints = [
+            f"{side}_{name}" for side, arm in robot.arms.items() for name in arm.arm_joints
+        ]
         parts: list[tuple[Iterable[str], Any, Any]] = [
             (limits.names, limits.lower - SLACK, limits.upper + SLACK),
             ([f"{name}_command" for name in limits.names], limits.lower, limits.upper),
             ([f"{name}_velocity" for name in joints], [-SPIN] * len(joints), [SPIN] * len(joints)),
-            *((_pose_names(name), *_POSES) for name in (*(f"{side}_tool" for side in robot.sides), *self._bodies)),
+            *(
+                (_pose_names(name), *_POSES)
+                for name in (*(f"{side}_tool" for side in robot.sides), *self._bodies)
+            ),
             ([f"{task.target}_v{axis}" for axis in "xyz"], [-FAST] * 3, [FAST] * 3),
             ([*Progress._fields, "time_left"], [0.0] * 5, [1.0] * 5),
         ]
         self.names = tuple(name for names, _, _ in parts for name in names)
-        low, high = (np.concatenate([np.asarray(part[i], np.float32) for part in parts]) for i in (1, 2))
+        low, high = (
+            np.concatenate([np.asarray(part[i], np.float32) for part in parts]) for i in (1, 2)
+        )
         self.space = Box(low, high)
 
     def observe(self, trial: Trial, moment: Moment) -> NDArray[np.float32]:
@@ -111,10 +130,15 @@ class StateView:
         s = trial.simulation
         qpos, qvel = s.qpos()
         velocity = dict(zip(s.joint_names, qvel, strict=True))
-        poses = [s.tcp(side) for side in s.embodiment.sides] + [s.pose(name) for name in self._bodies]
+        poses = [s.tcp(side) for side in s.embodiment.sides] + [
+            s.pose(name) for name in self._bodies
+        ]
         left = 1.0 - s.steps / trial.max_steps
         joints = [s.state_vector(qpos), s.command, [velocity[name] for name in self._joints]]
-        return _within(self.space, np.concatenate([*joints, *poses, s.target_twist()[:3], moment.progress, [left]]))
+        return _within(
+            self.space,
+            np.concatenate([*joints, *poses, s.target_twist()[:3], moment.progress, [left]]),
+        )
 
 
 _POSES = ([-FAR] * 3 + [-1.0] * 4, [FAR] * 3 + [1.0] * 4)
@@ -125,7 +149,8 @@ def _pose_names(body: str) -> list[str]:
 
 
 def bodies_of(task: Task) -> tuple[str, ...]:
-    """Names of the bodies of a task in the order of its layout, the same in every scene; the target first."""
+    """Names of the bodies of a task in the order of its layout, the same in every scene; the target
+    first."""
     placed = [p.name for p in task.layout(Draw(np.random.default_rng(0), np.random.default_rng(0)))]
     return (task.target, *(name for name in placed if name != task.target))
 

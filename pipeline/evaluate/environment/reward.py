@@ -1,9 +1,10 @@
-"""The dense reward of an environment: a potential of how far an episode is, and its change from one step to the next.
+"""The dense reward of an environment: a potential of how far an episode is, and its change from one
+step to the next.
 
-Potential-based shaping (Ng, Harada, Russell 1999, ICML): the discounted sum of an episode's rewards is that of the base reward,
-1 at a success, minus the potential of its first state, whatever the policy does. Hence no policy gains by approaching without
-success, by hovering, or by grasping again and again, and an optimal policy stays optimal. It holds for learners with the same
-`discount`.
+Potential-based shaping (Ng, Harada, Russell 1999, ICML): the discounted sum of an episode's rewards
+is that of the base reward, 1 at a success, minus the potential of its first state, whatever the
+policy does. Hence no policy gains by approaching without success, by hovering, or by grasping again
+and again, and an optimal policy stays optimal. It holds for learners with the same `discount`.
 """
 
 from typing import NamedTuple
@@ -44,18 +45,29 @@ NOTHING = Progress(0.0, 0.0, 0.0, 0.0)
 
 
 class Meter:
-    """Measures the progress of a trial; call `measure` once a control period, because `hold` and `lift` are the best so far.
+    """Measures the progress of a trial; call `measure` once a control period, because `hold` and
+    `lift` are the best so far.
 
-    - approach: nearness of the nearest acting tool to the body that the task handles; 1 once it was held
-    - hold: 1 once both fingers of an acting arm touched that body; where the target is pressed, once a finger touched it
+    - approach: nearness of the nearest acting tool to the body that the task handles; 1 once it was
+      held
+    - hold: 1 once both fingers of an acting arm touched that body; where the target is pressed,
+      once a finger touched it
     - lift: its greatest rise over LIFT
-    - place: from the first touch of the target on, the share of the success conditions that hold; where something is brought to
-      another body, the mean of that and the nearness of the two, seen from above
+    - place: from the first touch of the target on, the share of the success conditions that hold;
+      where something is brought to another body, the mean of that and the nearness of the two, seen
+      from above
     """
 
     def __init__(self, trial: Trial) -> None:
         scene = trial.scene
-        task, loose = scene.task, [name for name, body in scene.bodies.items() if not body.inside and name not in scene.clutter]
+        task, loose = (
+            scene.task,
+            [
+                name
+                for name, body in scene.bodies.items()
+                if not body.inside and name not in scene.clutter
+            ],
+        )
         self._trial, self._handled = trial, task.manipulated
         self._sides = sorted(set(scene.arms.values()))
         self._pressed = task.category == TRACKING and task.manipulated == task.target
@@ -71,7 +83,9 @@ class Meter:
         touch = outcome.touched if self._pressed else outcome.holds
         self._held = self._held or any(touch(side, self._handled) for side in self._sides)
         nearest = min(float(np.linalg.norm(simulation.tcp(side)[:3] - at)) for side in self._sides)
-        lift = 0.0 if self._pressed else min(1.0, max(0.0, outcome.highest_rise(self._handled) / LIFT))
+        lift = (
+            0.0 if self._pressed else min(1.0, max(0.0, outcome.highest_rise(self._handled) / LIFT))
+        )
         place = 0.0
         if simulation.touched_by:
             conditions = trial.conditions()
@@ -103,5 +117,8 @@ def near(distance: float) -> float:
 def check_discount(discount: float) -> float:
     """The discount. Raises RewardError for one outside 0-1."""
     if not 0 < discount <= 1:
-        raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1, the discount of the learner")
+        raise RewardError(
+            f"discount {discount!r}: give a number above 0 and at most 1, the discount of the"
+            " learner"
+        )
     return discount

@@ -1,7 +1,8 @@
-"""What a policy was made for, and what an evaluation gives it: where they differ, it is refused before anything moves.
+"""What a policy was made for, and what an evaluation gives it: where they differ, it is refused
+before anything moves.
 
-A policy says it in an attribute `setup` (a Setup, or some keys of one), in the attributes `fps`, `cameras` and `size`, whose values
-are those of a setup, or in `contract`.
+A policy says it in an attribute `setup` (a Setup, or some keys of one), in the attributes `fps`,
+`cameras` and `size`, whose values are those of a setup, or in `contract`.
 """
 
 from collections.abc import Mapping
@@ -19,10 +20,11 @@ from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Policy, PolicyError
 class Contract:
     """What a policy was made for; None means: anything.
 
-    `action_names` are the joints of state and action in their order; `image_sizes` the (height, width) of each camera that is
-    needed; `rate` actions a second; `chunk` the most actions in one answer. The others have one value that an evaluation
-    accepts, GIVEN: the policy turns joints and images into what its network takes and the output back, actions are joint
-    targets, the policy keeps the past observations that it needs, and each episode has a seed.
+    `action_names` are the joints of state and action in their order; `image_sizes` the (height,
+    width) of each camera that is needed; `rate` actions a second; `chunk` the most actions in one
+    answer. The others have one value that an evaluation accepts, GIVEN: the policy turns joints and
+    images into what its network takes and the output back, actions are joint targets, the policy
+    keeps the past observations that it needs, and each episode has a seed.
     """
 
     action_names: tuple[str, ...] | None = None
@@ -39,28 +41,51 @@ class Contract:
         return {key: value for key, value in asdict(self).items() if value is not None}
 
 
-GIVEN = {"normalization": "policy", "representation": "joints", "history": "policy", "seeds": "episode"}
+GIVEN = {
+    "normalization": "policy",
+    "representation": "joints",
+    "history": "policy",
+    "seeds": "episode",
+}
 """What every evaluation gives."""
 
 
 def mismatch(wanted: Contract, start: Start) -> str:
-    """One line that names both values of the first difference to an episode; "" if there is none."""
+    """One line that names both values of the first difference to an episode; "" if there is
+    none."""
     for key, ours in GIVEN.items():
         if getattr(wanted, key) != ours:
-            return f"{key}: the policy has {line_of_text(getattr(wanted, key))}, the evaluation {ours}"
+            return (
+                f"{key}: the policy has {line_of_text(getattr(wanted, key))}, the evaluation {ours}"
+            )
     if wanted.action_names is not None and wanted.action_names != start.action_names:
-        return f"action names: the policy has {_names(wanted.action_names)}, the evaluation {_names(start.action_names)}"
+        return (
+            f"action names: the policy has {_names(wanted.action_names)}, the evaluation"
+            f" {_names(start.action_names)}"
+        )
     if wanted.rate is not None and wanted.rate != start.fps:
-        return f"control rate: the policy has {wanted.rate} Hz, the evaluation {start.fps} Hz: add --fps {wanted.rate}"
+        return (
+            f"control rate: the policy has {wanted.rate} Hz, the evaluation {start.fps} Hz: add"
+            f" --fps {wanted.rate}"
+        )
     if wanted.chunk is not None and wanted.chunk > LONGEST_CHUNK:
-        return f"chunk size: the policy answers with {wanted.chunk} actions, the evaluation takes {LONGEST_CHUNK}"
+        return (
+            f"chunk size: the policy answers with {wanted.chunk} actions, the evaluation takes"
+            f" {LONGEST_CHUNK}"
+        )
     for camera, size in (wanted.image_sizes or {}).items():
         if camera not in start.image_sizes:
             has = line_of_text(", ".join(start.image_sizes)) or "none"
-            return f"cameras: the policy needs {line_of_text(camera)}, the evaluation shows {has}: name it in --cameras"
+            return (
+                f"cameras: the policy needs {line_of_text(camera)}, the evaluation shows {has}:"
+                " name it in --cameras"
+            )
         if tuple(size) != tuple(has := start.image_sizes[camera]):
             ours, theirs = (f"{width}x{height}" for height, width in (size, has))
-            return f"image size of {line_of_text(camera)}: the policy has {ours}, the evaluation {theirs}: add --size {ours}"
+            return (
+                f"image size of {line_of_text(camera)}: the policy has {ours}, the evaluation"
+                f" {theirs}: add --size {ours}"
+            )
     return ""
 
 
@@ -71,7 +96,11 @@ def declared(policy: Policy) -> dict[str, Any]:
         return {key: getattr(setup, key) for key in INTERFACE}
     found = dict(setup) if isinstance(setup, Mapping) else {}
     forms = {"fps": int, "cameras": list | tuple, "size": list | tuple}
-    found |= {key: value for key, kind in forms.items() if isinstance(value := attribute(policy, key), kind)}
+    found |= {
+        key: value
+        for key, kind in forms.items()
+        if isinstance(value := attribute(policy, key), kind)
+    }
     try:
         setup = Setup.parse(found, "the policy's setup")
     except RecipeError as error:
@@ -81,11 +110,14 @@ def declared(policy: Policy) -> dict[str, Any]:
 
 def plain(keys: Mapping[str, Any]) -> dict[str, Any]:
     """Keys of a setup as plain data."""
-    return {key: value for key, value in Setup(**keys).model_dump(mode="json").items() if key in keys}
+    return {
+        key: value for key, value in Setup(**keys).model_dump(mode="json").items() if key in keys
+    }
 
 
 def difference(wanted: Mapping[str, Any], given: Setup) -> str:
-    """One line that names both values of the first key that differs, and the option that helps; "" if none does.
+    """One line that names both values of the first key that differs, and the option that helps; ""
+    if none does.
 
     The evaluation may show more than the policy needs, but not less.
     """
@@ -100,17 +132,24 @@ def difference(wanted: Mapping[str, Any], given: Setup) -> str:
             fits = value == has or has is True
         if not fits:
             helps = option_of(key) if value is True else f"{option_of(key)} {_write_option(value)}"
-            both = f"the policy has {_write_option(value)}, the evaluation {_write_option(getattr(given, key))}"
+            both = (
+                f"the policy has {_write_option(value)}, the evaluation"
+                f" {_write_option(getattr(given, key))}"
+            )
             return f"{key}: {both}: add {helps}, or --like its dataset"
     return ""
 
 
 def check_contract(policy: Policy, start: Start) -> None:
-    """Compare the interface that a policy declares, if any, with an episode. Raises PolicyError with the difference."""
+    """Compare the interface that a policy declares, if any, with an episode. Raises PolicyError
+    with the difference."""
     wanted = attribute(policy, "contract")
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(wanted, Mapping):
-        reason = f"the policy's contract is a {type(wanted).__name__}: make it a pipeline.evaluate.policies.contract.Contract"
+        reason = (
+            f"the policy's contract is a {type(wanted).__name__}: make it a"
+            " pipeline.evaluate.policies.contract.Contract"
+        )
     if reason or (isinstance(wanted, Contract) and (reason := mismatch(wanted, start))):
         raise PolicyError(reason)
 

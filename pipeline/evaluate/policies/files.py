@@ -10,7 +10,19 @@ from pipeline.data.reading import open_regular
 from pipeline.evaluate.policies.policy import PolicyError, foreign
 
 CODE = (".py", ".yml", ".yaml", ".json")
-WEIGHTS = (".pt", ".pth", ".ckpt", ".bin", ".safetensors", ".npz", ".npy", ".pkl", ".onnx", ".h5", ".msgpack")
+WEIGHTS = (
+    ".pt",
+    ".pth",
+    ".ckpt",
+    ".bin",
+    ".safetensors",
+    ".npz",
+    ".npy",
+    ".pkl",
+    ".onnx",
+    ".h5",
+    ".msgpack",
+)
 
 
 def digest_of(files: Iterable[Path]) -> str:
@@ -26,8 +38,8 @@ def digest_of(files: Iterable[Path]) -> str:
 
 
 def files_of(folder: Path, values: object) -> list[Path]:
-    """Code, settings and weights of a policy, sorted: those below its directory, and those below every path that `values`, the
-    options of the policy, name, from here or from its directory."""
+    """Code, settings and weights of a policy, sorted: those below its directory, and those below
+    every path that `values`, the options of the policy, name, from here or from its directory."""
     found = {path for path in _below(folder) if path.suffix in (*CODE, *WEIGHTS)}
     for text in _texts(values):
         for place in (Path(text), folder / text):

@@ -11,11 +11,14 @@ DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAM
 
 
 def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """The image (H,W,3) scaled to fit into a square of `size` pixels, in its middle, black around it."""
+    """The image (H,W,3) scaled to fit into a square of `size` pixels, in its middle, black around
+    it."""
     height, width = image.shape[:2]
     scale = size / max(height, width)
     h, w = max(1, round(height * scale)), max(1, round(width * scale))
-    small = cv2.resize(image, (w, h), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    small = cv2.resize(
+        image, (w, h), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    )
     out = np.zeros((size, size, 3), np.uint8)
     top, left = (size - h) // 2, (size - w) // 2
     out[top : top + h, left : left + w] = small
@@ -23,5 +26,6 @@ def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
 
 
 def first_rows(actions: NDArray[np.generic], execute: int | None) -> NDArray[np.generic]:
-    """The rows of a chunk (H,A) that are executed before the server is asked again: all, or the first `execute`."""
+    """The rows of a chunk (H,A) that are executed before the server is asked again: all, or the
+    first `execute`."""
     return actions if execute is None or actions.ndim < 2 else actions[:execute]

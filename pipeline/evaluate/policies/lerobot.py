@@ -1,8 +1,10 @@
-"""LeRobot policies by lerobot's own factory and processors: --policy lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true
+"""LeRobot policies by lerobot's own factory and processors: --policy
+lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true
 
-Cameras are those of our exports (cam_high, cam_left_wrist, cam_right_wrist) or of episodes (head_camera, ...). Policies that see
-one observation are asked for `n_action_steps` actions at once, others for one at a time. With `resize` images are scaled to the
-sizes that the policy was trained on; without it other sizes are refused.
+Cameras are those of our exports (cam_high, cam_left_wrist, cam_right_wrist) or of episodes
+(head_camera, ...). Policies that see one observation are asked for `n_action_steps` actions at
+once, others for one at a time. With `resize` images are scaled to the sizes that the policy was
+trained on; without it other sizes are refused.
 """
 
 import logging
@@ -46,7 +48,8 @@ class LerobotPolicy:
             self._keys[given] = (DATASET_CAMERAS.get(name, name), (height, width))
         self._at_once = getattr(config, "n_action_steps", 1) if config.n_obs_steps == 1 else 1
         self.inferences, self._ran = 0, False
-        # whichever method runs the network, some layer of it is called; a queue of actions calls none
+        # whichever method runs the network, some layer of it is called; a queue of actions calls
+        # none
         for layer in policy.modules():
             if layer is not policy:
                 layer.register_forward_pre_hook(self._note_run)
@@ -59,7 +62,12 @@ class LerobotPolicy:
         given = start
         sizes = self._wanted.image_sizes or {}
         if self._resize:
-            given = replace(given, image_sizes={name: sizes.get(name, size) for name, size in given.image_sizes.items()})
+            given = replace(
+                given,
+                image_sizes={
+                    name: sizes.get(name, size) for name, size in given.image_sizes.items()
+                },
+            )
         if reason := mismatch(self._wanted, given) or self._other_lengths(len(start.action_names)):
             raise PolicyError(reason)
         torch.manual_seed(start.seed)
@@ -91,17 +99,23 @@ class LerobotPolicy:
         import torch
 
         batch: dict[str, Any] = {
-            self._given.get(STATE, STATE): torch.from_numpy(np.asarray(observation.joints, np.float32))[None],
+            self._given.get(STATE, STATE): torch.from_numpy(
+                np.asarray(observation.joints, np.float32)
+            )[None],
             "task": [observation.instruction],
         }
         for key, (camera, size) in self._keys.items():
             image = scaled(observation.images[camera], size)
-            batch[key] = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].float() / 255
+            batch[key] = (
+                torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].float() / 255
+            )
         return batch
 
     def _other_lengths(self, length: int) -> str:
         """What is wrong with the number of joints, if anything."""
-        features: Mapping[str, Any] = (self._policy.config.input_features or {}) | (self._policy.config.output_features or {})
+        features: Mapping[str, Any] = (self._policy.config.input_features or {}) | (
+            self._policy.config.output_features or {}
+        )
         for key in (STATE, ACTION):
             if key in features and tuple(features[key].shape) != (length,):
                 return f"{key}: the policy has {features[key].shape[0]} numbers, the robot {length}"
@@ -126,11 +140,20 @@ class LerobotForm:
         if not folder.is_dir():
             if settings.path.count("/") != 1 or settings.path.startswith((".", "/", "~")):
                 raise PolicyError(f"--policy {text}: is no directory, and no repository USER/NAME")
-            return PolicyName(text, f"lerobot:{settings.path}@{settings.options.get('revision', 'main')}")
+            return PolicyName(
+                text, f"lerobot:{settings.path}@{settings.options.get('revision', 'main')}"
+            )
         if not (folder / "config.json").is_file():
-            raise PolicyError(f"--policy {text}: has no config.json: give the directory that save_pretrained wrote")
-        files = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors"))
-        return PolicyName(settings.at(folder), f"lerobot:{folder.resolve().name}@{digest_of(files)}")
+            raise PolicyError(
+                f"--policy {text}: has no config.json: give the directory that save_pretrained"
+                " wrote"
+            )
+        files = sorted(
+            path for path in folder.iterdir() if path.suffix in (".json", ".safetensors")
+        )
+        return PolicyName(
+            settings.at(folder), f"lerobot:{folder.resolve().name}@{digest_of(files)}"
+        )
 
     def make(self, text: str) -> Policy:
         """Load the policy. Raises PolicyError if it cannot be loaded."""
@@ -138,11 +161,18 @@ class LerobotForm:
         try:
             policy = load(settings)
         except ModuleNotFoundError as error:
-            raise PolicyError(f"--policy {text} needs {error.name}: install domino-data[lerobot]") from error
+            raise PolicyError(
+                f"--policy {text} needs {error.name}: install domino-data[lerobot]"
+            ) from error
         except (OSError, ValueError, KeyError, ImportError) as error:
-            raise PolicyError(f"--policy {text}: cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+            raise PolicyError(
+                f"--policy {text}: cannot be loaded: {' '.join(str(error).split())[:300]}"
+            ) from error
         if policy.sees_state:
-            raise PolicyError(f"--policy {text}: sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is given")
+            raise PolicyError(
+                f"--policy {text}: sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is"
+                " given"
+            )
         return policy
 
 
@@ -162,8 +192,12 @@ def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) ->
     config = PreTrainedConfig.from_pretrained(settings.path, revision=revision)
     if "device" in options:
         config.device = str(options["device"])
-    policy = get_policy_class(config.type).from_pretrained(settings.path, config=config, revision=revision)
+    policy = get_policy_class(config.type).from_pretrained(
+        settings.path, config=config, revision=revision
+    )
     policy.eval()
     device = {"device_processor": {"device": str(policy.config.device)}}
-    processors = make_pre_post_processors(config, settings.path, revision, preprocessor_overrides=device)
+    processors = make_pre_post_processors(
+        config, settings.path, revision, preprocessor_overrides=device
+    )
     return kind(policy, processors, bool(options.get("resize", False)))

@@ -4,10 +4,11 @@
         def reset(self, start: Start) -> None: ...
         def act(self, observation: Observation) -> ArrayLike: ...      # one action (A,), or a chunk (H,A) to execute whole
 
-It may say what it was made for in the attributes `setup`, or `fps`, `cameras` and `size`, and `contract` (contract.py): an
-evaluation that differs from it is refused. A policy that answers some questions from a chunk it has counts the runs of its network
-in an attribute `inferences`: latency is charged for those. A policy that can answer several episodes at once is a BatchPolicy.
-"""
+It may say what it was made for in the attributes `setup`, or `fps`, `cameras` and `size`, and
+`contract` (contract.py): an evaluation that differs from it is refused. A policy that answers some
+questions from a chunk it has counts the runs of its network in an attribute `inferences`: latency
+is charged for those. A policy that can answer several episodes at once is a BatchPolicy.
+"""  # noqa: E501
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -28,7 +29,8 @@ from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
 
 PROCESSES = ("evaluator", "own", "server")
-"""Where a policy runs: with the simulation and its judge, in a process of its own that only messages reach, on a server."""
+"""Where a policy runs: with the simulation and its judge, in a process of its own that only
+messages reach, on a server."""
 
 LONGEST_CHUNK = 1000
 """Actions that one answer may hold."""
@@ -39,15 +41,17 @@ class PolicyError(DominoError):
 
 
 class NoAnswer(PolicyError):
-    """A policy that was ready and gave no answer: an error of its own, a lost connection, a time limit."""
+    """A policy that was ready and gave no answer: an error of its own, a lost connection, a time
+    limit."""
 
 
 @dataclass(frozen=True)
 class Start:
     """What a policy receives before an episode.
 
-    The instruction, the robot, the names of state and action, actions a second, the cameras it will see, a seed for its own draws,
-    the (height, width) of the images of each camera, and the whole setup. Nothing that a policy receives identifies the scene.
+    The instruction, the robot, the names of state and action, actions a second, the cameras it will
+    see, a seed for its own draws, the (height, width) of the images of each camera, and the whole
+    setup. Nothing that a policy receives identifies the scene.
     """
 
     instruction: str
@@ -61,17 +65,25 @@ class Start:
 
 
 def policy_seed(instruction: str, embodiment: str) -> int:
-    """The seed (63 bits) of a policy's own draws: a hash of what it is told anyway, so that it adds nothing about the scene."""
-    return int.from_bytes(hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()[:8], "little") >> 1
+    """The seed (63 bits) of a policy's own draws: a hash of what it is told anyway, so that it adds
+    nothing about the scene."""
+    return (
+        int.from_bytes(
+            hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()[:8], "little"
+        )
+        >> 1
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a policy sees: measured joints (A,), grippers 0-1; the instruction; seconds since the start; images.
+    """What a policy sees: measured joints (A,), grippers 0-1; the instruction; seconds since the
+    start; images.
 
-    Images are (H,W,3) uint8 RGB by camera. If the setup has them: depth images (H,W) uint16 in mm by camera (0 = nothing seen), the
-    body of each pixel (H,W) uint8 by camera, and a point cloud (N,6): x y z (m, world), r g b (0-1). On an `async` clock
-    `committed` are the actions (N,A) that are executed during this inference if it takes as long as the last one.
+    Images are (H,W,3) uint8 RGB by camera. If the setup has them: depth images (H,W) uint16 in mm
+    by camera (0 = nothing seen), the body of each pixel (H,W) uint8 by camera, and a point cloud
+    (N,6): x y z (m, world), r g b (0-1). On an `async` clock `committed` are the actions (N,A) that
+    are executed during this inference if it takes as long as the last one.
     """
 
     joints: NDArray[np.float64]
@@ -92,15 +104,18 @@ class Policy(Protocol):
         ...
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control period."""
+        """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control
+        period."""
         ...
 
 
 class BatchPolicy(ABC):
-    """A policy that answers the questions of many episodes together. In a single episode it is a Policy.
+    """A policy that answers the questions of many episodes together. In a single episode it is a
+    Policy.
 
-    The policy itself keeps nothing of an episode: all that an episode must remember is in what `begin` returns. If that has an
-    attribute `inferences`, it counts the runs of the network for this episode.
+    The policy itself keeps nothing of an episode: all that an episode must remember is in what
+    `begin` returns. If that has an attribute `inferences`, it counts the runs of the network for
+    this episode.
     """
 
     _episode: Any = None
@@ -111,10 +126,12 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:
-        """An answer, as of `act`, for each pair of an episode's memory and its observation; no episode is there twice.
+        """An answer, as of `act`, for each pair of an episode's memory and its observation; no
+        episode is there twice.
 
-        An answer must not depend on the rest of the batch. After an error each question of the batch is asked again alone, so
-        that it ends one episode only: change a memory after everything that can fail.
+        An answer must not depend on the rest of the batch. After an error each question of the
+        batch is asked again alone, so that it ends one episode only: change a memory after
+        everything that can fail.
         """
 
     def reset(self, start: Start) -> None:
@@ -133,7 +150,8 @@ class BatchPolicy(ABC):
 
 @runtime_checkable
 class SeesTruth(Protocol):
-    """A reference policy that is shown the simulation itself. Never one that was trained, and never one over a network."""
+    """A reference policy that is shown the simulation itself. Never one that was trained, and never
+    one over a network."""
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial that begins and its case; called after `reset`."""
@@ -142,9 +160,9 @@ class SeesTruth(Protocol):
 
 @dataclass(frozen=True)
 class PolicyName:
-    """How a policy was asked for. `label` names it in results. `probe` is a hash of its answer to a fixed question, "" if it is not
-    asked. `process` is one of PROCESSES. What a policy in a process of its own prints is appended to the
-    file `prints`; without one it goes to standard error."""
+    """How a policy was asked for. `label` names it in results. `probe` is a hash of its answer to a
+    fixed question, "" if it is not asked. `process` is one of PROCESSES. What a policy in a process
+    of its own prints is appended to the file `prints`; without one it goes to standard error."""
 
     text: str
     label: str
@@ -161,7 +179,8 @@ def attribute(policy: object, name: str) -> Any:
 
 @contextmanager
 def foreign(what: str) -> Iterator[None]:
-    """Raise a PolicyError that begins with `what` for any error of foreign code in the block but KeyboardInterrupt."""
+    """Raise a PolicyError that begins with `what` for any error of foreign code in the block but
+    KeyboardInterrupt."""
     try:
         yield
     except KeyboardInterrupt:
@@ -171,7 +190,8 @@ def foreign(what: str) -> Iterator[None]:
 
 
 def count_inferences(policy: object) -> int | None:
-    """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
+    """How often the network of a policy has run, None if the policy does not count, or not in whole
+    numbers from 0."""
     count: object = attribute(policy, "inferences")
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return None
@@ -188,5 +208,7 @@ def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
         raise ActionError(f"the policy's answer is of the type {values.dtype}: give floats")
     rows = values[None] if values.ndim == 1 else values
     if rows.ndim != 2 or not 1 <= len(rows) <= LONGEST_CHUNK:
-        raise ActionError(f"the policy's answer has the shape {values.shape}; give ({length},) or (H, {length})")
+        raise ActionError(
+            f"the policy's answer has the shape {values.shape}; give ({length},) or (H, {length})"
+        )
     return np.stack([check_action(row, length) for row in rows])

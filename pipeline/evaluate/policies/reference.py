@@ -1,6 +1,7 @@
 """Reference policies that need no training: what a benchmark of moving targets must tell apart.
 
-All but `random` are shown the simulation. They run the task's own script and differ in where they think the target will be.
+All but `random` are shown the simulation. They run the task's own script and differ in where they
+think the target will be.
 """
 
 from collections.abc import Iterator
@@ -17,22 +18,27 @@ from pipeline.planning.planner import Planner
 from pipeline.poses import Floats, Pose
 
 FIRST_GUESSES = (2.0, 1.0, 3.0)
-"""s; when the robot may meet the target: where the target is then may be out of reach although the meeting point is not."""
+"""s; when the robot may meet the target: where the target is then may be out of reach although the
+meeting point is not."""
 
 
 class _Stream:
-    """A policy that takes motions, actions (N,A) planned together, from a generator, and holds the last command when that ends.
+    """A policy that takes motions, actions (N,A) planned together, from a generator, and holds the
+    last command when that ends.
 
-    It answers with one action, or with a chunk of at most `chunk` actions that never spans two motions: what follows a motion is
-    planned from the state in which it ended.
+    It answers with one action, or with a chunk of at most `chunk` actions that never spans two
+    motions: what follows a motion is planned from the state in which it ended.
     """
 
     scripted = True
-    """Its chunks follow each other instead of beginning at the observation: no `async` clock can skip into them."""
+    """Its chunks follow each other instead of beginning at the observation: no `async` clock can
+    skip into them."""
 
     def __init__(self, chunk: float = 1) -> None:
         if chunk != int(chunk) or not 1 <= chunk <= LONGEST_CHUNK:
-            raise PolicyError(f"chunk={chunk:g}: give a whole number of actions, 1 to {LONGEST_CHUNK}")
+            raise PolicyError(
+                f"chunk={chunk:g}: give a whole number of actions, 1 to {LONGEST_CHUNK}"
+            )
         self._chunk = int(chunk)
         self._forget()
 
@@ -58,7 +64,8 @@ class _Stream:
 
 
 class Replay(_Stream):
-    """The expert's recorded actions: the upper bound, and the test that recorded actions suffice to imitate."""
+    """The expert's recorded actions: the upper bound, and the test that recorded actions suffice to
+    imitate."""
 
     def see(self, trial: Trial, case: Case) -> None:
         """Make the expert's episode again."""
@@ -66,7 +73,8 @@ class Replay(_Stream):
 
 
 class Static(_Stream):
-    """The expert who takes the target to stand where it is at the start; what comes after the meeting is planned live."""
+    """The expert who takes the target to stand where it is at the start; what comes after the
+    meeting is planned live."""
 
     def see(self, trial: Trial, case: Case) -> None:
         """Plan for the target as it stands."""
@@ -75,11 +83,12 @@ class Static(_Stream):
 
 
 class Interceptor(_Stream):
-    """The expert who takes the target to keep the velocity it has at the start, and goes where it will be at the meeting.
+    """The expert who takes the target to keep the velocity it has at the start, and goes where it
+    will be at the meeting.
 
-    It answers with at most `chunk` actions. `noise` is the standard deviation (m, and a third of it in m/s) of what it is told of
-    position and velocity; for the first `delay` seconds it holds still, and then believes what it saw at the start to be the
-    present.
+    It answers with at most `chunk` actions. `noise` is the standard deviation (m, and a third of it
+    in m/s) of what it is told of position and velocity; for the first `delay` seconds it holds
+    still, and then believes what it saw at the start to be the present.
     """
 
     def __init__(self, noise: float = 0.0, delay: float = 0.0, chunk: float = 1) -> None:
@@ -100,10 +109,12 @@ class Interceptor(_Stream):
 
 
 class Chaser(_Stream):
-    """The expert who plans for the target where it is at the start and then follows it to where it is now, without foresight."""
+    """The expert who plans for the target where it is at the start and then follows it to where it
+    is now, without foresight."""
 
     RAMP = 0.5
-    """Seconds over which it turns from its plan to the moving target, from the beginning of the last skill before the meeting."""
+    """Seconds over which it turns from its plan to the moving target, from the beginning of the
+    last skill before the meeting."""
 
     def __init__(self) -> None:
         super().__init__()  # every action needs the newest position: no chunks
@@ -122,7 +133,9 @@ class Chaser(_Stream):
         yield plan.actions[: plan.last_skill]
         rows = plan.actions[plan.last_skill :]
         moving = [
-            side for side in planner.embodiment.sides if np.ptp([planner.split(row)[side][0] for row in rows], axis=0).max() > 1e-3
+            side
+            for side in planner.embodiment.sides
+            if np.ptp([planner.split(row)[side][0] for row in rows], axis=0).max() > 1e-3
         ]
         offset = np.zeros(3)
         for n, row in enumerate(rows):
@@ -133,10 +146,11 @@ class Chaser(_Stream):
 
 
 class Tapper(Chaser):
-    """Follows the target until it touches it, goes back the way it came, and acts as in a still scene: what it solves more than
-    `Static`, the first touch gave it.
+    """Follows the target until it touches it, goes back the way it came, and acts as in a still
+    scene: what it solves more than `Static`, the first touch gave it.
 
-    Where something is carried to the target it acts as in a still scene at once, since that must touch first.
+    Where something is carried to the target it acts as in a still scene at once, since that must
+    touch first.
     """
 
     def _acts(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
@@ -151,11 +165,14 @@ class Tapper(Chaser):
             if trial.simulation.touched_by:
                 break
         yield np.concatenate(way)[::-1]
-        yield from _open_loop(trial, rehearse(trial.scene, trial.simulation.pose(task.target), trial.fps))
+        yield from _open_loop(
+            trial, rehearse(trial.scene, trial.simulation.pose(task.target), trial.fps)
+        )
 
 
 def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
-    """The rehearsal that meets a target which is at `at` (7,) now and keeps this velocity (3,), within 2 mm.
+    """The rehearsal that meets a target which is at `at` (7,) now and keeps this velocity (3,),
+    within 2 mm.
 
     None if no plan is found for any first guess of the meeting's time."""
 
@@ -198,7 +215,9 @@ class Random:
     def reset(self, start: Start) -> None:
         """Begin from the joints of the first observation."""
         self._rng, self._at = np.random.default_rng([start.seed, 2]), None
-        self._grippers = [i for i, name in enumerate(start.action_names) if name.endswith("gripper")]
+        self._grippers = [
+            i for i, name in enumerate(start.action_names) if name.endswith("gripper")
+        ]
 
     def act(self, observation: Observation) -> ArrayLike:
         """One step of the walk."""
@@ -209,7 +228,8 @@ class Random:
 
 
 def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
-    """The rehearsed motion after `delay` s, then the rest of the script; nothing if there is no plan."""
+    """The rehearsed motion after `delay` s, then the rest of the script; nothing if there is no
+    plan."""
     if plan is None:
         return
     yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)
@@ -222,8 +242,11 @@ def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
     yield from live(trial.actor, trial.scene.task.finish(trial.actor), trial.fps)
 
 
-def _shift(planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats) -> Floats:
-    """The action (A,) with the tools of `sides` moved by `offset` (3,) m in the world; an arm that cannot get there stays."""
+def _shift(
+    planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats
+) -> Floats:
+    """The action (A,) with the tools of `sides` moved by `offset` (3,) m in the world; an arm that
+    cannot get there stays."""
     out, now = list[Floats](), planner.split(command)
     for side, (q, value) in planner.split(row).items():
         if side in sides and offset.any():

@@ -1,8 +1,9 @@
 """RoboTwin's deploy_policy.py files, unmodified: --policy robotwin:policy/ACT?ckpt_dir=...
 
-The directory is a package, as in RoboTwin: `get_model(usr_args)`, `eval(TASK_ENV, model, observation)` and, if there is one,
-`reset_model(model)` come from its deploy_policy.py. usr_args are the keys of deploy_policy.yml beside it, then the options of the
-name, then left_arm_dim and right_arm_dim. `eval` is called again and again with the newest observation until the episode ends.
+The directory is a package, as in RoboTwin: `get_model(usr_args)`, `eval(TASK_ENV, model,
+observation)` and, if there is one, `reset_model(model)` come from its deploy_policy.py. usr_args
+are the keys of deploy_policy.yml beside it, then the options of the name, then left_arm_dim and
+right_arm_dim. `eval` is called again and again with the newest observation until the episode ends.
 """
 
 import importlib
@@ -15,7 +16,14 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.parsing import ParseError, read_yaml
 from pipeline.evaluate.policies.files import digest_of, files_of
-from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, foreign
+from pipeline.evaluate.policies.policy import (
+    Observation,
+    Policy,
+    PolicyError,
+    PolicyName,
+    Start,
+    foreign,
+)
 from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, TaskEnv
 from pipeline.evaluate.policies.settings import Settings, parse_settings
 from pipeline.evaluate.policies.turns import Turns
@@ -24,7 +32,8 @@ FILE = "deploy_policy.py"
 
 
 class RobotwinPolicy:
-    """A policy from a deploy_policy.py. The model is made at the first episode, which knows the robot."""
+    """A policy from a deploy_policy.py. The model is made at the first episode, which knows the
+    robot."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -58,7 +67,8 @@ class RobotwinPolicy:
         return self._turns.ask(observation)
 
     def _make_model(self, arguments: dict[str, Any]) -> Any:
-        """The model. Raises PolicyError: what cannot be loaded now cannot be loaded for any other episode."""
+        """The model. Raises PolicyError: what cannot be loaded now cannot be loaded for any other
+        episode."""
         with foreign(f"{self._settings.path}: get_model failed"):
             return self._code.get_model(arguments)
 
@@ -72,18 +82,23 @@ class RobotwinPolicy:
 
 
 def directory_of(settings: Settings) -> Path:
-    """The policy's directory, which the name may give by its deploy_policy.py. Raises PolicyError if there is none."""
+    """The policy's directory, which the name may give by its deploy_policy.py. Raises PolicyError
+    if there is none."""
     path = Path(settings.path).resolve()
     folder = path.parent if path.name == FILE else path
     if not (folder / FILE).is_file():
         raise PolicyError(f"--policy {settings.kind}:{settings.path}: there is no {FILE}")
     if not folder.name.isidentifier():
-        raise PolicyError(f"--policy {settings.kind}:{settings.path}: {folder.name!r} is no name of a Python package: rename it")
+        raise PolicyError(
+            f"--policy {settings.kind}:{settings.path}: {folder.name!r} is no name of a Python"
+            " package: rename it"
+        )
     return folder
 
 
 def load_package(folder: Path) -> ModuleType:
-    """The module deploy_policy of a package, which may import its neighbours. Raises PolicyError if it cannot be loaded."""
+    """The module deploy_policy of a package, which may import its neighbours. Raises PolicyError if
+    it cannot be loaded."""
     if str(folder.parent) not in sys.path:
         sys.path.insert(0, str(folder.parent))
     with foreign(f"{folder / FILE}: cannot be loaded"):
@@ -112,7 +127,9 @@ class RobotwinForm:
         settings = parse_settings(text)
         folder = directory_of(settings)
         files = files_of(folder, user_arguments(settings, {}))
-        return PolicyName(settings.at(folder), f"robotwin:{folder.name}@{digest_of(files)}{settings.text}")
+        return PolicyName(
+            settings.at(folder), f"robotwin:{folder.name}@{digest_of(files)}{settings.text}"
+        )
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError."""

@@ -25,15 +25,21 @@ class RobotwinRobot:
     def __init__(self, embodiment: str) -> None:
         robot = get_embodiment(embodiment)
         self._planner, self._tools = planner_of(robot), ToolPoses(robot)
-        self.arm_dims = {side: len(robot.arms[side].arm_joints) if side in robot.arms else 0 for side in SIDES}
+        self.arm_dims = {
+            side: len(robot.arms[side].arm_joints) if side in robot.arms else 0 for side in SIDES
+        }
 
     def observation(self, seen: Observation, command: Floats) -> dict[str, Any]:
-        """observation/<camera>/rgb (H,W,3) uint8, joint_action/..., endpose/... (7,) wxyz, instruction, timestamp (s).
+        """observation/<camera>/rgb (H,W,3) uint8, joint_action/..., endpose/... (7,) wxyz,
+        instruction, timestamp (s).
 
-        `command` (A,) are the joint targets in force, which the original reports as joint_action and as grippers; tool poses are
-        measured. Files of `export --format robotwin` hold the same.
+        `command` (A,) are the joint targets in force, which the original reports as joint_action
+        and as grippers; tool poses are measured. Files of `export --format robotwin` hold the same.
         """
-        measured, targets = self._planner.split(np.asarray(seen.joints, float)), self._planner.split(command)
+        measured, targets = (
+            self._planner.split(np.asarray(seen.joints, float)),
+            self._planner.split(command),
+        )
         joints: dict[str, Any] = {"vector": command.copy()}
         endpose: dict[str, Any] = {}
         for side, (q, gripper) in targets.items():
@@ -52,8 +58,8 @@ class RobotwinRobot:
     def joints(self, action: ArrayLike, kind: str, measured: Floats, command: Floats) -> Floats:
         """Joint targets (A,) of an action of one of three kinds. Raises ActionError.
 
-        `qpos` is (A,); `ee` (8S,) has a pose of the tool and the gripper per arm; `delta_ee` (8S,) the same with poses relative to
-        the measured ones, in their own frames.
+        `qpos` is (A,); `ee` (8S,) has a pose of the tool and the gripper per arm; `delta_ee` (8S,)
+        the same with poses relative to the measured ones, in their own frames.
         """
         if kind == "qpos":
             return check_action(action, len(command))
@@ -77,7 +83,8 @@ def _unit(quaternion: Floats, side: str) -> Floats:
 
 
 class TaskEnv:
-    """What eval(TASK_ENV, model, observation) is given. An action is executed in one control period."""
+    """What eval(TASK_ENV, model, observation) is given. An action is executed in one control
+    period."""
 
     def __init__(self, robot: RobotwinRobot, start: Start, turns: Turns) -> None:
         self._robot, self._start, self._turns = robot, start, turns
@@ -95,11 +102,14 @@ class TaskEnv:
 
     def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
         """Execute an action and wait until its control period is over. Raises ActionError."""
-        self._command = self._robot.joints(action, action_type, np.asarray(self._seen.joints, float), self._command)
+        self._command = self._robot.joints(
+            action, action_type, np.asarray(self._seen.joints, float), self._command
+        )
         self._seen = self._turns.after(self._command)
         self.take_action_cnt += 1
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(
-            f"TASK_ENV has no {name} here: only get_instruction, get_obs, take_action, instruction, take_action_cnt, eval_success"
+            f"TASK_ENV has no {name} here: only get_instruction, get_obs, take_action, instruction,"
+            " take_action_cnt, eval_success"
         )

@@ -11,7 +11,8 @@ from pipeline.evaluate.policies.policy import PolicyError
 
 @dataclass(frozen=True)
 class Settings:
-    """A path and options; values are read as YAML (3, 0.5, true, text). `query` are the options as they were written."""
+    """A path and options; values are read as YAML (3, 0.5, true, text). `query` are the options as
+    they were written."""
 
     kind: str
     path: str
@@ -31,7 +32,9 @@ class Settings:
         """The options. Raises PolicyError for one that is not known."""
         if unknown := sorted(set(self.options) - set(known)):
             has = f"options are {', '.join(known)}" if known else "it has no options"
-            raise PolicyError(f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: {has}")
+            raise PolicyError(
+                f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: {has}"
+            )
         return self.options
 
 
@@ -43,7 +46,9 @@ def parse_settings(text: str) -> Settings:
         pairs = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(mark)))
         options = {key: parse_yaml(value) for key, value in pairs.items()}
     except ValueError as error:
-        raise PolicyError(f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value") from error
+        raise PolicyError(
+            f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value"
+        ) from error
     if not path:
         raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
     return Settings(kind, path, options, query)

@@ -1,4 +1,5 @@
-"""Code that asks an environment for its next observation, turned into a policy that is asked for its next action."""
+"""Code that asks an environment for its next observation, turned into a policy that is asked for
+its next action."""
 
 import queue
 import threading
@@ -15,7 +16,8 @@ class Over(BaseException):
 
 
 class Turns:
-    """Runs `work(turns)` in a thread that waits in `after(action)` while the world advances: the two never run at the same time."""
+    """Runs `work(turns)` in a thread that waits in `after(action)` while the world advances: the
+    two never run at the same time."""
 
     def __init__(self, work: Callable[["Turns"], None]) -> None:
         self._work = work
@@ -43,7 +45,8 @@ class Turns:
         return self._next()
 
     def after(self, action: Any) -> Observation:
-        """In the thread: hand over an action and wait for the observation that follows. Raises Over at the end of the episode."""
+        """In the thread: hand over an action and wait for the observation that follows. Raises Over
+        at the end of the episode."""
         self._answers.put(action)
         return self._next()
 

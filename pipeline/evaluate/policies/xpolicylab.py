@@ -1,8 +1,9 @@
 """XPolicyLab's Model classes, in this process: --policy xpolicylab:FILE.py?key=value
 
-The file has a class `Model`, made as Model(settings) from the options of the name, with `reset()`, `update_obs(observation)` and
-`get_action()`. Observations are those of XPolicyLab's format v1.0 (XPolicyLabRobot). An answer is an action (A,), a chunk (H,A) of
-joint targets, or a list of dicts of that format.
+The file has a class `Model`, made as Model(settings) from the options of the name, with `reset()`,
+`update_obs(observation)` and `get_action()`. Observations are those of XPolicyLab's format v1.0
+(XPolicyLabRobot). An answer is an action (A,), a chunk (H,A) of joint targets, or a list of dicts
+of that format.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,14 @@ from numpy.typing import ArrayLike
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.policies.files import digest_of, module_of
-from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.policies.policy import (
+    Observation,
+    Policy,
+    PolicyError,
+    PolicyName,
+    Start,
+    chunk_of,
+)
 from pipeline.evaluate.policies.robotwin_env import BEHIND_TCP, RobotwinRobot
 from pipeline.evaluate.policies.settings import parse_settings
 from pipeline.planning.planner import planner_of
@@ -23,19 +31,31 @@ from pipeline.poses import Floats, compose, pose
 from pipeline.world.robots import get_embodiment
 
 METHODS = ("reset", "update_obs", "get_action")
-CAMERAS = {HEAD: "cam_head", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist", OBSERVER: "cam_third_view"}
+CAMERAS = {
+    HEAD: "cam_head",
+    LEFT_WRIST: "cam_left_wrist",
+    RIGHT_WRIST: "cam_right_wrist",
+    OBSERVER: "cam_third_view",
+}
 
 
 class XPolicyLabRobot:
-    """Observations and actions of a robot in XPolicyLab's format v1.0; files of `export --format xpolicylab` hold the same."""
+    """Observations and actions of a robot in XPolicyLab's format v1.0; files of `export --format
+    xpolicylab` hold the same."""
 
     def __init__(self, embodiment: str) -> None:
-        self._planner, self._robotwin = planner_of(get_embodiment(embodiment)), RobotwinRobot(embodiment)
+        self._planner, self._robotwin = (
+            planner_of(get_embodiment(embodiment)),
+            RobotwinRobot(embodiment),
+        )
 
     def observation(self, seen: Observation, command: Floats, fps: int) -> dict[str, Any]:
-        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; `command` (A,) are the joint targets in force, which are the
-        joints and grippers of `state`. Poses are measured."""
-        measured, targets = self._planner.split(np.asarray(seen.joints, float)), self._planner.split(command)
+        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; `command` (A,) are the joint
+        targets in force, which are the joints and grippers of `state`. Poses are measured."""
+        measured, targets = (
+            self._planner.split(np.asarray(seen.joints, float)),
+            self._planner.split(command),
+        )
         state: dict[str, Any] = {}
         for side in measured:
             tcp = self._planner.fk(side, measured[side][0])
@@ -45,7 +65,10 @@ class XPolicyLabRobot:
                 f"{side}_ee_pose": compose(tcp, pose((-BEHIND_TCP, 0, 0))).astype(np.float32),
                 f"{side}_tcp_pose": np.asarray(tcp, np.float32),
             }
-        vision = {CAMERAS.get(name, name): {"color": image, "shape": image.shape[:2]} for name, image in seen.images.items()}
+        vision = {
+            CAMERAS.get(name, name): {"color": image, "shape": image.shape[:2]}
+            for name, image in seen.images.items()
+        }
         for name, depth in seen.depth.items():
             vision[CAMERAS.get(name, name)]["depth"] = depth
         return {
@@ -69,7 +92,9 @@ class XPolicyLabRobot:
             keys = ("arm_joint_state" if kind == "qpos" else "ee_pose", "ee_joint_state")
             try:
                 parts = [
-                    np.asarray(step[f"{side}_{key}"], float).ravel() for side in self._planner.embodiment.sides for key in keys
+                    np.asarray(step[f"{side}_{key}"], float).ravel()
+                    for side in self._planner.embodiment.sides
+                    for key in keys
                 ]
             except (KeyError, TypeError, ValueError) as error:
                 raise ActionError(f"a step of the answer has no numbers {error}") from error
@@ -89,7 +114,10 @@ class XPolicyLabPolicy:
     def reset(self, start: Start) -> None:
         """Reset the model."""
         same = self._robot is not None and self._robot[0].embodiment == start.embodiment
-        self._robot = (start, self._robot[1] if self._robot and same else XPolicyLabRobot(start.embodiment))
+        self._robot = (
+            start,
+            self._robot[1] if self._robot and same else XPolicyLabRobot(start.embodiment),
+        )
         self._command = None
         self._model.reset()
 
@@ -114,7 +142,9 @@ class XPolicyLabForm:
         """Check that the file is there. Raises PolicyError."""
         settings = parse_settings(text)
         path = Path(settings.path).resolve()
-        return PolicyName(settings.at(path), f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}")
+        return PolicyName(
+            settings.at(path), f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}"
+        )
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError."""

@@ -1,4 +1,5 @@
-"""A case: a scene that the expert solves, with the motion of its target. What a policy is tried on."""
+"""A case: a scene that the expert solves, with the motion of its target. What a policy is tried
+on."""
 
 import hashlib
 import json
@@ -20,12 +21,14 @@ from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
 
 UNSEEN = Setup(textures="unseen")
-"""The setup of an environment that names none: the robot's cameras, and textures that training never shows."""
+"""The setup of an environment that names none: the robot's cameras, and textures that training
+never shows."""
 
 
 def setup_of(wanted: Setup | Mapping[str, Any] | str | Path) -> Setup:
-    """A setup itself; keys of one to change in UNSEEN; or the setup of a dataset, by its directory, with textures that training
-    never shows. Raises RecipeError, and DatasetError for a directory that is no dataset."""
+    """A setup itself; keys of one to change in UNSEEN; or the setup of a dataset, by its directory,
+    with textures that training never shows. Raises RecipeError, and DatasetError for a directory
+    that is no dataset."""
     if isinstance(wanted, Setup):
         return wanted.setup
     if isinstance(wanted, Mapping):
@@ -47,9 +50,11 @@ BLIND = blind(UNSEEN)
 class Case:
     """A spec that the expert solved.
 
-    `setup` is the physics of the setup by which it was solved and is judged. `motion` is TargetMotion.to_json(), `meeting` the
-    time (s) at which the expert met the target in its dry run, `frames` the length of its episode. `start` and `end` are hashes of
-    the first frame and of the whole state log: another machine, or another version, has the same physics where they are the same.
+    `setup` is the physics of the setup by which it was solved and is judged. `motion` is
+    TargetMotion.to_json(), `meeting` the time (s) at which the expert met the target in its dry
+    run, `frames` the length of its episode. `start` and `end` are hashes of the first frame and of
+    the whole state log: another machine, or another version, has the same physics where they are
+    the same.
     """
 
     spec: EpisodeSpec
@@ -76,9 +81,12 @@ class Case:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
-        """Inverse of `to_dict`. Raises ValueError, TypeError, KeyError or AttributeError for something else."""
+        """Inverse of `to_dict`. Raises ValueError, TypeError, KeyError or AttributeError for
+        something else."""
         numbers, texts = (values["meeting"], values["frames"]), (values["start"], values["end"])
-        if not all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers) or not all(isinstance(t, str) for t in texts):
+        if not all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers) or not all(
+            isinstance(t, str) for t in texts
+        ):
             raise ValueError("a case has no meeting, frames, start or end")
         motion = motion_from_json(json.dumps(values["motion"])).to_json()
         spec, setup = EpisodeSpec(**values["spec"]), Setup.model_validate(values["setup"]).physics
@@ -103,7 +111,8 @@ def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
 
 
 def expert(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Rollout:
-    """The expert's rollout of a spec; the latest ones are remembered. Raises Failure if it does not solve it."""
+    """The expert's rollout of a spec; the latest ones are remembered. Raises Failure if it does not
+    solve it."""
     return _expert(spec, setup.physics)
 
 
@@ -116,7 +125,15 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
     """The case of a spec. Raises Failure if the expert does not solve it."""
     rollout = expert(spec, setup)
     log, motion = rollout.replay.log, rollout.motion.to_json()
-    return Case(spec, motion, rollout.meeting, len(log), start_hash(log.poses[0], log.qpos[0]), log_hash(log), setup.physics)
+    return Case(
+        spec,
+        motion,
+        rollout.meeting,
+        len(log),
+        start_hash(log.poses[0], log.qpos[0]),
+        log_hash(log),
+        setup.physics,
+    )
 
 
 def expert_actions(case: Case) -> NDArray[np.float64]:

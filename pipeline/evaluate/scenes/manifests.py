@@ -1,7 +1,9 @@
-"""Which scenes are evaluated: the first seeds from 100000 * (1 + s) that the expert solves, kept in a manifest that all share.
+"""Which scenes are evaluated: the first seeds from 100000 * (1 + s) that the expert solves, kept in
+a manifest that all share.
 
-A manifest is one JSON file a cell. Seeds are tried in order and in batches whose size does not depend on the workers, so the
-admitted seeds do not either. Scenes of one seed are the same at every level, alpha and domain: cells are paired by seed.
+A manifest is one JSON file a cell. Seeds are tried in order and in batches whose size does not
+depend on the workers, so the admitted seeds do not either. Scenes of one seed are the same at every
+level, alpha and domain: cells are paired by seed.
 """
 
 import hashlib
@@ -29,7 +31,8 @@ MOST_SEEDS = 10_000_000
 """Seeds that a manifest may have tried."""
 
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any]]]
-"""Does the work of jobs here or on workers and yields (job, result) in any order. Workers import the work by its name."""
+"""Does the work of jobs here or on workers and yields (job, result) in any order. Workers import
+the work by its name."""
 
 
 class ProtocolError(DominoError):
@@ -37,7 +40,8 @@ class ProtocolError(DominoError):
 
 
 def first_seed(s: int) -> int:
-    """The seed from which scenes are drawn for the seed `s` of an evaluation (as in the original)."""
+    """The seed from which scenes are drawn for the seed `s` of an evaluation (as in the
+    original)."""
     return 100_000 * (1 + s)
 
 
@@ -48,7 +52,8 @@ def most_tries(episodes: int) -> int:
 
 @dataclass
 class Manifest:
-    """The seeds of one cell: `cases` admitted, `refused` seeds with the reason, both in order; `tried` seeds from `first`."""
+    """The seeds of one cell: `cases` admitted, `refused` seeds with the reason, both in order;
+    `tried` seeds from `first`."""
 
     cell: Cell
     first: int
@@ -59,7 +64,13 @@ class Manifest:
 
     def to_json(self) -> bytes:
         """JSON, one case a line."""
-        head = {"schema": SCHEMA, "cell": asdict(self.cell), "first": self.first, "setup": self.setup.given(), "tried": self.tried}
+        head = {
+            "schema": SCHEMA,
+            "cell": asdict(self.cell),
+            "first": self.first,
+            "setup": self.setup.given(),
+            "tried": self.tried,
+        }
         head["refused"] = {str(seed): reason for seed, reason in self.refused.items()}
         cases = [case.to_dict() for case in self.cases]
         head["sha256"] = _hash_of(cases)
@@ -71,8 +82,8 @@ class Manifest:
         count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
         if count <= 0:
             raise ProtocolError(
-                f"{self.cell.path}: the expert solves {len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted: "
-                f"ask for fewer --episodes"
+                f"{self.cell.path}: the expert solves {len(self.cases)} of {self.tried} seeds,"
+                f" fewer than the {episodes} wanted: ask for fewer --episodes"
             )
         return range(self.first + self.tried, self.first + self.tried + count)
 
@@ -90,7 +101,10 @@ class Manifest:
     def from_json(cls, text: bytes) -> "Manifest":
         """Inverse of `to_json`. Raises ValueError for something else."""
         values = parse_json(text)
-        if not isinstance(values, dict) or (schema := values.pop("schema", None)) not in (3, SCHEMA):
+        if not isinstance(values, dict) or (schema := values.pop("schema", None)) not in (
+            3,
+            SCHEMA,
+        ):
             raise ValueError(f"its schema is not {SCHEMA}")
         if schema == SCHEMA and values.pop("sha256", None) != _hash_of(values.get("cases")):
             raise ValueError("its cases are not those that were written")
@@ -98,20 +112,27 @@ class Manifest:
             cases = [Case.from_dict(case) for case in values.pop("cases")]
             refused = {int(seed): str(reason) for seed, reason in values.pop("refused").items()}
             setup = Setup.model_validate(values.pop("setup"))
-            found = cls(Cell(**values.pop("cell")), setup=setup, cases=cases, refused=refused, **values)
+            found = cls(
+                Cell(**values.pop("cell")), setup=setup, cases=cases, refused=refused, **values
+            )
         except (TypeError, KeyError, AttributeError, OverflowError) as error:
             raise ValueError(line_of(error)) from error
         found.check()
         return found
 
     def check(self) -> None:
-        """Raise ValueError for cases that are not those of the cell's seeds, each seed tried once and in order."""
+        """Raise ValueError for cases that are not those of the cell's seeds, each seed tried once
+        and in order."""
         whole = all(type(n) is int and n >= 0 for n in (self.first, self.tried))
         seeds = [case.spec.seed for case in self.cases]
-        if not whole or sorted([*seeds, *self.refused]) != list(range(self.first, self.first + min(self.tried, MOST_SEEDS))):
+        if not whole or sorted([*seeds, *self.refused]) != list(
+            range(self.first, self.first + min(self.tried, MOST_SEEDS))
+        ):
             raise ValueError("the seeds are not those that were tried")
         wanted = [SeedJob(self.cell, seed, self.setup).spec for seed in seeds]
-        if seeds != sorted(seeds) or [(case.spec, case.setup) for case in self.cases] != [(spec, self.setup) for spec in wanted]:
+        if seeds != sorted(seeds) or [(case.spec, case.setup) for case in self.cases] != [
+            (spec, self.setup) for spec in wanted
+        ]:
             raise ValueError("a case is not of this cell")
 
 
@@ -140,34 +161,49 @@ class Manifests:
         """The seed from which the scenes of a cell are drawn."""
         if not self.apart:
             return first_seed(self.seed)
-        return int.from_bytes(hashlib.sha256(f"{self.seed}/{cell.alpha:g}".encode()).digest()[:6], "little")
+        return int.from_bytes(
+            hashlib.sha256(f"{self.seed}/{cell.alpha:g}".encode()).digest()[:6], "little"
+        )
 
     def read(self, cell: Cell) -> Manifest:
-        """The manifest of a cell, an empty one where there is none yet. Raises ProtocolError for a file that is none of it."""
+        """The manifest of a cell, an empty one where there is none yet. Raises ProtocolError for a
+        file that is none of it."""
         path = self.path(cell)
         if not path.exists():
             return Manifest(cell, self.first(cell), self.setup.physics)
         try:
             found = Manifest.from_json(read_regular(path))
         except ValueError as error:
-            raise ProtocolError(f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them again") from error
+            raise ProtocolError(
+                f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them"
+                " again"
+            ) from error
         if (found.cell, found.first, found.setup) != (cell, self.first(cell), self.setup.physics):
-            raise ProtocolError(f"{path}: is the manifest of another cell, seed or setup: delete it to draw them again")
+            raise ProtocolError(
+                f"{path}: is the manifest of another cell, seed or setup: delete it to draw them"
+                " again"
+            )
         return found
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError as `read`."""
+        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError as
+        `read`."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """The first `episodes` cases of every cell; what manifests lack is found by running the expert and kept in them.
+        """The first `episodes` cases of every cell; what manifests lack is found by running the
+        expert and kept in them.
 
         Raises ProtocolError if the expert solves too few of the seeds of a cell that may be tried.
         """
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}
-            jobs = [SeedJob(cell, seed, self.setup.physics) for cell, batch in batches.items() for seed in batch]
+            jobs = [
+                SeedJob(cell, seed, self.setup.physics)
+                for cell, batch in batches.items()
+                for seed in batch
+            ]
             found: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
             for job, result in run(try_seed, jobs):
                 found[job.cell][job.seed] = result

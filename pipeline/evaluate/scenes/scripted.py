@@ -1,4 +1,5 @@
-"""The task's script as a source of actions at the control rate: rehearsed for a target somewhere, or planned live in a trial."""
+"""The task's script as a source of actions at the control rate: rehearsed for a target somewhere,
+or planned live in a trial."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -21,8 +22,9 @@ from pipeline.stages.scene import Scene
 class Rehearsal:
     """The first half of a script (`meet`) for a target that stands at `aim` (7,).
 
-    `actions` (T,A), one a control period; `last_skill` is the period in which the last skill begins, the one in which the robot
-    meets the target; `meeting` (s) the first touch, or the end where nothing was touched; `held` what was in which hand then.
+    `actions` (T,A), one a control period; `last_skill` is the period in which the last skill
+    begins, the one in which the robot meets the target; `meeting` (s) the first touch, or the end
+    where nothing was touched; `held` what was in which hand then.
     """
 
     aim: Pose
@@ -33,9 +35,11 @@ class Rehearsal:
 
 
 def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
-    """Plan and run `meet` in a copy of the scene whose target stands at `aim` (7,); None if no plan is found.
+    """Plan and run `meet` in a copy of the scene whose target stands at `aim` (7,); None if no plan
+    is found.
 
-    A pure function of its arguments; the latest results are cached, since several policies rehearse the same.
+    A pure function of its arguments; the latest results are cached, since several policies rehearse
+    the same.
     """
     return _rehearse(_Wanted(scene.spec, scene.rules, tuple(map(float, aim)), fps, scene))
 
@@ -54,7 +58,8 @@ class _Wanted:
 @lru_cache(maxsize=32)
 def _rehearse(wanted: _Wanted) -> Rehearsal | None:
     scene, aim, fps, task = wanted.scene, np.array(wanted.aim), wanted.fps, wanted.scene.task
-    actor_rng = "dry_run"  # the expert's own stream: with the target at the manipulation pose this is the expert's plan
+    # the expert's own stream: with the target at the manipulation pose this is the expert's plan
+    actor_rng = "dry_run"
     try:
         actor = with_target_at(scene, aim).start(PlanarMotion.still(aim, 1.0), fps, actor_rng)
         began = 0
@@ -65,22 +70,30 @@ def _rehearse(wanted: _Wanted) -> Rehearsal | None:
         return None
     actions = at_control_rate(np.array(actor.stream.commands), PHYSICS_HZ // fps)
     actions.setflags(write=False)
-    meeting = next((e.time for e in actor.simulation.events if e.name == "meeting"), actor.simulation.time)
+    meeting = next(
+        (e.time for e in actor.simulation.events if e.name == "meeting"), actor.simulation.time
+    )
     return Rehearsal(aim, actions, began // (PHYSICS_HZ // fps), meeting, dict(actor.held))
 
 
 def with_target_at(scene: Scene, aim: Pose) -> Scene:
-    """The scene with its target, and what lies in it, moved so that the target stands at `aim` (7,)."""
+    """The scene with its target, and what lies in it, moved so that the target stands at `aim`
+    (7,)."""
     target = scene.task.target
     moved = compose(aim, inverse(scene.bodies[target].pose))
-    riding = {name for name, body in scene.bodies.items() if name == target or body.inside == target}
-    bodies = {n: replace(b, pose=compose(moved, b.pose)) if n in riding else b for n, b in scene.bodies.items()}
+    riding = {
+        name for name, body in scene.bodies.items() if name == target or body.inside == target
+    }
+    bodies = {
+        n: replace(b, pose=compose(moved, b.pose)) if n in riding else b
+        for n, b in scene.bodies.items()
+    }
     return replace(scene, bodies=bodies)
 
 
 def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Motions, actions (N,A), of skills that are planned one after another from the state the simulation has then, until a plan
-    fails.
+    """Motions, actions (N,A), of skills that are planned one after another from the state the
+    simulation has then, until a plan fails.
 
     Ask for the next motion only after the simulation has executed the last one.
     """

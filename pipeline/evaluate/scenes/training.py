@@ -1,4 +1,5 @@
-"""The scenes of environments: those that the expert solves, remembered, so that only the first reset to one runs the expert."""
+"""The scenes of environments: those that the expert solves, remembered, so that only the first
+reset to one runs the expert."""
 
 import hashlib
 from contextlib import ExitStack
@@ -33,19 +34,26 @@ remembered = lru_cache(maxsize=1024)(try_seed)
 
 
 def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
-    """The case of a seed if the expert solves it, else that of the next seed derived from it. Raises NoCase after TRIES seeds."""
+    """The case of a seed if the expert solves it, else that of the next seed derived from it.
+    Raises NoCase after TRIES seeds."""
     reason = ""
     for number in range(TRIES):
         found = remembered(SeedJob(cell, derived_seed(seed, number), setup.physics))
         if isinstance(found, Case):
             return found
         reason = found
-    raise NoCase(f"the expert solves none of {TRIES} scenes of {cell.task} drawn from seed {seed}; the last: {reason}")
+    raise NoCase(
+        f"the expert solves none of {TRIES} scenes of {cell.task} drawn from seed {seed}; the last:"
+        f" {reason}"
+    )
 
 
 @lru_cache(maxsize=16)
-def training_scenes(cell: Cell, count: int, setup: Setup, manifests: Path | None) -> tuple[Case, ...]:
-    """The first `count` scenes of the seed TRAINING that the expert solves, read from and kept in `manifests` if it is given.
+def training_scenes(
+    cell: Cell, count: int, setup: Setup, manifests: Path | None
+) -> tuple[Case, ...]:
+    """The first `count` scenes of the seed TRAINING that the expert solves, read from and kept in
+    `manifests` if it is given.
 
     Raises ProtocolError as `Manifests.admitted`.
     """
@@ -55,15 +63,24 @@ def training_scenes(cell: Cell, count: int, setup: Setup, manifests: Path | None
 
 
 def check_case(case: object, cell: Cell, setup: Setup) -> None:
-    """Raise OtherCase, naming both values, for a case of another cell or physics, or for what is no Case."""
+    """Raise OtherCase, naming both values, for a case of another cell or physics, or for what is no
+    Case."""
     if not isinstance(case, Case):
-        raise OtherCase(f"{type(case).__name__} is no case: give the `case` of an environment, or one of Manifests.admitted")
+        raise OtherCase(
+            f"{type(case).__name__} is no case: give the `case` of an environment, or one of"
+            " Manifests.admitted"
+        )
     for name in (field.name for field in fields(Cell)):
         has, wanted = getattr(case.spec, name), getattr(cell, name)
         if has != wanted:
-            raise OtherCase(f"the case is of the {name} {has}, the environment of {wanted}: make an environment of {has}")
+            raise OtherCase(
+                f"the case is of the {name} {has}, the environment of {wanted}: make an environment"
+                f" of {has}"
+            )
     if case.setup != setup.physics:
-        raise OtherCase(f"the case is of the setup {case.setup.label}, the environment of {setup.label}")
+        raise OtherCase(
+            f"the case is of the setup {case.setup.label}, the environment of {setup.label}"
+        )
 
 
 def derived_seed(seed: int, number: int) -> int:

@@ -1,4 +1,5 @@
-"""One closed-loop episode: the scene of a case, driven one control period at a time, until it is decided."""
+"""One closed-loop episode: the scene of a case, driven one control period at a time, until it is
+decided."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +25,26 @@ FAULTS = (INVALID_ACTION, NO_ANSWER)
 """Endings by a fault of the policy: its answer is no action, or there is none."""
 
 HOLD_FRAMES = 3
-"""Control periods of DEFAULT_FPS for which all success conditions must hold, at every physics step."""
+"""Control periods of DEFAULT_FPS for which all success conditions must hold, at every physics
+step."""
 
 
 class Trial:
-    """A settled simulation under a policy. `ending` is "" while it runs, then SUCCESS, OUT_OF_VIEW, TIME_LIMIT or one of FAULTS.
+    """A settled simulation under a policy. `ending` is "" while it runs, then SUCCESS, OUT_OF_VIEW,
+    TIME_LIMIT or one of FAULTS.
 
-    The target follows `motion` as in generation until something touches it. The trial ends as a success when all success
-    conditions of the task hold for HOLD_FRAMES control periods of DEFAULT_FPS after the first touch (nothing succeeds by itself;
-    at one recorded frame under domino rules) and at every physics step between them. It ends as a failure when the middle of a
-    target that moves by itself leaves the image of the head camera, and at the task's step limit, which is counted in control
-    periods of DEFAULT_FPS whatever the rate of the setup.
-    Without an `actor` the scene is started here: raises Failure("unstable") where it does not come to rest.
+    The target follows `motion` as in generation until something touches it. The trial ends as a
+    success when all success conditions of the task hold for HOLD_FRAMES control periods of
+    DEFAULT_FPS after the first touch (nothing succeeds by itself; at one recorded frame under
+    domino rules) and at every physics step between them. It ends as a failure when the middle of a
+    target that moves by itself leaves the image of the head camera, and at the task's step limit,
+    which is counted in control periods of DEFAULT_FPS whatever the rate of the setup. Without an
+    `actor` the scene is started here: raises Failure("unstable") where it does not come to rest.
     """
 
-    def __init__(self, scene: Scene, motion: Motion, setup: Setup = DEFAULT, actor: Actor | None = None) -> None:
+    def __init__(
+        self, scene: Scene, motion: Motion, setup: Setup = DEFAULT, actor: Actor | None = None
+    ) -> None:
         fps = setup.fps
         self.scene, self.motion, self.fps = scene, motion, fps
         self.actor = actor or scene.start(motion, fps, "evaluate")
@@ -49,7 +55,10 @@ class Trial:
         self.max_steps = scene.task.step_limit * (PHYSICS_HZ // DEFAULT_FPS)
         self.ending, self.left_workspace = "", False
         self._known: tuple[int, dict[str, bool]] = (-1, {})
-        self._held, self._enough = 0, 1 if scene.rules.name == "domino" else at_rate(HOLD_FRAMES, fps)
+        self._held, self._enough = (
+            0,
+            1 if scene.rules.name == "domino" else at_rate(HOLD_FRAMES, fps),
+        )
         body = scene.bodies[scene.task.target]
         self._head = cameras_of(scene.embodiment, setup.camera)[0]
         self._middle = transform(inverse(body.pose), middle(body.pose, body.instance))
@@ -65,10 +74,11 @@ class Trial:
         return len(self.limits.names)
 
     def advance(self, action: NDArray[np.float64]) -> None:
-        """One control period: the drive targets go linearly to `action` (A,) with velocity feed-forward.
+        """One control period: the drive targets go linearly to `action` (A,) with velocity
+        feed-forward.
 
-        The action is clipped to the joint limits and to what the joints' speed limits allow. Raises ActionError for an action
-        of another length or that is not finite.
+        The action is clipped to the joint limits and to what the joints' speed limits allow. Raises
+        ActionError for an action of another length or that is not finite.
         """
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
         wanted = self.limits.clipped(check_action(action, self.length), before, seconds)

@@ -18,9 +18,9 @@ from pipeline.world.physics.recorder import Recorder
 
 @dataclass(eq=False)
 class Sight:
-    """What a policy is shown of one moment: images (H,W,3) uint8 RGB by camera, and, where the setup has them, depth images (H,W)
-    uint16 in mm along the viewing axis (0: nothing there) and the body of each pixel (H,W) uint8 by camera, and the point cloud
-    (N,6) of the head camera."""
+    """What a policy is shown of one moment: images (H,W,3) uint8 RGB by camera, and, where the
+    setup has them, depth images (H,W) uint16 in mm along the viewing axis (0: nothing there) and
+    the body of each pixel (H,W) uint8 by camera, and the point cloud (N,6) of the head camera."""
 
     images: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
     depth: dict[str, NDArray[np.uint16]] = field(default_factory=dict[str, NDArray[np.uint16]])

@@ -1,4 +1,5 @@
-"""What the success conditions see between two recorded frames: lift and hold, at every physics step."""
+"""What the success conditions see between two recorded frames: lift and hold, at every physics
+step."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,20 +15,23 @@ from pipeline.world.physics.simulation import Simulation
 
 
 class Watched(Outcome):
-    """An outcome whose highest rises are those of every physics step; `peaks` (m) are greatest heights of origins by body."""
+    """An outcome whose highest rises are those of every physics step; `peaks` (m) are greatest
+    heights of origins by body."""
 
     def __init__(self, scene: Scene, log: StateLog, peaks: Mapping[str, float]) -> None:
         super().__init__(log, scene.bodies, scene.embodiment, scene.task.target, scene.rules)
         self.peaks = peaks
 
     def highest_rise(self, name: str) -> float:
-        """The largest rise (m) of a body over the episode, at any physics step for the bodies in `peaks`."""
+        """The largest rise (m) of a body over the episode, at any physics step for the bodies in
+        `peaks`."""
         recorded = super().highest_rise(name)
         return max(recorded, self.peaks.get(name, -np.inf) - float(self.pose(name, 0)[2]))
 
 
 class Watch:
-    """Call `after_step` behind every physics step; `conditions` are the success conditions at this step."""
+    """Call `after_step` behind every physics step; `conditions` are the success conditions at this
+    step."""
 
     def __init__(self, scene: Scene, simulation: Simulation, recorder: Recorder) -> None:
         self._scene, self._simulation, self._recorder = scene, simulation, recorder
@@ -39,7 +43,8 @@ class Watch:
             self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
 
     def conditions(self) -> dict[str, bool]:
-        """The success conditions of the task now, on the recorded frames and, between two of them, on the state of this step."""
+        """The success conditions of the task now, on the recorded frames and, between two of them,
+        on the state of this step."""
         log, simulation = self._recorder.log(), self._simulation
         if simulation.time > log.times[-1] + 1e-9:
             log = with_frame(log, simulation)
@@ -47,10 +52,15 @@ class Watch:
 
 
 def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
-    """The log (F frames) with one more frame: the simulation as it is now, with the contacts of this step."""
+    """The log (F frames) with one more frame: the simulation as it is now, with the contacts of
+    this step."""
     qpos, qvel = simulation.qpos()
     twist = simulation.target_twist()
-    spin = None if log.target_angular_velocity is None else _and(log.target_angular_velocity, twist[3:])
+    spin = (
+        None
+        if log.target_angular_velocity is None
+        else _and(log.target_angular_velocity, twist[3:])
+    )
     touching = [(len(log), *contact) for contact in simulation.contacts()]
     return replace(
         log,

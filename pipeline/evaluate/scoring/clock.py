@@ -1,14 +1,16 @@
-"""The world's time during the inference of a policy: clock modes, and target motions on another clock.
+"""The world's time during the inference of a policy: clock modes, and target motions on another
+clock.
 
 - `sim` (default): one action is one control period; inference takes no time.
-- `latency:...`: the world advances during inference; the robot holds its last command for that long before each answer is
-  executed. A fixed time, a distribution, a trace, or the measured wall time of the policy.
-- `async:...`: as `latency`, but the robot executes its chunk while the next one is computed; `:blend` or `:rtc` at the end
-  selects how the chunks are joined (pace.py).
-- `step-locked`: the original protocol, in which the target moves by a fixed time a policy step, 1.67 times what a step takes in
-  the data (0.1 s a step of 0.06 s).
-- `late:MS`: as `sim`, but the target begins its motion MS milliseconds after the robot. With the policy `replay` it measures how
-  exact the timing of a task must be.
+- `latency:...`: the world advances during inference; the robot holds its last command for that long
+  before each answer is executed. A fixed time, a distribution, a trace, or the measured wall time
+  of the policy.
+- `async:...`: as `latency`, but the robot executes its chunk while the next one is computed;
+  `:blend` or `:rtc` at the end selects how the chunks are joined (pace.py).
+- `step-locked`: the original protocol, in which the target moves by a fixed time a policy step,
+  1.67 times what a step takes in the data (0.1 s a step of 0.06 s).
+- `late:MS`: as `sim`, but the target begins its motion MS milliseconds after the robot. With the
+  policy `replay` it measures how exact the timing of a task must be.
 
 All but `latency:measured` and `async:measured` give the same numbers every time.
 """
@@ -34,8 +36,9 @@ STEP_LOCKED_RATE = 0.1 / 0.06
 """Seconds of target motion a second of robot motion in the original's evaluation."""
 
 HELP = (
-    "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH, latency:trace:FILE, "
-    "latency:measured, or async: in place of latency:, also with :blend or :rtc at the end"
+    "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH,"
+    " latency:trace:FILE, latency:measured, or async: in place of latency:, also with :blend or"
+    " :rtc at the end"
 )
 
 
@@ -61,12 +64,16 @@ class Retimed:
 
     def scenery(self) -> tuple[Prop, ...]:
         """What belongs to the motion, on the same clock."""
-        return tuple(replace(prop, pose=partial(self._later, prop)) for prop in self.motion.scenery())
+        return tuple(
+            replace(prop, pose=partial(self._later, prop)) for prop in self.motion.scenery()
+        )
 
     @property
     def others(self) -> Mapping[str, Motion]:
         """What moves beside the target, on the same clock."""
-        return {name: replace(self, motion=motion) for name, motion in others_of(self.motion).items()}
+        return {
+            name: replace(self, motion=motion) for name, motion in others_of(self.motion).items()
+        }
 
     def _later(self, prop: Prop, t: ArrayLike) -> NDArray[np.float64]:
         return prop.pose(self.rate * (np.asarray(t, float) - self.late))
@@ -74,9 +81,11 @@ class Retimed:
 
 @dataclass(frozen=True)
 class Clock:
-    """`kind` is sim, step-locked, late, fixed, normal, uniform, trace or measured; `values` are its numbers, in milliseconds.
+    """`kind` is sim, step-locked, late, fixed, normal, uniform, trace or measured; `values` are its
+    numbers, in milliseconds.
 
-    `join` says how chunks follow each other where inference and motion overlap, None if they do not."""
+    `join` says how chunks follow each other where inference and motion overlap, None if they do
+    not."""
 
     name: str
     kind: str
@@ -94,7 +103,8 @@ class Clock:
                 return motion
 
     def delay(self, asked: int, measured: float, rng: np.random.Generator) -> float:
-        """Seconds by which the world advances during inference number `asked` (from 0) of the policy.
+        """Seconds by which the world advances during inference number `asked` (from 0) of the
+        policy.
 
         `measured` is the wall time (s) that the answer took.
         """
@@ -129,7 +139,8 @@ def parse_clock(text: str) -> Clock:
 
 
 def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
-    """The clock "latency:..." or "async:..." of the words after the first colon, None if they describe none."""
+    """The clock "latency:..." or "async:..." of the words after the first colon, None if they
+    describe none."""
     join: Join | None = None
     if kind == "async":
         join = cast(Join, rest.pop()) if rest[-1] in ("blend", "rtc") else "switch"
@@ -140,12 +151,21 @@ def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
     if len(rest) == 2 and rest[0] == "trace":
         values = _trace(Path(rest[1]))
         # the same name with other times is another clock
-        return Clock(f"{kind}:trace:{Path(rest[1]).name}@{digest([values])[:8]}{suffix}", "trace", values, join)
+        return Clock(
+            f"{kind}:trace:{Path(rest[1]).name}@{digest([values])[:8]}{suffix}",
+            "trace",
+            values,
+            join,
+        )
     counts = {"normal": 2, "uniform": 2}
     drawn = rest.pop(0) if rest and rest[0] in counts else "fixed"
     numbers = _milliseconds(rest)
     ordered = drawn != "uniform" or numbers == tuple(sorted(numbers))
-    return Clock(name, drawn, numbers, join) if len(numbers) == counts.get(drawn, 1) and ordered else None
+    return (
+        Clock(name, drawn, numbers, join)
+        if len(numbers) == counts.get(drawn, 1) and ordered
+        else None
+    )
 
 
 def _milliseconds(words: list[str]) -> tuple[float, ...]:
@@ -160,6 +180,13 @@ def _trace(path: Path) -> tuple[float, ...]:
         values = read_json(path)
     except ParseError as error:
         raise ClockError(f"{error}: a latency trace is a JSON list of milliseconds") from error
-    if not isinstance(values, list) or not values or not all(type(v) in (int, float) and 0 <= v <= 60_000 for v in values):
-        raise ClockError(f"{path}: a latency trace is a JSON list of milliseconds, at least one, none above 60000")
+    if (
+        not isinstance(values, list)
+        or not values
+        or not all(type(v) in (int, float) and 0 <= v <= 60_000 for v in values)
+    ):
+        raise ClockError(
+            f"{path}: a latency trace is a JSON list of milliseconds, at least one, none above"
+            " 60000"
+        )
     return tuple(float(v) for v in values)

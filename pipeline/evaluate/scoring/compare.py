@@ -1,4 +1,5 @@
-"""Evaluations against each other: policies that tried the same scenes are compared scene by scene (difference.py)."""
+"""Evaluations against each other: policies that tried the same scenes are compared scene by scene
+(difference.py)."""
 
 import json
 from collections import defaultdict
@@ -21,7 +22,8 @@ class CompareError(DominoError):
 
 @dataclass(frozen=True)
 class Arm:
-    """What is compared: the episodes of one policy, or of several networks of a kind (`networks`)."""
+    """What is compared: the episodes of one policy, or of several networks of a kind
+    (`networks`)."""
 
     name: str
     rows: tuple[Row, ...]
@@ -29,7 +31,9 @@ class Arm:
 
     def by_episode(self) -> dict[str, list[Row]]:
         """Rows by what pairs them: the spec, a hash of motion and first state, clock and rules."""
-        return _group(self.rows, lambda row: json.dumps([*json.loads(row["key"])[2:5], row["rules"]]))
+        return _group(
+            self.rows, lambda row: json.dumps([*json.loads(row["key"])[2:5], row["rules"]])
+        )
 
 
 def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
@@ -40,21 +44,32 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def read_arms(runs: Sequence[str]) -> list[Arm]:
-    """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold the networks of one arm.
+    """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold
+    the networks of one arm.
 
-    Of rows of several versions of this program in a run, those of the version that wrote last count. Raises CompareError.
+    Of rows of several versions of this program in a run, those of the version that wrote last
+    count. Raises CompareError.
     """
     out = list[Arm]()
     for run in runs:
-        policies = _group([row for part in run.split(",") for row in _newest(Path(part))], lambda row: row["policy"])
+        policies = _group(
+            [row for part in run.split(",") for row in _newest(Path(part))],
+            lambda row: row["policy"],
+        )
         if "," in run:
-            out.append(Arm(run, tuple(row for group in policies.values() for row in group), len(policies)))
+            out.append(
+                Arm(run, tuple(row for group in policies.values() for row in group), len(policies))
+            )
         else:
             out += [Arm(policy, tuple(rows)) for policy, rows in policies.items()]
     if len(out) < 2:
         raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
     named = len({arm.name for arm in out}) == len(out)
-    return out if named else [Arm(f"{arm.name} #{n}", arm.rows, arm.networks) for n, arm in enumerate(out, 1)]
+    return (
+        out
+        if named
+        else [Arm(f"{arm.name} #{n}", arm.rows, arm.networks) for n, arm in enumerate(out, 1)]
+    )
 
 
 def _newest(run: Path) -> list[Row]:
@@ -69,11 +84,17 @@ def _newest(run: Path) -> list[Row]:
 
 
 def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
-    """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and task. `wanted` is the effect
-    (points) for which the number of scenes is reckoned. `shared` of the episodes of each arm are of both. Raises CompareError if
-    they share none."""
+    """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and
+    task. `wanted` is the effect (points) for which the number of scenes is reckoned. `shared` of
+    the episodes of each arm are of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
-    head = {"first": a.name, "second": b.name, "shared": len(pairs), "first_episodes": tried[0], "second_episodes": tried[1]}
+    head = {
+        "first": a.name,
+        "second": b.name,
+        "shared": len(pairs),
+        "first_episodes": tried[0],
+        "second_episodes": tried[1],
+    }
     return [
         {"what": what, **head, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
         for what, group in _groups([row for row, _ in pairs])
@@ -82,12 +103,22 @@ def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
 
 
 def compare_unpaired(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
-    """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if their tasks differ."""
-    first, second = (by_task([(group[0]["task"], _rate(group)) for group in _group(arm.rows, scene_of).values()]) for arm in (a, b))
+    """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if
+    their tasks differ."""
+    first, second = (
+        by_task([(group[0]["task"], _rate(group)) for group in _group(arm.rows, scene_of).values()])
+        for arm in (a, b)
+    )
     if other := sorted(first.keys() ^ second.keys()):
-        raise CompareError(f"{other[0]}: only one of {a.name} and {b.name} tried this task: evaluate both on the same tasks")
+        raise CompareError(
+            f"{other[0]}: only one of {a.name} and {b.name} tried this task: evaluate both on the"
+            " same tasks"
+        )
     scenes = min(sum(map(len, tasks.values())) for tasks in (first, second))
-    return [{"what": "all", "first": a.name, "second": b.name, "scenes": scenes} | unpaired_numbers(first, second, wanted)]
+    return [
+        {"what": "all", "first": a.name, "second": b.name, "scenes": scenes}
+        | unpaired_numbers(first, second, wanted)
+    ]
 
 
 def _rate(rows: Sequence[Row]) -> float:
@@ -95,7 +126,8 @@ def _rate(rows: Sequence[Row]) -> float:
 
 
 def _pair(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
-    """A row and the outcome of every episode that both arms tried. Won and lost count pairs of networks."""
+    """A row and the outcome of every episode that both arms tried. Won and lost count pairs of
+    networks."""
     first, second = a.by_episode(), b.by_episode()
     out = list[tuple[Row, Scene]]()
     for key, rows in first.items():
@@ -114,8 +146,14 @@ def _why_other(a: Arm, b: Arm) -> str:
     for name in ("clock", "rules"):
         one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
         if one != two:
-            return f"{a.name} and {b.name} differ in {name}: {one} and {two}; add --unpaired to compare them all the same"
-    return f"{a.name} and {b.name} share no episode: evaluate both with the same cells and --seed, or add --unpaired"
+            return (
+                f"{a.name} and {b.name} differ in {name}: {one} and {two}; add --unpaired to"
+                " compare them all the same"
+            )
+    return (
+        f"{a.name} and {b.name} share no episode: evaluate both with the same cells and --seed, or"
+        " add --unpaired"
+    )
 
 
 def _scenes(pairs: Sequence[tuple[Row, Scene]]) -> list[Scene]:
@@ -136,9 +174,13 @@ def _scenes(pairs: Sequence[tuple[Row, Scene]]) -> list[Scene]:
 
 
 def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
-    """Names of groups of rows, and which rows are in each: all of them, and the parts that are not all."""
+    """Names of groups of rows, and which rows are in each: all of them, and the parts that are not
+    all."""
     yield "all", [True] * len(rows)
     for key in ("level", "alpha", "domain", "category", "task"):
         values = sorted({row[key] for row in rows})
         for value in values if len(values) > 1 else ():
-            yield (f"{key} {value:g}" if key in ("level", "alpha") else value), [row[key] == value for row in rows]
+            yield (
+                (f"{key} {value:g}" if key in ("level", "alpha") else value),
+                [row[key] == value for row in rows],
+            )

@@ -1,7 +1,8 @@
-"""By how much two policies differ on scenes that both tried, how far chance explains it, and how many scenes would settle it.
+"""By how much two policies differ on scenes that both tried, how far chance explains it, and how
+many scenes would settle it.
 
-Rates are means over tasks, in which every task counts the same. Scenes, not episodes, are drawn again: all episodes of a scene
-share its layout and its words.
+Rates are means over tasks, in which every task counts the same. Scenes, not episodes, are drawn
+again: all episodes of a scene share its layout and its words.
 """
 
 from collections import defaultdict
@@ -22,8 +23,8 @@ ByTask = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Scene:
-    """Success of the first and of the second policy on a scene, means over its episodes, and the episodes that the second won and
-    lost."""
+    """Success of the first and of the second policy on a scene, means over its episodes, and the
+    episodes that the second won and lost."""
 
     task: str
     first: float
@@ -41,11 +42,14 @@ def by_task(pairs: Sequence[tuple[str, float]]) -> ByTask:
 
 
 def paired_numbers(scenes: Sequence[Scene], wanted: float) -> dict[str, Any]:
-    """Rates (per cent), effect (points) with its 95 % interval, episodes won and lost, p, and the scenes needed for
-    `wanted` points."""
+    """Rates (per cent), effect (points) with its 95 % interval, episodes won and lost, p, and the
+    scenes needed for `wanted` points."""
     change = by_task([(s.task, s.second - s.first) for s in scenes])
     low, high = interval(change)
-    first, second = (100 * mean(by_task([(s.task, rate) for s, rate in zip(scenes, of, strict=True)])) for of in _rates(scenes))
+    first, second = (
+        100 * mean(by_task([(s.task, rate) for s, rate in zip(scenes, of, strict=True)]))
+        for of in _rates(scenes)
+    )
     return {
         "first_rate": first,
         "second_rate": second,
@@ -63,7 +67,8 @@ def _rates(scenes: Sequence[Scene]) -> tuple[list[float], list[float]]:
 
 
 def unpaired_numbers(first: ByTask, second: ByTask, wanted: float) -> dict[str, Any]:
-    """As `paired_numbers`, from success rates of scenes that need not be the same; without a test."""
+    """As `paired_numbers`, from success rates of scenes that need not be the same; without a
+    test."""
     rates = 100 * mean(first), 100 * mean(second)
     change = mean(second) - mean(first)
     if spread(first) == spread(second) == 0:
@@ -92,7 +97,9 @@ def spread(values: ByTask) -> float:
 def _resample(values: ByTask, seed: int) -> NDArray[np.float64]:
     """Means (RESAMPLES,) of scenes drawn again within each task."""
     rng = np.random.default_rng(seed)
-    return np.mean([v[rng.integers(len(v), size=(RESAMPLES, len(v)))].mean(1) for v in values.values()], axis=0)
+    return np.mean(
+        [v[rng.integers(len(v), size=(RESAMPLES, len(v)))].mean(1) for v in values.values()], axis=0
+    )
 
 
 def interval(change: ByTask) -> tuple[float, float]:
@@ -108,14 +115,16 @@ def interval(change: ByTask) -> tuple[float, float]:
 
 
 def _exact(change: float, scenes: int) -> tuple[float, float]:
-    """The interval of a change that is the same on all scenes: another one is rarer than 1 - 0.025^(1/scenes)."""
+    """The interval of a change that is the same on all scenes: another one is rarer than 1 -
+    0.025^(1/scenes)."""
     room = (1 - 0.025 ** (1 / scenes)) * (1 + abs(change))
     return max(-1.0, change - room), min(1.0, change + room)
 
 
 def sign_flip(differences: Sequence[int]) -> float:
-    """Two-sided exact p of the claim that each scene could as well have ended the other way round: the chance that the sum of the
-    differences (won - lost, one a scene) with random signs is as far from 0 as it is.
+    """Two-sided exact p of the claim that each scene could as well have ended the other way round:
+    the chance that the sum of the differences (won - lost, one a scene) with random signs is as far
+    from 0 as it is.
 
     It is McNemar's exact test where every scene has one episode.
     """
@@ -129,8 +138,12 @@ def sign_flip(differences: Sequence[int]) -> float:
 
 
 def scenes_needed(variance: float, effect: float, power: float = 0.8) -> int | None:
-    """Number of scenes that detect a true difference of `effect` (0-1) at the 5 % level with this power.
+    """Number of scenes that detect a true difference of `effect` (0-1) at the 5 % level with this
+    power.
 
-    (z + z)^2 variance / effect^2, over all tasks, with equally many of each. None for a variance of 0, from which nothing follows.
+    (z + z)^2 variance / effect^2, over all tasks, with equally many of each. None for a variance of
+    0, from which nothing follows.
     """
-    return ceil((norm.ppf(0.975) + norm.ppf(power)) ** 2 * variance / effect**2) if variance else None
+    return (
+        ceil((norm.ppf(0.975) + norm.ppf(power)) ** 2 * variance / effect**2) if variance else None
+    )

@@ -8,7 +8,8 @@ Z95 = 1.959963984540054
 
 
 def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, float]:
-    """Wilson's score interval of a proportion, in 0-1; (0, 1) without trials. Wilson (1927), JASA 22:209-212."""
+    """Wilson's score interval of a proportion, in 0-1; (0, 1) without trials. Wilson (1927), JASA
+    22:209-212."""
     if trials == 0:
         return 0.0, 1.0
     p, n = successes / trials, trials
@@ -17,8 +18,11 @@ def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, floa
     return max(0.0, float(centre - half)), min(1.0, float(centre + half))
 
 
-def bootstrap(values: Sequence[float], level: float = 0.95, resamples: int = 2000) -> tuple[float, float]:
-    """Percentile interval of the mean over resamples with replacement, the same for the same values in any order; NaN for none."""
+def bootstrap(
+    values: Sequence[float], level: float = 0.95, resamples: int = 2000
+) -> tuple[float, float]:
+    """Percentile interval of the mean over resamples with replacement, the same for the same values
+    in any order; NaN for none."""
     if not len(values):
         return float("nan"), float("nan")
     ordered = np.sort(np.asarray(values, float))
@@ -28,11 +32,12 @@ def bootstrap(values: Sequence[float], level: float = 0.95, resamples: int = 200
 
 
 def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Wilson's interval, in 0-1, of a rate whose trials come in clusters: (successes, trials) of each, such as of a scene that
-    several networks tried.
+    """Wilson's interval, in 0-1, of a rate whose trials come in clusters: (successes, trials) of
+    each, such as of a scene that several networks tried.
 
-    The trials count as p (1 - p) / v independent ones, v the variance of the rate p between clusters, but as no more than there are
-    trials and no fewer than there are clusters. Dean & Pagano (2015), J. Surv. Stat. Methodol. 3:484-503.
+    The trials count as p (1 - p) / v independent ones, v the variance of the rate p between
+    clusters, but as no more than there are trials and no fewer than there are clusters. Dean &
+    Pagano (2015), J. Surv. Stat. Methodol. 3:484-503.
     """
     if not clusters:
         return wilson(0, 0)
@@ -40,5 +45,7 @@ def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
     count, total, rate = len(clusters), trials.sum(), solved.sum() / trials.sum()
     variance = count / max(1, count - 1) * float(((solved - rate * trials) ** 2).sum()) / total**2
     apart = rate * (1 - rate)
-    effective = float(np.clip(apart / variance, count, total)) if variance else (total if apart else count)
+    effective = (
+        float(np.clip(apart / variance, count, total)) if variance else (total if apart else count)
+    )
     return wilson(rate * effective, effective)

@@ -1,7 +1,9 @@
-"""What an episode is worth: success, route completion, manipulation score (paper, section 3.2), and why it failed.
+"""What an episode is worth: success, route completion, manipulation score (paper, section 3.2), and
+why it failed.
 
-Success is one of three endings of a trial; the other numbers are functions of its state log. Distances are between the tool point
-(`tcp`, between the finger pads; the original measures 12 cm behind it) and the origin of the target.
+Success is one of three endings of a trial; the other numbers are functions of its state log.
+Distances are between the tool point (`tcp`, between the finger pads; the original measures 12 cm
+behind it) and the origin of the target.
 """
 
 from collections.abc import Collection
@@ -18,31 +20,41 @@ from pipeline.tasks.outcome import failed
 from pipeline.world.physics.drive import Hold
 
 OUT_OF_BOUNDS, CLUTTER = 0.5, 0.8
-"""Factors of the manipulation score: the target left its workspace or the view; something touched a distractor."""
+"""Factors of the manipulation score: the target left its workspace or the view; something touched a
+distractor."""
 
 NEAR_START, NEAR_END = 0.01, 0.05
-"""m; where an arm began within NEAR_START of the target, progress is 1 if it ended within NEAR_END and 0.5 if not (original)."""
+"""m; where an arm began within NEAR_START of the target, progress is 1 if it ended within NEAR_END
+and 0.5 if not (original)."""
 
 LIFTED = 0.02
 """m; a body that rose by this much and came down as far again without success was dropped."""
 
-REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED = "reactive_lag", "missed", "dropped", "bimanual", "unfinished"
+REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED = (
+    "reactive_lag",
+    "missed",
+    "dropped",
+    "bimanual",
+    "unfinished",
+)
 FAILURES = (OUT_OF_VIEW, REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED, *FAULTS)
 """Classes of failures. The policy gave no valid answer: invalid_action, no_answer.
 
-Nothing touched the target: out_of_view, reactive_lag where the nearest tool was behind the moving target,
-else missed. It was touched: bimanual where one of two acting arms never touched what is handled, dropped, else unfinished."""
+Nothing touched the target: out_of_view, reactive_lag where the nearest tool was behind the moving
+target, else missed. It was touched: bimanual where one of two acting arms never touched what is
+handled, dropped, else unfinished."""
 
 
 @dataclass(frozen=True)
 class Score:
     """The numbers of one episode.
 
-    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions that do not hold at the end,
-    `failure` is one of FAILURES ("" for a success), `penalties` those of out_of_bounds and clutter that apply, `meeting` the time
-    (s) of the first touch, `hold` how much later (s) something first held the target for two frames in a row
-    (stages/holding.py), `nearest` the smallest distance (m) of a tool from the target up to then, `jerk` the root mean square
-    of the third derivative of the tool positions (m/s3), `seconds` the simulated time.
+    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions
+    that do not hold at the end, `failure` is one of FAILURES ("" for a success), `penalties` those
+    of out_of_bounds and clutter that apply, `meeting` the time (s) of the first touch, `hold` how
+    much later (s) something first held the target for two frames in a row (stages/holding.py),
+    `nearest` the smallest distance (m) of a tool from the target up to then, `jerk` the root mean
+    square of the third derivative of the tool positions (m/s3), `seconds` the simulated time.
     """
 
     success: bool
@@ -59,34 +71,48 @@ class Score:
 
 
 def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
-    """1 - d_T / d_0 in [0, 1]: d_0 and d_T are the distances of the tool's first and last position (3,) from `goal` (3,)."""
-    d0, dt = (float(np.linalg.norm(np.asarray(p, float) - np.asarray(goal, float))) for p in (start, end))
+    """1 - d_T / d_0 in [0, 1]: d_0 and d_T are the distances of the tool's first and last position
+    (3,) from `goal` (3,)."""
+    d0, dt = (
+        float(np.linalg.norm(np.asarray(p, float) - np.asarray(goal, float))) for p in (start, end)
+    )
     if d0 < NEAR_START:
         return 1.0 if dt < NEAR_END else 0.5
     return float(np.clip(1.0 - dt / d0, 0.0, 1.0))
 
 
 def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
-    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,); a success is 100."""
-    return 100.0 if success else 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
+    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,); a success
+    is 100."""
+    return (
+        100.0
+        if success
+        else 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
+    )
 
 
-def manipulation_score(rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False) -> float:
-    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were touched.
+def manipulation_score(
+    rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
+) -> float:
+    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were
+    touched.
 
-    The paper's 0.8 counts once; with `compounding` it counts for every distractor, as in the original code.
+    The paper's 0.8 counts once; with `compounding` it counts for every distractor, as in the
+    original code.
     """
     times = distractors if compounding else min(distractors, 1)
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 
 
 def touched_distractors(log: StateLog) -> tuple[str, ...]:
-    """The distractors that anything but the table and other distractors touched, at any physics step."""
+    """The distractors that anything but the table and other distractors touched, at any physics
+    step."""
     return tuple(event.by for event in log.events if event.name == "clutter_touched")
 
 
 def jerk(positions: NDArray[np.float64], fps: float) -> float:
-    """Root mean square size (m/s3) of the third difference of positions (T,...,3) at `fps`; 0 for fewer than four frames."""
+    """Root mean square size (m/s3) of the third difference of positions (T,...,3) at `fps`; 0 for
+    fewer than four frames."""
     if len(positions) < 4:
         return 0.0
     third = np.diff(positions, 3, axis=0) * fps**3
@@ -94,18 +120,25 @@ def jerk(positions: NDArray[np.float64], fps: float) -> float:
 
 
 def score(trial: Trial, compounding: bool = False) -> Score:
-    """The score of a trial as it stands. After a fault of the policy both scores are 0: no policy gains by ending its episode."""
+    """The score of a trial as it stands. After a fault of the policy both scores are 0: no policy
+    gains by ending its episode."""
     log, scene = trial.log(), trial.scene
     success = trial.ending == SUCCESS
     tools = log.tcp[:, :, :3]
-    rc = 0.0 if trial.ending in FAULTS else route_completion(tools, log.pose(scene.task.target)[-1, :3], success)
+    rc = (
+        0.0
+        if trial.ending in FAULTS
+        else route_completion(tools, log.pose(scene.task.target)[-1, :3], success)
+    )
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
     distractors = touched_distractors(log)
     missing = () if success else failed(trial.conditions())
     return Score(
         success=success,
         route_completion=rc,
-        manipulation_score=manipulation_score(rc, out_of_bounds=away, distractors=len(distractors), compounding=compounding),
+        manipulation_score=manipulation_score(
+            rc, out_of_bounds=away, distractors=len(distractors), compounding=compounding
+        ),
         penalties=(*(("out_of_bounds",) if away else ()), *(("clutter",) if distractors else ())),
         failed=missing,
         failure="" if success else failure_class(trial, log),
@@ -125,7 +158,9 @@ def failure_class(trial: Trial, log: StateLog) -> str:
     if log.time_of("meeting") is None:
         return REACTIVE_LAG if _behind(log, scene.task.target) else MISSED
     acting = set(scene.arms.values())
-    touched = {side for side in acting if _handled(log, side, {scene.task.manipulated, scene.task.target})}
+    touched = {
+        side for side in acting if _handled(log, side, {scene.task.manipulated, scene.task.target})
+    }
     if len(acting) > 1 and touched != acting:
         return BIMANUAL
     height = log.pose(scene.task.manipulated)[:, 2]
@@ -134,7 +169,8 @@ def failure_class(trial: Trial, log: StateLog) -> str:
 
 
 def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
-    """Seconds from the first touch of the target to the first of two frames in a row at which it is held, None without them."""
+    """Seconds from the first touch of the target to the first of two frames in a row at which it is
+    held, None without them."""
     met, at = log.time_of("meeting"), log.bodies.index(target)
     pairs = [(int(row["frame"]), int(row["a"]), int(row["b"])) for row in log.contacts]
     touching: dict[int, set[str]] = {}
@@ -154,8 +190,11 @@ def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
 
 
 def _behind(log: StateLog, target: str, slow: float = 0.005) -> bool:
-    """Whether the nearest tool at its nearest was behind the moving target, in the plane, by more than it was beside it."""
-    frame, side = np.unravel_index(int(_distances(log, target).argmin()), (len(log), len(log.sides)))
+    """Whether the nearest tool at its nearest was behind the moving target, in the plane, by more
+    than it was beside it."""
+    frame, side = np.unravel_index(
+        int(_distances(log, target).argmin()), (len(log), len(log.sides))
+    )
     velocity = log.target_velocity[frame, :2]
     speed = float(np.linalg.norm(velocity))
     if speed < slow:

@@ -1,8 +1,10 @@
-"""How the answers of a policy follow each other in the world's time: in turn, or overlapped with the next inference.
+"""How the answers of a policy follow each other in the world's time: in turn, or overlapped with
+the next inference.
 
-In turn the robot holds its last command during an inference and then executes the whole chunk. Overlapped (clock `async:...`) it
-executes the chunk it has; a new one takes over at the action of the moment at which it arrives. The next question is asked once
-half of a chunk has been executed, and not before the last answer arrived.
+In turn the robot holds its last command during an inference and then executes the whole chunk.
+Overlapped (clock `async:...`) it executes the chunk it has; a new one takes over at the action of
+the moment at which it arrives. The next question is asked once half of a chunk has been executed,
+and not before the last answer arrived.
 """
 
 from collections.abc import Callable
@@ -18,7 +20,8 @@ from pipeline.poses import Floats
 Join = Literal["switch", "blend", "rtc"]
 
 Question = Callable[[Floats], tuple[Floats, float]]
-"""Asks the policy now: from the actions (N,A) that will be executed while it answers, a chunk (H,A) and how long it took (s)."""
+"""Asks the policy now: from the actions (N,A) that will be executed while it answers, a chunk (H,A)
+and how long it took (s)."""
 
 
 def in_turn(trial: Trial, ask: Question) -> None:
@@ -35,13 +38,19 @@ def in_turn(trial: Trial, ask: Question) -> None:
 def drive_overlapped(trial: Trial, ask: Question, join: Join) -> None:
     """Drive a trial to its end; `join` is how a new chunk replaces the rest of the old one.
 
-    Delays are rounded up to whole control periods. Where a chunk ends before the next one arrives, its last action stays in force.
+    Delays are rounded up to whole control periods. Where a chunk ends before the next one arrives,
+    its last action stays in force.
     """
     chunk, delay = ask(np.empty((0, trial.length)))
     wait = _periods(delay, trial.fps)
     trial.hold(wait * trial.per_period)
-    # `done` counts from the moment at which the chunk's question was asked; `left` are its actions from now on
-    length, done, left = len(chunk), wait, join_chunks(np.empty((0, trial.length)), chunk, wait, join)
+    # `done` counts from the moment at which the chunk's question was asked; `left` are its actions
+    # from now on
+    length, done, left = (
+        len(chunk),
+        wait,
+        join_chunks(np.empty((0, trial.length)), chunk, wait, join),
+    )
     while not trial.ending:
         if done < min(length, max(1, length // 2)):
             left, done = _advance(trial, left), done + 1
@@ -68,11 +77,13 @@ def _advance(trial: Trial, left: Floats) -> Floats:
 
 
 def join_chunks(old: Floats, new: Floats, wait: int, join: Join) -> Floats:
-    """The actions (N,A) to execute when `new` (H,A) arrives `wait` periods after its question; `old` (M,A) is left of the last one.
+    """The actions (N,A) to execute when `new` (H,A) arrives `wait` periods after its question;
+    `old` (M,A) is left of the last one.
 
-    `switch` takes `new` from its action `wait` on, `blend` goes over to it linearly while both last, `rtc` with the weights of
-    real-time chunking (Black et al. 2025, arXiv 2506.07339), in which the share of the old chunk decays exponentially. Of a chunk
-    no longer than the wait its last action is left.
+    `switch` takes `new` from its action `wait` on, `blend` goes over to it linearly while both
+    last, `rtc` with the weights of real-time chunking (Black et al. 2025, arXiv 2506.07339), in
+    which the share of the old chunk decays exponentially. Of a chunk no longer than the wait its
+    last action is left.
     """
     fresh = new[min(wait, len(new) - 1) :].copy()
     both = min(len(old), len(fresh))

@@ -1,4 +1,5 @@
-"""The closed-loop experiments of the DOMINO paper: what is evaluated, and the rows that the paper prints."""
+"""The closed-loop experiments of the DOMINO paper: what is evaluated, and the rows that the paper
+prints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +9,13 @@ from pipeline.evaluate.scoring.summary import Row
 
 TEN = (
     *("grab_roller", "handover_block", "place_a2b_left", "place_can_basket", "shake_bottle"),
-    *("beat_block_hammer", "move_pillbottle_pad", "place_bread_basket", "place_container_plate", "press_stapler"),
+    *(
+        "beat_block_hammer",
+        "move_pillbottle_pad",
+        "place_bread_basket",
+        "place_container_plate",
+        "press_stapler",
+    ),
 )
 """The representative subset of the paper's additional experiments."""
 
@@ -22,7 +29,8 @@ class PaperError(DominoError):
 
 @dataclass(frozen=True)
 class PaperRow:
-    """Success rate (%) and manipulation score of a method over the tasks of a category at a level."""
+    """Success rate (%) and manipulation score of a method over the tasks of a category at a
+    level."""
 
     method: str
     success_rate: float
@@ -33,7 +41,8 @@ class PaperRow:
 
 @dataclass(frozen=True)
 class Experiment:
-    """`tasks` is "all" or names; all on aloha, in the domain clean. `trained` says on what the paper's policies learned."""
+    """`tasks` is "all" or names; all on aloha, in the domain clean. `trained` says on what the
+    paper's policies learned."""
 
     title: str
     trained: str
@@ -190,16 +199,28 @@ def experiment(name: str) -> Experiment:
 
 
 def beside(found: Experiment, means: Sequence[Row]) -> list[Row]:
-    """The rows of the paper, each group (level and category) after that of `means`, which are those of summary.py."""
+    """The rows of the paper, each group (level and category) after that of `means`, which are those
+    of summary.py."""
     out = list[Row]()
     for level, category in dict.fromkeys((row.level, row.category) for row in found.rows):
         head = {"level": level, "category": category}
         ours = (m for m in means if (m["level"], m["category"]) == (level, category))
-        keys = ("success_rate", "success_rate_interval", "manipulation_score", "manipulation_score_interval")
-        out += [head | {"method": m["policy"], "paper": False} | {key: m[key] for key in keys} for m in ours]
+        keys = (
+            "success_rate",
+            "success_rate_interval",
+            "manipulation_score",
+            "manipulation_score_interval",
+        )
+        out += [
+            head | {"method": m["policy"], "paper": False} | {key: m[key] for key in keys}
+            for m in ours
+        ]
         for row in found.rows:
             if (row.level, row.category) == (level, category):
-                values = {"success_rate": row.success_rate, "manipulation_score": row.manipulation_score}
+                values = {
+                    "success_rate": row.success_rate,
+                    "manipulation_score": row.manipulation_score,
+                }
                 out.append(head | {"method": row.method, "paper": True} | values)
     return out
 
@@ -208,12 +229,18 @@ def differences(found: Experiment, episodes: int, rules: str, clock: str) -> lis
     """What sets our rows apart from the paper's."""
     out = [
         "scenes, objects and robot models are ours, and so is the simulation",
-        f"the paper's policies learned from {found.trained} of the paper's data; yours as you trained it",
+        (
+            f"the paper's policies learned from {found.trained} of the paper's data; yours as you"
+            " trained it"
+        ),
     ]
     if episodes != EPISODES:
         out.append(f"{episodes} scenes a task, not {EPISODES}")
     if not rules.startswith("domino"):
         out.append(f"rules {rules}: conditions of success are not the paper's (--rules domino)")
     if clock != "step-locked":
-        out.append(f"clock {clock}: in the paper's code the target moves by a fixed time a policy step (--clock step-locked)")
+        out.append(
+            f"clock {clock}: in the paper's code the target moves by a fixed time a policy step"
+            " (--clock step-locked)"
+        )
     return out

@@ -1,4 +1,5 @@
-"""Success rate by level and alpha, as the paper plots it: lines of any results, as coordinates that the page draws."""
+"""Success rate by level and alpha, as the paper plots it: lines of any results, as coordinates that
+the page draws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,15 +42,20 @@ class Panel:
 
 
 def panels(means: Sequence[Row]) -> list[Panel]:
-    """One panel a level from the means over all tasks of summary.py. A target that stands still (level 0, and alpha 0 at any level)
-    knows neither level nor speed: in every panel it is the point at alpha 0."""
+    """One panel a level from the means over all tasks of summary.py. A target that stands still
+    (level 0, and alpha 0 at any level) knows neither level nor speed: in every panel it is the
+    point at alpha 0."""
     rows = [row for row in means if row["category"] == "all"]
     labels = _labels(rows)
     colors = {label: COLORS[i % len(COLORS)] for i, label in enumerate(dict.fromkeys(labels))}
     levels = sorted({row["level"] for row in rows if _alpha(row)}) or ([0] if rows else [])
     out = []
     for level in levels:
-        here = [(label, row) for label, row in zip(labels, rows, strict=True) if row["level"] == level or not _alpha(row)]
+        here = [
+            (label, row)
+            for label, row in zip(labels, rows, strict=True)
+            if row["level"] == level or not _alpha(row)
+        ]
         alphas = sorted({_alpha(row) for _, row in here})
         most = max(alphas) or 1.0
         lines = list[Line]()
@@ -73,6 +79,7 @@ def _point(x: float, row: Row) -> Point:
 
 
 def _labels(rows: Sequence[Row]) -> list[str]:
-    """What tells the rows apart, for each of them: the policy, and of clock, rules, robot and domain those that differ."""
+    """What tells the rows apart, for each of them: the policy, and of clock, rules, robot and
+    domain those that differ."""
     parts = [part for part in PARTS if part == "policy" or len({row[part] for row in rows}) > 1]
     return [", ".join(str(row[part]) for part in parts) for row in rows]

@@ -1,4 +1,5 @@
-"""What others report on DOMINO: cited beside our numbers, never mixed with them. Their robots, objects and protocol are others."""
+"""What others report on DOMINO: cited beside our numbers, never mixed with them. Their robots,
+objects and protocol are others."""
 
 from dataclasses import dataclass
 

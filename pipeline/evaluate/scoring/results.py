@@ -1,4 +1,5 @@
-"""Results on disk: one JSON line an episode, appended as it ends, so that a killed evaluation can resume."""
+"""Results on disk: one JSON line an episode, appended as it ends, so that a killed evaluation can
+resume."""
 
 import json
 import os
@@ -15,7 +16,18 @@ EPISODES = "episodes.jsonl"
 """Name of the file of an evaluation's rows."""
 
 FIELDS: dict[Any, tuple[str, ...]] = {
-    str: ("key", "policy", "probe", "clock", "rules", "task", "embodiment", "domain", "category", "failure"),
+    str: (
+        "key",
+        "policy",
+        "probe",
+        "clock",
+        "rules",
+        "task",
+        "embodiment",
+        "domain",
+        "category",
+        "failure",
+    ),
     bool: ("success", "same_start", "sees_truth"),
     int | float: ("level", "alpha", "seed", "route_completion", "manipulation_score"),
     list: ("failed", "penalties"),
@@ -34,11 +46,14 @@ TIMES = "seconds_spent"
 class Results:
     """An append-only file of rows; every row carries the key of its episode under "key".
 
-    `check` raises ValueError for a row that its reader cannot use. A last line that was cut off when its writer was killed is
-    dropped. Raises ResultsError for a damaged line elsewhere, and for two rows of one episode that contradict each other.
+    `check` raises ValueError for a row that its reader cannot use. A last line that was cut off
+    when its writer was killed is dropped. Raises ResultsError for a damaged line elsewhere, and for
+    two rows of one episode that contradict each other.
     """
 
-    def __init__(self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None) -> None:
+    def __init__(
+        self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None
+    ) -> None:
         self.path = path
         self._rows: dict[str, dict[str, Any]] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -51,10 +66,16 @@ class Results:
                     raise ValueError("it has no key")
                 check(row)
             except ValueError as error:
-                raise ResultsError(f"{path}: line {number} is no result ({line_of_text(error)}): repair or delete it") from error
+                raise ResultsError(
+                    f"{path}: line {number} is no result ({line_of_text(error)}): repair or"
+                    " delete it"
+                ) from error
             known = self._rows.setdefault(row["key"], row)
             if {**known, TIMES: None} != {**row, TIMES: None}:
-                raise ResultsError(f"{path}: line {number} contradicts an earlier row of the same episode: delete the wrong one")
+                raise ResultsError(
+                    f"{path}: line {number} contradicts an earlier row of the same episode: delete"
+                    " the wrong one"
+                )
         if len(whole) < len(text):
             os.truncate(path, len(whole))
         self._size = len(whole)
@@ -65,12 +86,16 @@ class Results:
     def append(self, key: str, row: Mapping[str, Any]) -> None:
         """Add the row of an episode; it is on disk when this returns.
 
-        Raises OSError if the disk refuses, ResultsError if something else has written to the file since it was read.
+        Raises OSError if the disk refuses, ResultsError if something else has written to the file
+        since it was read.
         """
         stored = {"key": key, **row}
         with open(self.path, "ab") as file:
             if file.tell() != self._size:
-                raise ResultsError(f"{self.path}: something else writes to it: remove what is not of this evaluation")
+                raise ResultsError(
+                    f"{self.path}: something else writes to it: remove what is not of this"
+                    " evaluation"
+                )
             self._size += file.write(json.dumps(stored, separators=(",", ":")).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
@@ -86,7 +111,8 @@ class Results:
 
 
 def check_episode(row: dict[str, Any]) -> None:
-    """Raise ValueError, naming the field, for what is no row of an episode. Rows of other versions of this program are."""
+    """Raise ValueError, naming the field, for what is no row of an episode. Rows of other versions
+    of this program are."""
     row.setdefault("probe", "")
     for kind, names in FIELDS.items():
         if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):
@@ -97,7 +123,11 @@ def check_episode(row: dict[str, Any]) -> None:
     if not all(isinstance(name, str) for names in FIELDS[list] for name in row[names]):
         raise ValueError("a name is no text")
     key = parse_json(row["key"])
-    if not isinstance(key, list) or len(key) != 6 or not all(isinstance(part, str) for part in key[:5]):
+    if (
+        not isinstance(key, list)
+        or len(key) != 6
+        or not all(isinstance(part, str) for part in key[:5])
+    ):
         raise ValueError("key is no key of an episode")
 
 

@@ -1,4 +1,5 @@
-"""From rows of episodes to rates with intervals: a cell, and means over tasks as the paper states them."""
+"""From rows of episodes to rates with intervals: a cell, and means over tasks as the paper states
+them."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -17,26 +18,33 @@ Row = dict[str, Any]
 
 
 def scene_of(row: Row) -> tuple[str, str, int]:
-    """What the episodes of one scene share: task, robot and seed. Levels, alphas, domains and policies try the same layouts."""
+    """What the episodes of one scene share: task, robot and seed. Levels, alphas, domains and
+    policies try the same layouts."""
     return row["task"], row["embodiment"], row["seed"]
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:
-    """One row for each policy x clock x rules x task x embodiment x level x alpha x domain, in order of appearance."""
+    """One row for each policy x clock x rules x task x embodiment x level x alpha x domain, in
+    order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row[key] for key in CELL)].append(row)
     return [
-        dict(zip(CELL, key, strict=True)) | {"category": group[0]["category"]} | numbers(group) for key, group in groups.items()
+        dict(zip(CELL, key, strict=True)) | {"category": group[0]["category"]} | numbers(group)
+        for key, group in groups.items()
     ]
 
 
 def numbers(rows: Sequence[Row]) -> Row:
-    """Rates (per cent), means (0-100) with 95 % intervals, mean seconds from first touch to hold where there is one, and why
-    episodes failed."""
+    """Rates (per cent), means (0-100) with 95 % intervals, mean seconds from first touch to hold
+    where there is one, and why episodes failed."""
     successes = sum(row["success"] for row in rows)
     low, high = wilson(successes, len(rows))
-    out: Row = {"episodes": len(rows), "success_rate": 100 * successes / len(rows), "success_interval": [100 * low, 100 * high]}
+    out: Row = {
+        "episodes": len(rows),
+        "success_rate": 100 * successes / len(rows),
+        "success_interval": [100 * low, 100 * high],
+    }
     out["solved_seeds"] = sorted(row["seed"] for row in rows if row["success"])
     for key in ("route_completion", "manipulation_score"):
         values = [row[key] for row in rows]
@@ -49,7 +57,9 @@ def numbers(rows: Sequence[Row]) -> Row:
         "failures": dict(failures.most_common()),
         "failed_conditions": dict(conditions.most_common()),
         "penalties": dict(Counter(name for row in rows for name in row["penalties"])),
-        "faults": dict(Counter(row["fault"] for row in rows if row.get("fault")).most_common(MOST_FAULTS)),
+        "faults": dict(
+            Counter(row["fault"] for row in rows if row.get("fault")).most_common(MOST_FAULTS)
+        ),
         "other_start": sum(not row["same_start"] for row in rows),
         "sees_truth": any(row["sees_truth"] for row in rows),
         "process": _processes(rows),
@@ -57,10 +67,12 @@ def numbers(rows: Sequence[Row]) -> Row:
 
 
 def over_tasks(rows: Sequence[Row]) -> list[Row]:
-    """Means of cells over their tasks, all and by category (interception, tracking); every task counts the same.
+    """Means of cells over their tasks, all and by category (interception, tracking); every task
+    counts the same.
 
-    The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T tasks: wider than need be where
-    tasks differ, and no point where all episodes end alike. That of the scores is a bootstrap over episodes inside each task.
+    The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T
+    tasks: wider than need be where tasks differ, and no point where all episodes end alike. That of
+    the scores is a bootstrap over episodes inside each task.
     """
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     by = [key for key in CELL if key != "task"]
@@ -69,15 +81,30 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
             cells[(*(row[key] for key in by), category)][row["task"]].append(row)
     out = []
     for key, tasks in cells.items():
-        values = {name: [[float(row[field]) for row in group] for group in tasks.values()] for name, field in MEANS.items()}
-        means: Row = {name: scale(name) * float(np.mean([np.mean(v) for v in groups])) for name, groups in values.items()}
-        rate, effective = means["success_rate"] / 100, len(tasks) ** 2 / sum(1 / len(group) for group in tasks.values())
-        intervals = {f"{name}_interval": list(_stratified_interval(groups)) for name, groups in values.items()}
+        values = {
+            name: [[float(row[field]) for row in group] for group in tasks.values()]
+            for name, field in MEANS.items()
+        }
+        means: Row = {
+            name: scale(name) * float(np.mean([np.mean(v) for v in groups]))
+            for name, groups in values.items()
+        }
+        rate, effective = (
+            means["success_rate"] / 100,
+            len(tasks) ** 2 / sum(1 / len(group) for group in tasks.values()),
+        )
+        intervals = {
+            f"{name}_interval": list(_stratified_interval(groups))
+            for name, groups in values.items()
+        }
         intervals["success_rate_interval"] = [100 * x for x in wilson(rate * effective, effective)]
         head = dict(zip((*by, "category"), key, strict=True))
         counts = {"tasks": len(tasks), "episodes": sum(map(len, tasks.values()))}
         every = [row for group in tasks.values() for row in group]
-        truth = {"sees_truth": any(row["sees_truth"] for row in every), "process": _processes(every)}
+        truth = {
+            "sees_truth": any(row["sees_truth"] for row in every),
+            "process": _processes(every),
+        }
         out.append(head | counts | truth | means | intervals)
     return out
 
@@ -87,7 +114,11 @@ def _processes(rows: Sequence[Row]) -> str:
     return ", ".join(sorted({row.get("process", "evaluator") for row in rows}))
 
 
-MEANS = {"success_rate": "success", "route_completion": "route_completion", "manipulation_score": "manipulation_score"}
+MEANS = {
+    "success_rate": "success",
+    "route_completion": "route_completion",
+    "manipulation_score": "manipulation_score",
+}
 
 
 def scale(name: str) -> float:
@@ -95,7 +126,9 @@ def scale(name: str) -> float:
     return 100.0 if name == "success_rate" else 1.0
 
 
-def _stratified_interval(groups: Sequence[Sequence[float]], resamples: int = 2000) -> tuple[float, float]:
+def _stratified_interval(
+    groups: Sequence[Sequence[float]], resamples: int = 2000
+) -> tuple[float, float]:
     rng = np.random.default_rng(0)
     means = np.zeros(resamples)
     for group in groups:
@@ -106,8 +139,12 @@ def _stratified_interval(groups: Sequence[Sequence[float]], resamples: int = 200
 
 
 def table(cells: Sequence[Row]) -> str:
-    """The cells as aligned text. `truth` marks policies that are shown the simulation, `process` is where they ran."""
-    head = f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5} {'process':9} {'n':>4}"
+    """The cells as aligned text. `truth` marks policies that are shown the simulation, `process` is
+    where they ran."""
+    head = (
+        f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
+        f" {'process':9} {'n':>4}"
+    )
     lines = [f"{head}  SR % (95 %)        RC     MS  hold s  failures"]
     for c in cells:
         low, high = c["success_interval"]
@@ -115,8 +152,9 @@ def table(cells: Sequence[Row]) -> str:
         scores = f"{c['route_completion']:6.1f} {c['manipulation_score']:6.1f}"
         hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
         lines.append(
-            f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10} {c['rules']:15} "
-            f"{'sees' if c['sees_truth'] else '-':5} {c['process']:9} {c['episodes']:4}  "
-            f"{c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {scores}  {hold:>6}  {why}"
+            f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10}"
+            f" {c['rules']:15} {'sees' if c['sees_truth'] else '-':5} {c['process']:9}"
+            f" {c['episodes']:4}  {c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {scores} "
+            f" {hold:>6}  {why}"
         )
     return "\n".join(lines)

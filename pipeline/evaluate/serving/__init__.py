@@ -1,1 +1,2 @@
-"""Policies over a network: one hardened server and client, and clients of the servers that others run."""
+"""Policies over a network: one hardened server and client, and clients of the servers that others
+run."""

@@ -1,4 +1,5 @@
-"""Addresses of policy servers: SCHEME://HOST:PORT?option=value, and the token that goes with them."""
+"""Addresses of policy servers: SCHEME://HOST:PORT?option=value, and the token that goes with
+them."""
 
 import ipaddress
 import os
@@ -10,7 +11,8 @@ from urllib.parse import parse_qsl, urlsplit
 from pipeline.evaluate.policies.policy import PolicyError
 
 TOKEN = "DOMINO_POLICY_TOKEN"
-"""The environment variable that holds the token, on both sides: a command line can be read by everybody on the machine."""
+"""The environment variable that holds the token, on both sides: a command line can be read by
+everybody on the machine."""
 
 
 @dataclass(frozen=True)
@@ -38,27 +40,39 @@ class Address:
         if value is None:
             return default
         if not re.fullmatch(r"0*[1-9]\d{0,5}", value, re.ASCII):
-            raise PolicyError(f"--policy {self.text}: {option}={value} is not a whole number from 1 to 999999")
+            raise PolicyError(
+                f"--policy {self.text}: {option}={value} is not a whole number from 1 to 999999"
+            )
         return int(value)
 
     def label(self, told: str | None = None) -> str:
-        """How the policy there is named in results: by its option `label`, else as the server told, else by its address; and by
-        its other options. Raises PolicyError for a label that is no word.
+        """How the policy there is named in results: by its option `label`, else as the server told,
+        else by its address; and by its other options. Raises PolicyError for a label that is no
+        word.
         """
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
-            raise PolicyError(f"--policy {self.text!r}: a label has up to 80 letters, digits and _.@+-")
-        others = "".join(f",{key}={value}" for key, value in sorted(self.options.items()) if key != "label")
-        name = f"{self.scheme}:{given}" if given else f"ws:{told}" if told else self.url(self.scheme)
+            raise PolicyError(
+                f"--policy {self.text!r}: a label has up to 80 letters, digits and _.@+-"
+            )
+        others = "".join(
+            f",{key}={value}" for key, value in sorted(self.options.items()) if key != "label"
+        )
+        name = (
+            f"{self.scheme}:{given}" if given else f"ws:{told}" if told else self.url(self.scheme)
+        )
         return f"{name}{others}"
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
-    """The address in a text, with a default port. Raises PolicyError for anything else, and for options not among `options`."""
+    """The address in a text, with a default port. Raises PolicyError for anything else, and for
+    options not among `options`."""
     try:
         parts = urlsplit(text)
         host, given = parts.hostname, parts.port or port
-        query = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
+        query = dict(
+            parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
+        )
     except ValueError as error:
         raise PolicyError(f"--policy {text!r}: {error}; write SCHEME://HOST:PORT") from error
     if (
@@ -71,7 +85,10 @@ def parse_address(text: str, port: int | None = None, options: tuple[str, ...] =
     ):
         raise PolicyError(f"--policy {text!r} is no address: write {parts.scheme}://HOST:PORT")
     if unknown := sorted(set(query) - set(options)):
-        raise PolicyError(f"--policy {text}: option {unknown[0]!r} is unknown: options are {', '.join(options) or '(none)'}")
+        raise PolicyError(
+            f"--policy {text}: option {unknown[0]!r} is unknown: options are"
+            f" {', '.join(options) or '(none)'}"
+        )
     return Address(text, host, given, query)
 
 

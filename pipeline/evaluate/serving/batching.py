@@ -1,4 +1,5 @@
-"""One policy for many episodes: questions that arrive at about the same time are answered in one batch."""
+"""One policy for many episodes: questions that arrive at about the same time are answered in one
+batch."""
 
 import queue
 import threading
@@ -20,7 +21,8 @@ MOST = 64
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked `about` the memory of an episode and an observation, or, without one, about the start of an episode."""
+    """What is asked `about` the memory of an episode and an observation, or, without one, about the
+    start of an episode."""
 
     about: Any
     observation: Observation | None
@@ -30,8 +32,9 @@ class Question:
 class Batcher:
     """Answers the questions of all seats with one policy, in a thread of its own.
 
-    A batch is answered as soon as every seat that plays has asked, it holds `most` questions, or its first question has waited for
-    `wait` seconds. The batches decide when answers arrive, and nothing else.
+    A batch is answered as soon as every seat that plays has asked, it holds `most` questions, or
+    its first question has waited for `wait` seconds. The batches decide when answers arrive, and
+    nothing else.
     """
 
     def __init__(self, policy: BatchPolicy, wait: float, most: int = MOST) -> None:
@@ -58,7 +61,8 @@ class Batcher:
             self._playing.discard(seat)
 
     def ask(self, about: Any, observation: Observation | None) -> Any:
-        """The answer of the policy to a Question, in its turn. Raises what the policy raises, and NoAnswer after `close`."""
+        """The answer of the policy to a Question, in its turn. Raises what the policy raises, and
+        NoAnswer after `close`."""
         question = Question(about, observation)
         with self._lock:
             if self._closed:
@@ -82,7 +86,9 @@ class Batcher:
             batch, until = list[Question](), 0.0
             with suppress(queue.Empty):
                 while not batch or len(batch) < min(self._most, len(self._playing)):
-                    question = self._asked.get(timeout=max(0.0, until - time.monotonic()) if batch else None)
+                    question = self._asked.get(
+                        timeout=max(0.0, until - time.monotonic()) if batch else None
+                    )
                     if question.observation is None:
                         self._begin(question)
                         continue
@@ -100,10 +106,16 @@ class Batcher:
 
     def _answer(self, batch: list[Question]) -> None:
         try:
-            asked = [(question.about, question.observation) for question in batch if question.observation is not None]
+            asked = [
+                (question.about, question.observation)
+                for question in batch
+                if question.observation is not None
+            ]
             answers = list(self.policy.act_together(asked))
             if len(answers) != len(batch):
-                raise ActionError(f"the policy gave {len(answers)} answers to {len(batch)} questions")
+                raise ActionError(
+                    f"the policy gave {len(answers)} answers to {len(batch)} questions"
+                )
         except BaseException as error:  # noqa: BLE001 (raised again where the question was asked)
             if len(batch) == 1:
                 return _end(batch, error)
@@ -154,5 +166,7 @@ class Seat:
 def batcher_of(policy: object, label: str, wait: float) -> Batcher:
     """A batcher of a policy. Raises PolicyError for one that answers a single episode at a time."""
     if not isinstance(policy, BatchPolicy):
-        raise PolicyError(f"{label}: answers one episode at a time (it is no BatchPolicy): leave out --batch-wait")
+        raise PolicyError(
+            f"{label}: answers one episode at a time (it is no BatchPolicy): leave out --batch-wait"
+        )
     return Batcher(policy, wait)

@@ -14,7 +14,15 @@ from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows, pad_to_square
-from pipeline.evaluate.policies.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.policies.policy import (
+    NoAnswer,
+    Observation,
+    Policy,
+    PolicyError,
+    PolicyName,
+    Start,
+    chunk_of,
+)
 from pipeline.evaluate.serving.address import Address, parse_address, token
 from pipeline.evaluate.serving.messages import MessageError, pack, unpack
 from pipeline.evaluate.serving.session import VERSION, Episode, Offer
@@ -24,7 +32,8 @@ ANSWER_SECONDS = 300.0
 """What one answer may take by default: the first one often compiles a model."""
 
 REOPEN_SECONDS = 30.0
-"""How long a server that answered before may be away, or at work on an answer that this client gave up waiting for."""
+"""How long a server that answered before may be away, or at work on an answer that this client gave
+up waiting for."""
 
 SIZE = 224
 """Pixels of the square images of openpi's servers."""
@@ -34,7 +43,8 @@ SCHEMES = ("ws", "wss", "openpi")
 
 
 class Remote(Policy, Protocol):
-    """A policy that another process answers for. An answer is waited for `seconds`, which may be changed at any time."""
+    """A policy that another process answers for. An answer is waited for `seconds`, which may be
+    changed at any time."""
 
     seconds: float
 
@@ -52,7 +62,8 @@ class Bridge(Remote, Protocol):
 
 
 def open_again[T](opening: Callable[[], T]) -> T:
-    """What `opening` returns, tried again for REOPEN_SECONDS: a server may be started again. Raises NoAnswer."""
+    """What `opening` returns, tried again for REOPEN_SECONDS: a server may be started again. Raises
+    NoAnswer."""
     until = time.monotonic() + REOPEN_SECONDS
     while True:
         try:
@@ -64,14 +75,22 @@ def open_again[T](opening: Callable[[], T]) -> T:
 
 
 class Client:
-    """A policy behind a connection, which is opened at once, and again where it was lost between episodes.
+    """A policy behind a connection, which is opened at once, and again where it was lost between
+    episodes.
 
-    Has the `contract` and the `setup` that the server offers. A server without an offer is one of openpi's own, with the
-    observations of ALOHA: images are squares of `size` pixels, and the first `execute` rows of a chunk are executed. `prefix`
-    begins the messages of its errors. Raises PolicyError.
+    Has the `contract` and the `setup` that the server offers. A server without an offer is one of
+    openpi's own, with the observations of ALOHA: images are squares of `size` pixels, and the first
+    `execute` rows of a chunk are executed. `prefix` begins the messages of its errors. Raises
+    PolicyError.
     """
 
-    def __init__(self, opening: Callable[[], Link], prefix: str = "", execute: int | None = None, size: int = SIZE) -> None:
+    def __init__(
+        self,
+        opening: Callable[[], Link],
+        prefix: str = "",
+        execute: int | None = None,
+        size: int = SIZE,
+    ) -> None:
         self._opening, self._prefix, self._execute, self._size = opening, prefix, execute, size
         self.seconds, self.inferences = ANSWER_SECONDS, None
         self.metadata, self._offer = dict[Any, Any](), cast(Offer | None, None)
@@ -88,7 +107,8 @@ class Client:
         return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first one."""
+        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first
+        one."""
         self._start = start
         try:
             self._begin(start)
@@ -104,7 +124,11 @@ class Client:
         """Ask for a chunk (H,A). Raises ActionError or NoAnswer."""
         if self._start is None:
             raise PolicyError(f"{self._prefix}asked before reset")
-        answer = self._ask(full_message(observation) if self._offer is not None else plain_message(observation, self._size))
+        answer = self._ask(
+            full_message(observation)
+            if self._offer is not None
+            else plain_message(observation, self._size)
+        )
         actions, self.inferences = answer.get("actions"), answer.get("inferences")
         if not isinstance(actions, np.ndarray):
             held = line_of_text(", ".join(map(str, answer)))[:200] or "nothing"
@@ -169,7 +193,9 @@ class Client:
         version = value.get("version") if isinstance(value, dict) else None
         if version != VERSION:
             theirs = line_of_text(version)[:20]
-            raise PolicyError(f"{self._prefix}protocol version: the server speaks {theirs}, this client {VERSION}")
+            raise PolicyError(
+                f"{self._prefix}protocol version: the server speaks {theirs}, this client {VERSION}"
+            )
         offer = Offer.read(value)
         self.contract, self.setup = offer.contract, offer.keys()
         return offer
@@ -198,13 +224,17 @@ def plain_message(observation: Observation, size: int) -> dict[str, Any]:
         EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
         for name, image in observation.images.items()
     }
-    return {"state": np.asarray(observation.joints, np.float32), "images": images, "prompt": observation.instruction}
+    return {
+        "state": np.asarray(observation.joints, np.float32),
+        "images": images,
+        "prompt": observation.instruction,
+    }
 
 
 @dataclass(frozen=True)
 class BridgeForm:
-    """The name of a policy on a server of another protocol, KIND://HOST:PORT?option=value: the client that speaks it, its usual
-    port, and the options that the client takes besides `label`."""
+    """The name of a policy on a server of another protocol, KIND://HOST:PORT?option=value: the
+    client that speaks it, its usual port, and the options that the client takes besides `label`."""
 
     client: Callable[[Address], Bridge]
     port: int
@@ -227,7 +257,8 @@ class BridgeForm:
 
 
 class ServerForm:
-    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name; the server says at once what it serves."""
+    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name; the server says at
+    once what it serves."""
 
     OPTIONS = ("execute", "size", "label")
 
@@ -245,7 +276,9 @@ class ServerForm:
         # openpi's servers call it an API key, and ours take both
         headers = {"Authorization": f"Api-Key {secret}"} if secret else {}
         opening = partial(WebSocket, url, headers)
-        return Client(opening, f"{url}: ", address.number("execute"), address.number("size", SIZE) or SIZE)
+        return Client(
+            opening, f"{url}: ", address.number("execute"), address.number("size", SIZE) or SIZE
+        )
 
     def _address(self, text: str) -> Address:
         return parse_address(text, 8000 if text.startswith("openpi:") else None, self.OPTIONS)

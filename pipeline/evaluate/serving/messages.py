@@ -24,8 +24,8 @@ MOST_ENTRIES = 4096
 """Entries of one list or map."""
 
 REFUSED, FAILED, INVALID, BUSY = 1008, 1011, 1007, 1013
-"""Why a connection ends, as WebSocket close codes: the message or the episode is refused, the policy
-gave no answer, its answer is no action, all places are taken."""
+"""Why a connection ends, as WebSocket close codes: the message or the episode is refused, the
+policy gave no answer, its answer is no action, all places are taken."""
 
 _DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248])")
 
@@ -42,7 +42,9 @@ def pack(message: Mapping[Any, Any]) -> bytes:
         raise MessageError(str(error)) from error
 
 
-def unpack(data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None) -> dict[Any, Any]:
+def unpack(
+    data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None
+) -> dict[Any, Any]:
     """The message in bytes. Raises MessageError for anything but one whole map within the limits.
 
     `decode` replaces the function that turns a map with b"__ndarray__" into an array.
@@ -67,19 +69,31 @@ def array_of(data: object, dtype: object, shape: object) -> NDArray[Any]:
     if not isinstance(data, bytes):
         raise MessageError(f"the data of an array are of type {type(data).__name__}, not bytes")
     kind = _dtype(dtype)
-    good = isinstance(shape, list) and len(shape) <= 8 and all(type(n) is int and n >= 0 for n in shape)
+    good = (
+        isinstance(shape, list)
+        and len(shape) <= 8
+        and all(type(n) is int and n >= 0 for n in shape)
+    )
     if not isinstance(shape, list) or not good:
         raise MessageError(f"an array has the shape {show_value(shape)}")
     size = math.prod(shape) * kind.itemsize
     if size != len(data):
-        raise MessageError(f"an array of shape {shape} and dtype {kind.str} has {len(data)} bytes instead of {size}")
+        raise MessageError(
+            f"an array of shape {shape} and dtype {kind.str} has {len(data)} bytes instead of"
+            f" {size}"
+        )
     return np.frombuffer(data, kind).reshape(shape).copy()
 
 
 def _encode_array(value: object) -> dict[bytes, Any]:
     if isinstance(value, np.ndarray):
         kind = _dtype(value.dtype.str).str
-        return {b"__ndarray__": True, b"data": value.tobytes(), b"dtype": kind, b"shape": list(value.shape)}
+        return {
+            b"__ndarray__": True,
+            b"data": value.tobytes(),
+            b"dtype": kind,
+            b"shape": list(value.shape),
+        }
     if isinstance(value, np.generic):
         kind = _dtype(value.dtype.str).str
         return {b"__npgeneric__": True, b"data": value.item(), b"dtype": kind}
@@ -88,7 +102,10 @@ def _encode_array(value: object) -> dict[bytes, Any]:
 
 def _dtype(text: object) -> np.dtype[Any]:
     if not isinstance(text, str) or not _DTYPE.fullmatch(text):
-        raise MessageError(f"an array has the dtype {str(text)[:40]!r}: only booleans, integers and floats are passed")
+        raise MessageError(
+            f"an array has the dtype {str(text)[:40]!r}: only booleans, integers and floats are"
+            " passed"
+        )
     return np.dtype(text)
 
 

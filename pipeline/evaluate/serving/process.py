@@ -1,4 +1,5 @@
-"""A policy of this machine in a process of its own: only messages pass between it and the evaluator."""
+"""A policy of this machine in a process of its own: only messages pass between it and the
+evaluator."""
 
 import os
 import re
@@ -19,15 +20,43 @@ CHILD = "pipeline.evaluate.child"
 """The module that the process runs."""
 
 END_SECONDS = 2.0
-"""How long a process that closed its connection may take to end, so that its exit status is known."""
+"""How long a process that closed its connection may take to end, so that its exit status is
+known."""
 
 LOAD_SECONDS = 1800.0
 """What loading a policy may take."""
 
-KEPT = ("PATH", "HOME", "USER", "LOGNAME", "SHELL", "TERM", "TZ", "TMPDIR", "VIRTUAL_ENV", "LD_LIBRARY_PATH", "HF_HOME")
+KEPT = (
+    "PATH",
+    "HOME",
+    "USER",
+    "LOGNAME",
+    "SHELL",
+    "TERM",
+    "TZ",
+    "TMPDIR",
+    "VIRTUAL_ENV",
+    "LD_LIBRARY_PATH",
+    "HF_HOME",
+)
 KEPT += ("HF_HUB_CACHE", "HF_HUB_OFFLINE", "LANG", "LANGUAGE", "PYTHONHASHSEED")
-PREFIXES = ("LC_", "CUDA_", "NVIDIA_", "OMP_", "MKL_", "OPENBLAS_", "NUMBA_", "TORCH_", "PYTORCH_", "XLA_", "XDG_", "VK_", "ROCR_")
-"""What the process has of our environment: names, and beginnings of names. Secrets have any name, so these are all."""
+PREFIXES = (
+    "LC_",
+    "CUDA_",
+    "NVIDIA_",
+    "OMP_",
+    "MKL_",
+    "OPENBLAS_",
+    "NUMBA_",
+    "TORCH_",
+    "PYTORCH_",
+    "XLA_",
+    "XDG_",
+    "VK_",
+    "ROCR_",
+)
+"""What the process has of our environment: names, and beginnings of names. Secrets have any name,
+so these are all."""
 
 
 class Ended(Lost):
@@ -37,7 +66,8 @@ class Ended(Lost):
 class Process:
     """The end of the evaluator of a connection to a new process with a policy.
 
-    The process and those that it starts are one group, which ends with the connection, or with the evaluator.
+    The process and those that it starts are one group, which ends with the connection, or with the
+    evaluator.
     """
 
     def __init__(self, name: PolicyName, *more: str) -> None:
@@ -72,7 +102,8 @@ class Process:
         self._end()
 
     def _exchange(self, data: bytes | None, seconds: float) -> bytes:
-        # the policy's code may hold the other end in any way: only the end of the process is sure to end the wait
+        # the policy's code may hold the other end in any way: only the end of the process is sure
+        # to end the wait
         watch = threading.Timer(seconds, self._give_up)
         watch.daemon = True
         watch.start()
@@ -82,7 +113,9 @@ class Process:
             answer = self._connection.recv_bytes(LARGEST)
         except (EOFError, OSError) as error:
             late, self._late = self._late, False
-            raise NoAnswer(f"no answer in {seconds:.3g} s") if late else self._describe_end() from error
+            raise (
+                NoAnswer(f"no answer in {seconds:.3g} s") if late else self._describe_end()
+            ) from error
         finally:
             watch.cancel()
         return _answer(answer)
@@ -95,7 +128,13 @@ class Process:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_SECONDS)
         code = self._process.poll()
-        status = "closed its connection" if code is None else f"ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        status = (
+            "closed its connection"
+            if code is None
+            else f"ended by signal {-code}"
+            if code < 0
+            else f"ended with code {code}"
+        )
         return Ended(f"the policy's process {status}")
 
 

@@ -1,9 +1,11 @@
-"""A policy server: one policy behind a WebSocket, for evaluators on this machine or with a token on others.
+"""A policy server: one policy behind a WebSocket, for evaluators on this machine or with a token on
+others.
 
-A client has `Limits.open_seconds` for the HTTP request and for its first message, and `idle_seconds`
-for every other one. Tokens are checked before the WebSocket is opened, messages before anything is made
-from them. An error is sent as text, then the connection closes with a code of messages.py, as openpi's
-servers do. Whatever one client sends, the next is served. GET /healthz answers OK.
+A client has `Limits.open_seconds` for the HTTP request and for its first message, and
+`idle_seconds` for every other one. Tokens are checked before the WebSocket is opened, messages
+before anything is made from them. An error is sent as text, then the connection closes with a code
+of messages.py, as openpi's servers do. Whatever one client sends, the next is served. GET /healthz
+answers OK.
 """
 
 import asyncio
@@ -55,10 +57,14 @@ class Place:
             raise ServeError(f"--host {self.host!r} is no name of this machine and no IP address")
         if self.token is None and not is_loopback(self.host):
             raise ServeError(
-                f"--host {self.host} can be reached from other machines: set {TOKEN} to a secret that clients must show"
+                f"--host {self.host} can be reached from other machines: set {TOKEN} to a secret"
+                " that clients must show"
             )
         if self.token is not None and len(self.token) < 16:
-            raise ServeError(f"{TOKEN} has {len(self.token)} characters: use at least 16, e.g. of `openssl rand -hex 24`")
+            raise ServeError(
+                f"{TOKEN} has {len(self.token)} characters: use at least 16, e.g. of `openssl rand"
+                " -hex 24`"
+            )
 
 
 class PolicyServer:
@@ -78,7 +84,8 @@ class PolicyServer:
         self.port = 0
 
     def run(self, started: Callable[[int], None] = lambda port: None) -> None:
-        """Serve until SIGINT or SIGTERM. `started` is called with the port. Raises OSError if it cannot listen."""
+        """Serve until SIGINT or SIGTERM. `started` is called with the port. Raises OSError if it
+        cannot listen."""
         asyncio.run(self._run_until_signal(started))
 
     async def _run_until_signal(self, started: Callable[[int], None]) -> None:
@@ -87,10 +94,14 @@ class PolicyServer:
             loop.add_signal_handler(number, stop.set)
         await self.serve(stop, started)
 
-    async def serve(self, stop: asyncio.Event, started: Callable[[int], None] = lambda port: None) -> None:
+    async def serve(
+        self, stop: asyncio.Event, started: Callable[[int], None] = lambda port: None
+    ) -> None:
         """Serve until `stop` is set."""
         # a thread for each client: a question may wait for the others of its batch
-        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(self._limits.clients + 1))
+        asyncio.get_running_loop().set_default_executor(
+            ThreadPoolExecutor(self._limits.clients + 1)
+        )
         quiet = logging.Logger("domino.serving")
         quiet.addHandler(logging.NullHandler())
         async with serve(
@@ -124,11 +135,16 @@ class PolicyServer:
         if self._place.token is not None:
             shown = request.headers.get_all("Authorization")
             if not shown:
-                return connection.respond(HTTPStatus.UNAUTHORIZED, f"this server wants a token: set {TOKEN}\n")
+                return connection.respond(
+                    HTTPStatus.UNAUTHORIZED, f"this server wants a token: set {TOKEN}\n"
+                )
             scheme, _, secret = shown[0].partition(" ")
             same = hmac.compare_digest(secret.strip().encode(), self._place.token.encode())
             if scheme.lower() not in ("bearer", "api-key") or not same or len(shown) > 1:
-                return connection.respond(HTTPStatus.UNAUTHORIZED, f"the token is wrong: set {TOKEN} to that of the server\n")
+                return connection.respond(
+                    HTTPStatus.UNAUTHORIZED,
+                    f"the token is wrong: set {TOKEN} to that of the server\n",
+                )
         return None
 
     async def _handle(self, connection: ServerConnection) -> None:
@@ -139,14 +155,19 @@ class PolicyServer:
             async with asyncio.timeout(min(2.0, self._limits.open_seconds)):
                 await self._places.acquire()
         except TimeoutError:
-            busy = "busy: give evaluate --workers 1, start the server with more --clients, or try later"
+            busy = (
+                "busy: give evaluate --workers 1, start the server with more --clients, or try"
+                " later"
+            )
             return await self._end(connection, busy, BUSY)
         try:
             made = self._free.pop() if self._free else await asyncio.to_thread(guarded, self._make)
             if isinstance(made, tuple):
                 return await self._end(connection, *made)
             policy = made
-            await self._end(connection, *await self._talk(connection, Session(policy, self._options)))
+            await self._end(
+                connection, *await self._talk(connection, Session(policy, self._options))
+            )
         except (ConnectionClosed, TimeoutError):
             return
         finally:

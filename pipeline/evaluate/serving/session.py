@@ -6,10 +6,10 @@
     client    {"state": (A,), "images": {camera: image}, "prompt": text, "time": s, "id": n, ...}
     server    {"actions": (H,A), "server_timing": {"infer_ms"}, "inferences": n, "id": n}
 
-This is openpi's protocol; "reset", "id" and what an observation holds besides state, images and prompt
-are ours. openpi's own clients send no "reset": they have one robot, images (3,H,W) or (H,W,3) by exported
-names, and an episode begins with a new prompt, or where the robot stands at home although the last
-answer did not take it there; or after every N questions.
+This is openpi's protocol; "reset", "id" and what an observation holds besides state, images and
+prompt are ours. openpi's own clients send no "reset": they have one robot, images (3,H,W) or
+(H,W,3) by exported names, and an episode begins with a new prompt, or where the robot stands at
+home although the last answer did not take it there; or after every N questions.
 """
 
 import time
@@ -43,7 +43,8 @@ from pipeline.world.robots import get_embodiment
 
 VERSION = 2
 AT_HOME, LEFT_HOME = 0.03, 0.1
-"""rad or m; a robot within AT_HOME of home whose last answer kept farther than LEFT_HOME from it was put there."""
+"""rad or m; a robot within AT_HOME of home whose last answer kept farther than LEFT_HOME from it
+was put there."""
 
 type Size = tuple[int, int]
 
@@ -61,12 +62,17 @@ class _Message(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             key = ".".join(str(part)[:80] for part in first["loc"])
-            raise MessageError(line_of_text(f"{cls.__name__.lower()}: {key}: {first['msg']}")) from error
+            raise MessageError(
+                line_of_text(f"{cls.__name__.lower()}: {key}: {first['msg']}")
+            ) from error
 
 
 def _with_normalization(contract: object) -> object:
     if not isinstance(contract, dict) or "normalization" not in contract:
-        raise ValueError('has no normalization: send "policy" if the server turns joints and images into what its network takes')
+        raise ValueError(
+            'has no normalization: send "policy" if the server turns joints and images into what'
+            " its network takes"
+        )
     return contract
 
 
@@ -117,8 +123,8 @@ class Episode(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """How a policy is named in results, and what is assumed of clients that send no "reset": their robot,
-    and the number of questions of an episode; with 0 its end is recognised."""
+    """How a policy is named in results, and what is assumed of clients that send no "reset": their
+    robot, and the number of questions of an episode; with 0 its end is recognised."""
 
     label: str
     embodiment: str = "aloha-agilex"
@@ -142,7 +148,8 @@ class Session:
         return {"policy": self._options.label, "domino": offer}
 
     def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
-        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the policy raises."""
+        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the
+        policy raises."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
             self._begin(Episode.read(message["reset"]).start())
@@ -171,21 +178,35 @@ class Session:
         if not isinstance(seconds, int | float) or not 0 <= seconds < 1e6:
             raise MessageError("time is no number of seconds")
         sizes, names = start.image_sizes, len(start.action_names)
-        images = {c: array(image, f"image {c}", (*sizes[c], 3), "u1") for c, image in _maps(message, "images", sizes)}
-        depth = {c: array(image, f"depth {c}", sizes[c], "u2") for c, image in _maps(message, "depth", sizes)}
-        bodies = {c: array(image, f"bodies {c}", sizes[c], "u1") for c, image in _maps(message, "segmentation", sizes)}
+        images = {
+            c: array(image, f"image {c}", (*sizes[c], 3), "u1")
+            for c, image in _maps(message, "images", sizes)
+        }
+        depth = {
+            c: array(image, f"depth {c}", sizes[c], "u2")
+            for c, image in _maps(message, "depth", sizes)
+        }
+        bodies = {
+            c: array(image, f"bodies {c}", sizes[c], "u1")
+            for c, image in _maps(message, "segmentation", sizes)
+        }
         if images.keys() != sizes.keys():
             raise MessageError(f"images are not those of reset: {', '.join(sizes) or 'none'}")
         cloud = message.get("pointcloud")
         if cloud is not None:
             cloud = array(cloud, "pointcloud", (_length(cloud), 6), "f")
         committed = message.get("committed", np.empty((0, names)))
-        committed = array(committed, "committed", (_length(committed), names), "f").astype(np.float64)
+        committed = array(committed, "committed", (_length(committed), names), "f").astype(
+            np.float64
+        )
         state = array(message.get("state"), "state", (names,), "f").astype(np.float64)
-        return Observation(state, start.instruction, float(seconds), images, depth, bodies, cloud, committed)
+        return Observation(
+            state, start.instruction, float(seconds), images, depth, bodies, cloud, committed
+        )
 
     def _plain_observation(self, message: Mapping[Any, Any]) -> Observation:
-        """The observation of openpi's own clients; its time counts control periods of the chunks answered so far."""
+        """The observation of openpi's own clients; its time counts control periods of the chunks
+        answered so far."""
         prompt, robot = message.get("prompt"), get_embodiment(self._options.embodiment)
         if not isinstance(prompt, str) or len(prompt) > 2000:
             raise MessageError("prompt is no text of at most 2000 characters")
@@ -211,7 +232,11 @@ class _Guessed:
 
     def note(self, actions: NDArray[np.float64]) -> None:
         """A question was answered with this chunk (H,A)."""
-        self._asked, self.periods, self._last = self._asked + 1, self.periods + len(actions), actions
+        self._asked, self.periods, self._last = (
+            self._asked + 1,
+            self.periods + len(actions),
+            actions,
+        )
 
     def is_new(self, prompt: str, state: NDArray[np.float64], start: Start) -> bool:
         """Whether another episode has begun since the last answer."""
@@ -222,9 +247,11 @@ class _Guessed:
         return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME
 
     def _from_home(self, rows: NDArray[np.float64]) -> float:
-        """How near (rad or m, the joint that is farthest) any of joint vectors (N,A) is to the robot's home."""
+        """How near (rad or m, the joint that is farthest) any of joint vectors (N,A) is to the
+        robot's home."""
         arms = get_embodiment(self._options.embodiment).arms.values()
-        home = np.array([value for arm in arms for value in (*arm.home, np.nan)])  # wherever the grippers are
+        # wherever the grippers are
+        home = np.array([value for arm in arms for value in (*arm.home, np.nan)])
         return float(np.nanmax(np.abs(rows - home), axis=1).min())
 
 
@@ -248,10 +275,15 @@ def guarded[T](work: Callable[[], T]) -> T | tuple[str, int]:
 
 
 def array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """An array of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError for anything else."""
+    """An array of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError for anything
+    else."""
     kinds = (value.dtype.kind, value.dtype.str[1:]) if isinstance(value, np.ndarray) else ()
     if not isinstance(value, np.ndarray) or value.shape != tuple(shape) or kind not in kinds:
-        found = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+        found = (
+            f"{value.dtype} {value.shape}"
+            if isinstance(value, np.ndarray)
+            else type(value).__name__
+        )
         called = {"f": "floats", "u1": "uint8", "u2": "uint16"}[kind]
         raise MessageError(f"{what} is {found}, not an array of {called} {tuple(shape)}")
     if kind == "f" and not np.isfinite(value).all():
@@ -264,7 +296,8 @@ def _length(value: object) -> int:
 
 
 def _maps(message: Mapping[Any, Any], key: str, sizes: Mapping[str, Size]) -> list[tuple[str, Any]]:
-    """The arrays of a message by camera. Raises MessageError for other cameras than those of reset."""
+    """The arrays of a message by camera. Raises MessageError for other cameras than those of
+    reset."""
     found = message.get(key, {})
     if not isinstance(found, dict) or not found.keys() <= sizes.keys():
         raise MessageError(f"{key} are not those of reset: {', '.join(sizes) or 'none'}")

@@ -17,7 +17,8 @@ from pipeline.evaluate.serving.messages import BUSY, INVALID, LARGEST, REFUSED
 
 CONNECT_SECONDS = 10.0
 GREETING_SECONDS = 60.0
-"""What opening a connection may take, and its first message, for which a server may load a policy."""
+"""What opening a connection may take, and its first message, for which a server may load a
+policy."""
 
 CLOSE_SECONDS = 2.0
 
@@ -55,7 +56,11 @@ class Link(Protocol):
 
 def fault_of(reason: str, code: int | None) -> DominoError:
     """The error that a server's text and close code stand for."""
-    kinds: dict[int | None, type[DominoError]] = {INVALID: ActionError, REFUSED: PolicyError, BUSY: Occupied}
+    kinds: dict[int | None, type[DominoError]] = {
+        INVALID: ActionError,
+        REFUSED: PolicyError,
+        BUSY: Occupied,
+    }
     return kinds.get(code, NoAnswer)(reason)
 
 
@@ -76,7 +81,8 @@ class WebSocket:
             self.close()
             reason = last_line(bytes(error.response.body or b"").decode(errors="replace"))
             raise PolicyError(f"{url}: refused ({error.response.status_code}): {reason}") from error
-        except (OSError, TimeoutError, WebSocketException, ValueError) as error:  # ValueError: no name of a host
+        # ValueError: no name of a host
+        except (OSError, TimeoutError, WebSocketException, ValueError) as error:
             self.close()
             reason = last_line(str(error)) or type(error).__name__
             raise Unreachable(f"{url}: cannot be reached: {reason}") from error
@@ -108,8 +114,8 @@ class WebSocket:
         self._loop.close()
 
     async def _open(self) -> ClientConnection:
-        # no compression: a small message cannot become a large one; no proxy; no pings of ours, because
-        # a server that computes may not answer them: answers have a time limit
+        # no compression: a small message cannot become a large one; no proxy; no pings of ours,
+        # because a server that computes may not answer them: answers have a time limit
         return await connect(
             self.url,
             additional_headers=self._headers,
@@ -139,7 +145,9 @@ class WebSocket:
         prefix = "the server failed: " if code in (None, CloseCode.INTERNAL_ERROR) else ""
         raise fault_of(f"{self.url}: {prefix}{last_line(reason)}", code)
 
-    async def _send_and_receive(self, connection: ClientConnection, data: bytes | None) -> bytes | tuple[str, int | None]:
+    async def _send_and_receive(
+        self, connection: ClientConnection, data: bytes | None
+    ) -> bytes | tuple[str, int | None]:
         """The answer, or the text and the close code of an error."""
         if data is not None:
             await connection.send(data)
@@ -155,7 +163,9 @@ class WebSocket:
 
     def _within[T](self, seconds: float, work: Coroutine[Any, Any, T]) -> T:
         """What `work` returns, done by the thread of this connection. Raises TimeoutError."""
-        return asyncio.run_coroutine_threadsafe(asyncio.wait_for(work, seconds), self._loop).result()
+        return asyncio.run_coroutine_threadsafe(
+            asyncio.wait_for(work, seconds), self._loop
+        ).result()
 
     def _describe_closing(self, error: ConnectionClosed) -> DominoError:
         if error.sent and not error.rcvd_then_sent and error.sent.code == CloseCode.MESSAGE_TOO_BIG:

@@ -1,4 +1,5 @@
-"""The reactive expert in one running simulation: it looks, plans for where the target will be, follows it, and tries again."""
+"""The reactive expert in one running simulation: it looks, plans for where the target will be,
+follows it, and tries again."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -22,27 +23,31 @@ from pipeline.planning.planner import NO_ARM
 from pipeline.poses import Floats, Pose, compose, inverse
 
 OBSERVED = 1 / CONTROL_HZ
-"""Seconds for which it only looks at first, to see the target twice; longer by the delay of its sight."""
+"""Seconds for which it only looks at first, to see the target twice; longer by the delay of its
+sight."""
 
 GUESSES = ((2.0, 0.0), (1.0, 0.0), (0.0, 0.0), (2.0, 0.5), (1.0, 0.9))
-"""Where it tries to plan to meet the target: seconds from now, and the share of the way from there to the place that suits the arm.
-The hand follows the target wherever it goes, so that a plan for a place nearby will do."""
+"""Where it tries to plan to meet the target: seconds from now, and the share of the way from there
+to the place that suits the arm. The hand follows the target wherever it goes, so that a plan for a
+place nearby will do."""
 
 ASIDE = 0.17
 """Distance (m) of the place that suits an arm from the middle of the workspace, on its side."""
 
 FAR = 0.03
-"""Distance (m) between where a plan meets the target and where it is expected then, beyond which the plan is made again."""
+"""Distance (m) between where a plan meets the target and where it is expected then, beyond which
+the plan is made again."""
 
 WAITING = 0.4
 """Seconds until it plans again where no plan was found."""
 
 KEPT = 2.0
-"""Time constant (s) with which a target is expected to lose its velocity: one that keeps it is followed, one that turns is not
-sought where it never goes."""
+"""Time constant (s) with which a target is expected to lose its velocity: one that keeps it is
+followed, one that turns is not sought where it never goes."""
 
 ELSEWHERE = 0.15
-"""Distance (m) between where a plan meets the target and where it is expected then, beyond which a hand on its way plans again."""
+"""Distance (m) between where a plan meets the target and where it is expected then, beyond which a
+hand on its way plans again."""
 
 RENEWED = 0.5
 """Seconds between two plans of a hand on its way, at least."""
@@ -61,12 +66,13 @@ TRIES = 5
 class ReactiveActor(Actor):
     """An expert that sees the target's poses up to now. Call `attend` before anything else.
 
-    `track` is what it makes of them. Of `believed` bodies it takes the pose (7,) to be the one given there, not the measured one:
-    the target's while it plans.
+    `track` is what it makes of them. Of `believed` bodies it takes the pose (7,) to be the one
+    given there, not the measured one: the target's while it plans.
     """
 
     def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
-        """Begin to look at the target, which keeps to `workspace`; `rng` draws the errors of sight."""
+        """Begin to look at the target, which keeps to `workspace`; `rng` draws the errors of
+        sight."""
         self.sight, self.workspace, self._sight_rng = sight, workspace, rng
         self.track, self.believed = Track(sight.noise), dict[str, Pose]()
         self._late = list[tuple[float, Pose]]()
@@ -95,12 +101,14 @@ class ReactiveActor(Actor):
         """Seconds from the start after which it has seen the target twice."""
         return OBSERVED + self.sight.delay
 
-    # --- the first half of a script ---------------------------------------------------------------------------------------
+    # --- the first half of a script
+    # ---------------------------------------------------------------------------------------
 
     def meet(self, script: Script) -> None:
         """Carry out the first half of a task's script until the target is touched.
 
-        Raises PlanFailure: early_meeting if it is touched on the way, step_limit, or the reason why nothing could be planned.
+        Raises PlanFailure: early_meeting if it is touched on the way, step_limit, or the reason why
+        nothing could be planned.
         """
         self._hold(max(0.0, self.watched_for - self.simulation.time))
         plan = self.plan(script, rest=False)
@@ -113,10 +121,13 @@ class ReactiveActor(Actor):
                 self.held, self.approaches = dict(met.held), dict(met.approaches)
                 return
             plan = self.plan(script, rest=True)
-        raise PlanFailure("missed", f"nothing touched the {self.simulation.target} in {TRIES} tries")
+        raise PlanFailure(
+            "missed", f"nothing touched the {self.simulation.target} in {TRIES} tries"
+        )
 
     def _prepare(self, plan: Plan, script: Script) -> Plan:
-        """Carry out what comes before the last skill of a plan; returns a newer plan of that skill where there is one."""
+        """Carry out what comes before the last skill of a plan; returns a newer plan of that skill
+        where there is one."""
         began = self.simulation.steps
         for row in range(plan.last):
             self.advance(plan.commands[row], plan.velocities[row])
@@ -127,7 +138,8 @@ class ReactiveActor(Actor):
         return self._newer(script) or plan
 
     def _newer(self, script: Script) -> Plan | None:
-        """A plan of the last skill for where the target is expected now; None if what is held cannot go there."""
+        """A plan of the last skill for where the target is expected now; None if what is held
+        cannot go there."""
         try:
             plan = self.plan(script, rest=True, rounds=1)
         except PlanFailure:
@@ -144,7 +156,8 @@ class ReactiveActor(Actor):
             raise PlanFailure("early_meeting", f"{by} touched the target too soon")
 
     def plan(self, script: Script, *, rest: bool, rounds: int = ROUNDS) -> Plan:
-        """A plan that meets the target where it is expected to be then; waits between two rounds where none is found.
+        """A plan that meets the target where it is expected to be then; waits between two rounds
+        where none is found.
 
         With `rest`, all skills but the last are taken to be done. Raises PlanFailure.
         """
@@ -161,7 +174,10 @@ class ReactiveActor(Actor):
                 except PlanFailure as failed:
                     why = failed.reason, failed.detail
                     continue
-                if plan.last or np.linalg.norm(self._expected(plan.seconds)[:3] - plan.aim[:3]) < FAR:
+                if (
+                    plan.last
+                    or np.linalg.norm(self._expected(plan.seconds)[:3] - plan.aim[:3]) < FAR
+                ):
                     return plan
                 with suppress(PlanFailure):
                     return self._imagine(script, self._expected(plan.seconds), rest=rest)
@@ -171,28 +187,35 @@ class ReactiveActor(Actor):
     def _expected(self, seconds: float, share: float = 0.0) -> Pose:
         """The predicted pose of the target after `seconds`, kept within its workspace.
 
-        It is moved by `share` of the distance to the place that suits the arm which the task names first."""
+        It is moved by `share` of the distance to the place that suits the arm which the task names
+        first."""
         ahead = KEPT * (1.0 - np.exp(-seconds / KEPT))
         pose, space = self.track.predict(self.simulation.time + ahead), self.workspace
         inside = np.clip(pose[:2], space.lower, space.upper)
         first = next(iter(self.arms.values()))
-        suits = 0.5 * (space.lower + space.upper) + np.array([-ASIDE if first == "left" else ASIDE, 0.0])
+        suits = 0.5 * (space.lower + space.upper) + np.array(
+            [-ASIDE if first == "left" else ASIDE, 0.0]
+        )
         pose[:2] = inside + share * (suits - inside)
         return pose
 
     def _imagine(self, script: Script, aim: Pose, *, rest: bool) -> Plan:
         target, measured = self.simulation.target, self.simulation.pose
         riders = [name for name, body in self.bodies.items() if body.inside == target]
-        self.believed = {target: aim} | {n: compose(aim, compose(inverse(measured(target)), measured(n))) for n in riders}
+        self.believed = {target: aim} | {
+            n: compose(aim, compose(inverse(measured(target)), measured(n))) for n in riders
+        }
         try:
             return imagine(self, script, aim, rest=rest)
         finally:
             self.believed = {}
 
     def _follow(self, expert: ReactiveExpert, plan: Plan, script: Script) -> Plan | None:
-        """Execute the last skill of a plan, or of a newer one if the target leaves the predicted path.
+        """Execute the last skill of a plan, or of a newer one if the target leaves the predicted
+        path.
 
-        Returns the plan with which the target was touched, None if it was not. Raises PlanFailure("early_meeting")."""
+        Returns the plan with which the target was touched, None if it was not. Raises
+        PlanFailure("early_meeting")."""
         free = self._checker()
         expert.follow(plan, free)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
@@ -200,12 +223,16 @@ class ReactiveActor(Actor):
             if not expert.near and self.simulation.time >= renew:
                 renew = self.simulation.time + RENEWED
                 left = (plan.met - expert.row) / PHYSICS_HZ
-                if np.linalg.norm(self._expected(left)[:2] - plan.aim[:2]) > ELSEWHERE and (newer := self._newer(script)):
+                if np.linalg.norm(self._expected(left)[:2] - plan.aim[:2]) > ELSEWHERE and (
+                    newer := self._newer(script)
+                ):
                     self._note(plan, passed)
                     plan = newer
                     expert.follow(plan, free)
                     passed = [(expert.row, self.simulation.steps)]
-            self._run(expert.act(self.track, self.simulation.time, touched=self.simulation.released))
+            self._run(
+                expert.act(self.track, self.simulation.time, touched=self.simulation.released)
+            )
             if not expert.near:
                 self._refuse_touch()
             passed.append((expert.row, self.simulation.steps))
@@ -219,13 +246,16 @@ class ReactiveActor(Actor):
         return plan if met else None
 
     def _checker(self) -> IsFree:
-        """A test whether a command (A,) is free: the arms keep apart and touch neither the table nor bodies as they stand now.
+        """A test whether a command (A,) is free: the arms keep apart and touch neither the table
+        nor bodies as they stand now.
 
         The target does not count, nor what held bodies touch but the other arm."""
         now = self.planning_scene()
         others = {n: o for n, o in now.obstacles.items() if n != self.simulation.target}
         held = [(name, other) for name in now.carried for other in (*others, "table", "furniture")]
-        scene = self.planner.world.with_objects(others, now.carried, ignore=held, margin=MARGINS.contact)
+        scene = self.planner.world.with_objects(
+            others, now.carried, ignore=held, margin=MARGINS.contact
+        )
 
         def free(command: ArrayLike) -> bool:
             now = self.planner.split(np.asarray(command))
@@ -235,7 +265,8 @@ class ReactiveActor(Actor):
         return free
 
     def _run(self, commands: Iterable[Command]) -> None:
-        """Execute commands, those that are left of a control period too, until the target's own motion ends."""
+        """Execute commands, those that are left of a control period too, until the target's own
+        motion ends."""
         moved = not self.simulation.released
         for command, velocity in commands:
             self.advance(command, velocity)

@@ -1,4 +1,5 @@
-"""What the reactive expert would do while another one acts: labels for imitation, and how far the hand is off its path."""
+"""What the reactive expert would do while another one acts: labels for imitation, and how far the
+hand is off its path."""
 
 import numpy as np
 
@@ -16,7 +17,8 @@ BEHIND, AHEAD = 0.5, 1.5
 """Seconds of the plan, from where the hand was, in which it is looked for."""
 
 SAME = 0.001
-"""Distance (m) by which places are as near as the nearest one: of those the latest is taken, so that nobody waits for a plan."""
+"""Distance (m) by which places are as near as the nearest one: of those the latest is taken, so
+that nobody waits for a plan."""
 
 JAW = 0.1
 """Distance (m) that stands for the whole travel of a gripper."""
@@ -25,8 +27,9 @@ JAW = 0.1
 class Adviser:
     """The expert's plan, made from what it has seen of the target until now.
 
-    `action` finds the place on the plan, carried along with the target, that is nearest to where the hands are, and returns the
-    command one control period later on it. `off` (m) is the distance of the hands from that place.
+    `action` finds the place on the plan, carried along with the target, that is nearest to where
+    the hands are, and returns the command one control period later on it. `off` (m) is the distance
+    of the hands from that place.
 
     Raises PlanFailure if no plan is found.
     """
@@ -41,17 +44,27 @@ class Adviser:
         self._row, self.off = 0.0, 0.0
 
     def action(self) -> Floats:
-        """What the expert commands (A,) for the control period that begins, within its limits of speed."""
+        """What the expert commands (A,) for the control period that begins, within its limits of
+        speed."""
         time, command = self._actor.simulation.time, self._actor.simulation.command
         self._row = self._nearest(time)
-        seconds, later = self._period / PHYSICS_HZ, min(self._row + self._period, len(self.plan.commands) - 1)
+        seconds, later = (
+            self._period / PHYSICS_HZ,
+            min(self._row + self._period, len(self.plan.commands) - 1),
+        )
         reach = self._expert.limiter.speed * seconds
-        return command + np.clip(self._expert.command_at(later, self._actor.track.predict(time + seconds)) - command, -reach, reach)
+        return command + np.clip(
+            self._expert.command_at(later, self._actor.track.predict(time + seconds)) - command,
+            -reach,
+            reach,
+        )
 
     def _nearest(self, time: float) -> float:
         moved = self._actor.track.predict(time)[:3] - self.plan.aim[:3]
         span = max(1.0, self.plan.near - self.plan.last)
-        first, last = np.searchsorted(self._rows, [self._row - BEHIND * PHYSICS_HZ, self._row + AHEAD * PHYSICS_HZ])
+        first, last = np.searchsorted(
+            self._rows, [self._row - BEHIND * PHYSICS_HZ, self._row + AHEAD * PHYSICS_HZ]
+        )
         x = np.clip((self._rows[first:last] - self.plan.last) / span, 0.0, 1.0)
         carried = (x * x * (3 - 2 * x))[:, None] * moved
         here, found = self._place(self._actor.simulation.command), np.zeros(last - first)
@@ -59,7 +72,9 @@ class Adviser:
             places = [place[side] for place in self._places[first:last]]
             follows = carried if side in self.plan.sides else 0.0
             off = np.linalg.norm(np.array([at for at, _ in places]) + follows - tool, axis=1)
-            found = np.maximum(found, np.hypot(off, JAW * (np.array([value for _, value in places]) - jaw)))
+            found = np.maximum(
+                found, np.hypot(off, JAW * (np.array([value for _, value in places]) - jaw))
+            )
         self.off = float(found.min())
         return float(self._rows[first:last][np.flatnonzero(found <= self.off + SAME)[-1]])
 
@@ -67,4 +82,7 @@ class Adviser:
         """By side, where (3,) the tool is at a command (A,), and the gripper's value."""
         planner = self._actor.planner
         split = planner.split(command)
-        return {side: (fk_batch(planner.chains[side], q[None])[0, :3], float(value)) for side, (q, value) in split.items()}
+        return {
+            side: (fk_batch(planner.chains[side], q[None])[0, :3], float(value))
+            for side, (q, value) in split.items()
+        }

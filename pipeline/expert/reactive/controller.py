@@ -1,4 +1,5 @@
-"""The reactive expert as a controller: a plan for a still target, carried along with the one that moves."""
+"""The reactive expert as a controller: a plan for a still target, carried along with the one that
+moves."""
 
 from collections.abc import Iterator, Mapping
 
@@ -24,21 +25,24 @@ PERIOD = PHYSICS_HZ // CONTROL_HZ
 """Physics steps of one correction."""
 
 CLOSE, FUNNEL = 0.004, 0.02
-"""Distance (m) of the hand from where it should be, relative to the target, beyond which it does not go nearer: at the end of its
-way, and what is added to it at the beginning."""
+"""Distance (m) of the hand from where it should be, relative to the target, beyond which it does
+not go nearer: at the end of its way, and what is added to it at the beginning."""
 
 EXPECTED = 0.004
-"""Distance (m) of the target from where it was expected beyond which the hand does not go nearer."""
+"""Distance (m) of the target from where it was expected beyond which the hand does not go
+nearer."""
 
 EASY = 0.7
-"""Share of these distances up to which the hand goes nearer at the pace of its plan. Beyond, it slows down."""
+"""Share of these distances up to which the hand goes nearer at the pace of its plan. Beyond, it
+slows down."""
 
 CHANGE, BACK = 0.5, 0.25
-"""Greatest change of the pace in a control period, and the pace of drawing back, as shares of the plan's. A hand that stops or
-turns at once overshoots and is off its path by this alone."""
+"""Greatest change of the pace in a control period, and the pace of drawing back, as shares of the
+plan's. A hand that stops or turns at once overshoots and is off its path by this alone."""
 
 STARTLED = 2.0
-"""Multiple of EXPECTED from which a hand turns at once and draws back at the plan's pace, until it is where it should be."""
+"""Multiple of EXPECTED from which a hand turns at once and draws back at the plan's pace, until it
+is where it should be."""
 
 UNSURE = 3.0
 """Standard deviations of what is seen of the target by which both may be larger."""
@@ -47,30 +51,34 @@ AT_REST = 1e-4
 """Speed (rad/s or m/s) of commands that counts as none."""
 
 PATIENCE, BEYOND = 1.6, 0.3
-"""Seconds near the target for which the hand may be kept from going nearer, and for which it may be unable to follow the target."""
+"""Seconds near the target for which the hand may be kept from going nearer, and for which it may be
+unable to follow the target."""
 
 SAME_BRANCH = IkBudget(restarts=0)
 
 
 class ReactiveExpert:
-    """Commands for one control period after another, from what was seen of the target so far and nothing else.
+    """Commands for one control period after another, from what was seen of the target so far and
+    nothing else.
 
-    It goes through the last skill of a plan. On the first motion it turns from the plan to the moving target. From `plan.near` on
-    its hands move exactly as the target is expected to move. They go nearer only while they are where they should be and the target
-    does what was expected. The less this is so, the slower they go; at last they draw back. Its state is `row`, where it is in
-    the plan, its pace, what the joints are off the plan, and the limiter of its commands.
+    It goes through the last skill of a plan. On the first motion it turns from the plan to the
+    moving target. From `plan.near` on its hands move exactly as the target is expected to move.
+    They go nearer only while they are where they should be and the target does what was expected.
+    The less this is so, the slower they go; at last they draw back. Its state is `row`, where it is
+    in the plan, its pace, what the joints are off the plan, and the limiter of its commands.
     """
 
     def __init__(self, planner: Planner, command: Floats) -> None:
         self._planner = planner
         self.limiter = Limiter(command, *planner.command_limits())
         self.stalled, self.beyond = 0, 0
-        """Control periods near the target in which the hand did not go nearer, and the last ones in a row in which it could not
-        follow the target."""
+        """Control periods near the target in which the hand did not go nearer, and the last ones in
+        a row in which it could not follow the target."""
 
     def follow(self, plan: Plan, free: IsFree = lambda command: True) -> None:
-        """Begin the last skill of a plan, made from the command as it is. `free` judges commands (A,): the hand waits where the
-        target has led it to one that is not free, unless the plan itself is not free there."""
+        """Begin the last skill of a plan, made from the command as it is. `free` judges commands
+        (A,): the hand waits where the target has led it to one that is not free, unless the plan
+        itself is not free there."""
         self._free = free
         self.plan, self.row, self.stalled, self.beyond = plan, float(plan.last), 0, 0
         self._shift = {side: np.zeros_like(self._planner.home(side)) for side in plan.sides}
@@ -92,7 +100,8 @@ class ReactiveExpert:
         return self.row >= self.plan.near
 
     def act(self, track: Track, time: float, *, touched: bool = False) -> Iterator[Command]:
-        """Commands of the physics steps of a control period from `time` (s) on; they need not all be taken.
+        """Commands of the physics steps of a control period from `time` (s) on; they need not all
+        be taken.
 
         A target that was `touched` is no longer followed: the hand stays where the target is.
         """
@@ -100,7 +109,11 @@ class ReactiveExpert:
             self._pace, self._startled = 1.0, False
         else:
             self._choose_pace(*self._excess(track))
-        first, last = (self.plan.near, len(self.plan.commands) - 1) if self.near else (self.row, self.plan.near)
+        first, last = (
+            (self.plan.near, len(self.plan.commands) - 1)
+            if self.near
+            else (self.row, self.plan.near)
+        )
         end = float(np.clip(self.row + self._pace * PERIOD, first, last))
         if not touched:
             self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
@@ -109,17 +122,24 @@ class ReactiveExpert:
         return self._move(end)
 
     def _choose_pace(self, astray: float, surprise: float) -> None:
-        """Set how fast the hand goes nearer, as a share of the plan's pace, from the two numbers of `_excess`."""
+        """Set how fast the hand goes nearer, as a share of the plan's pace, from the two numbers of
+        `_excess`."""
         excess = max(astray, surprise)
         self.stalled += excess >= 1.0
         self._startled = surprise >= STARTLED or (self._startled and astray >= 1.0)
         pace = float(np.clip((1.0 - excess) / (1.0 - EASY), -1.0 if self._startled else -BACK, 1.0))
         at_once = surprise >= 1.0 or self._startled
-        self._pace = pace if at_once else float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
+        self._pace = (
+            pace if at_once else float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
+        )
 
     def _excess(self, track: Track) -> tuple[float, float]:
-        """How far the hand is from where it should be, and the target from where it was expected, in what is allowed of each."""
-        left, unsure = max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near), UNSURE * track.noise
+        """How far the hand is from where it should be, and the target from where it was expected,
+        in what is allowed of each."""
+        left, unsure = (
+            max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near),
+            UNSURE * track.noise,
+        )
         astray = self._error / (CLOSE + FUNNEL * left + unsure)
         return max(astray, 1.0) if self.beyond else astray, track.surprise / (EXPECTED + unsure)
 
@@ -148,15 +168,22 @@ class ReactiveExpert:
         last = self._goal(start, before)
         for share in np.linspace(0.0, 1.0, PERIOD + 1)[1:]:
             self.row = float(start + share * (end - start))
-            self._shift = {side: before[side] + share * (after[side] - before[side]) for side in after}
+            self._shift = {
+                side: before[side] + share * (after[side] - before[side]) for side in after
+            }
             goal = self._goal(self.row, self._shift)
             command = self._command(goal, (goal - last) * PHYSICS_HZ)
             last = goal
-            self._error = max([0.0, *(self._off(side, goal) for side in after)]) if share == 1.0 else self._error
+            self._error = (
+                max([0.0, *(self._off(side, goal) for side in after)])
+                if share == 1.0
+                else self._error
+            )
             yield command
 
     def command_at(self, row: float, target: Pose) -> Floats:
-        """The command (A,) at a row of the plan for a target at `target` (7,), whatever the limits."""
+        """The command (A,) at a row of the plan for a target at `target` (7,), whatever the
+        limits."""
         self._shift, _ = self._shifts(target, row)
         return self._goal(row, self._shift)
 
@@ -179,11 +206,14 @@ class ReactiveExpert:
 
     def _off(self, side: str, goal: Floats) -> float:
         """Distance (m) of the hand from where joints `goal` (A,) have it."""
-        there, here = (self._planner.fk(side, self._planner.split(q)[side][0]) for q in (goal, self.limiter.at))
+        there, here = (
+            self._planner.fk(side, self._planner.split(q)[side][0]) for q in (goal, self.limiter.at)
+        )
         return float(np.linalg.norm(there[:3] - here[:3]))
 
     def _shifts(self, target: Pose, row: float) -> tuple[dict[str, Floats], bool]:
-        """Offsets of the joints (n,) by side from row `row` of the plan that move the hand as the target moved from `plan.aim`.
+        """Offsets of the joints (n,) by side from row `row` of the plan that move the hand as the
+        target moved from `plan.aim`.
 
         Also whether an arm does not reach that far: then its offset stays as it was."""
         span = max(1.0, self.plan.near - self.plan.last)
@@ -194,19 +224,28 @@ class ReactiveExpert:
         for side, shift in self._shift.items():
             q = planned[side][0]
             goal = compose(moved, self._planner.fk(side, q))
-            solved, ok = ik_many(self._planner.chains[side], goal[None], (q + shift)[None], SAME_BRANCH)
+            solved, ok = ik_many(
+                self._planner.chains[side], goal[None], (q + shift)[None], SAME_BRANCH
+            )
             lost |= not ok[0]
             found[side] = solved[0] - q if ok[0] else shift
         return found, lost
 
 
 def part_of(start: Pose, end: Pose, share: float) -> Pose:
-    """The displacement (7,), in the world, by `share` of the way from pose `start` to pose `end`."""
+    """The displacement (7,), in the world, by `share` of the way from pose `start` to pose
+    `end`."""
     turn = quat_multiply(end[3:], quat_conjugate(start[3:]))
     turn = turn if turn[0] >= 0 else -turn
     sine = float(np.linalg.norm(turn[1:]))
-    part = quat_about(turn[1:], 2 * share * np.arctan2(sine, turn[0])) if sine > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
-    between = np.concatenate([start[:3] + share * (end[:3] - start[:3]), quat_multiply(part, start[3:])])
+    part = (
+        quat_about(turn[1:], 2 * share * np.arctan2(sine, turn[0]))
+        if sine > 1e-9
+        else np.array([1.0, 0.0, 0.0, 0.0])
+    )
+    between = np.concatenate(
+        [start[:3] + share * (end[:3] - start[:3]), quat_multiply(part, start[3:])]
+    )
     return compose(between, inverse(start))
 
 

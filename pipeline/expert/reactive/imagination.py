@@ -1,4 +1,5 @@
-"""A script planned in the head: the skills run in a still copy of what is seen, whose arms are where they are commanded to be."""
+"""A script planned in the head: the skills run in a still copy of what is seen, whose arms are
+where they are commanded to be."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,12 +25,14 @@ STIRS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Commands (N,A) at the physics rate, and their velocities, that meet a target which stands at `aim` (7,).
+    """Commands (N,A) at the physics rate, and their velocities, that meet a target which stands at
+    `aim` (7,).
 
-    `last` is the row in which the last skill begins, the one that meets the target, and `near` the row in which its first motion
-    of an arm has ended: from there on the hand must move as the target does. In row `met` its last motion ends. `sides` are the
-    arms that move in it. `runs` are the runs of skills on the clock of the rows, `held` and `approaches` what the actor knows at
-    the end, `holding` what is in which hand when the last skill begins.
+    `last` is the row in which the last skill begins, the one that meets the target, and `near` the
+    row in which its first motion of an arm has ended: from there on the hand must move as the
+    target does. In row `met` its last motion ends. `sides` are the arms that move in it. `runs` are
+    the runs of skills on the clock of the rows, `held` and `approaches` what the actor knows at the
+    end, `holding` what is in which hand when the last skill begins.
     """
 
     aim: Pose
@@ -51,7 +54,8 @@ class Plan:
 
 
 class _Still:
-    """Stands in for a simulation: commands are reached at once, bodies stand as they are seen, held ones move with the hand."""
+    """Stands in for a simulation: commands are reached at once, bodies stand as they are seen, held
+    ones move with the hand."""
 
     def __init__(self, actor: Actor, planner: Planner) -> None:
         real = actor.simulation
@@ -64,7 +68,8 @@ class _Still:
         self._carried = {name: (side, actor.in_hand(side)) for side, name in actor.held.items()}
 
     def step(self, command: Floats, velocity: Floats) -> None:
-        """The arms are where they are commanded to be; what has come into a hand moves with it from now on."""
+        """The arms are where they are commanded to be; what has come into a hand moves with it from
+        now on."""
         for name, (side, in_hand) in list(self._carried.items()):
             if self.held.get(side) != name:
                 self._poses[name] = compose(self.tcp(side), in_hand)
@@ -105,7 +110,8 @@ class _Silent:
 
 
 class _Move(NamedTuple):
-    """A motion step: the rows in which it begins and ends, the arms that move in it, and what they held before."""
+    """A motion step: the rows in which it begins and ends, the arms that move in it, and what they
+    held before."""
 
     start: int
     end: int
@@ -134,7 +140,9 @@ class _Imagined(Actor):
     def _moving(self, began: int) -> tuple[str, ...]:
         rows = [self.planner.split(row) for row in self.stream.commands[began:]]
         sides = self.planner.embodiment.sides if rows else ()
-        return tuple(side for side in sides if np.ptp([row[side][0] for row in rows], axis=0).max() > STIRS)
+        return tuple(
+            side for side in sides if np.ptp([row[side][0] for row in rows], axis=0).max() > STIRS
+        )
 
 
 def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> Plan:
@@ -149,11 +157,30 @@ def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> P
     else:
         for skill in script(mind):
             mind.perform(skill)
-    runs, rows, speeds = tuple(mind.skills), np.array(mind.stream.commands), np.array(mind.stream.velocities)
+    runs, rows, speeds = (
+        tuple(mind.skills),
+        np.array(mind.stream.commands),
+        np.array(mind.stream.velocities),
+    )
     moving = [move for move in mind.moves if move.sides]
-    last = max((run.start for run in runs if any(run.start <= move.start < run.end for move in moving)), default=0)
+    last = max(
+        (run.start for run in runs if any(run.start <= move.start < run.end for move in moving)),
+        default=0,
+    )
     after = [move for move in moving if move.start >= last]
     near, met = (after[0].end, after[-1].end) if after else (len(rows), len(rows))
     sides = tuple(side for side in SIDES if any(side in move.sides for move in after))
     holding = next(move.held for move in mind.moves if move.end > last)
-    return Plan(aim, rows, speeds, last, near, met, sides, runs, dict(mind.held), dict(mind.approaches), holding)
+    return Plan(
+        aim,
+        rows,
+        speeds,
+        last,
+        near,
+        met,
+        sides,
+        runs,
+        dict(mind.held),
+        dict(mind.approaches),
+        holding,
+    )

@@ -1,25 +1,30 @@
-"""Where a target is and will be, from what was seen of it: a Kalman filter of constant velocity; turning by difference."""
+"""Where a target is and will be, from what was seen of it: a Kalman filter of constant velocity;
+turning by difference."""
 
 import numpy as np
 
 from pipeline.poses import Floats, Pose, angle_between, quat_about, quat_conjugate, quat_multiply
 
 UNSTEADY = np.array([0.15, 0.15, 0.015])
-"""Standard deviations (m/s2) of the acceleration that the filter expects of a target along x, y and z: it moves on a table. With
-exact sightings the filter follows the last two, with an error of 5 mm it averages about the last ten."""
+"""Standard deviations (m/s2) of the acceleration that the filter expects of a target along x, y and
+z: it moves on a table. With exact sightings the filter follows the last two, with an error of 5 mm
+it averages about the last ten."""
 
 EXACT = 1e-4
 """Standard deviation (m) of a position that is seen without error."""
 
 SLOW = np.array([0.1, 0.1, 0.01])
-"""Standard deviations (m/s) of the velocity that is expected before the target has been seen twice."""
+"""Standard deviations (m/s) of the velocity that is expected before the target has been seen
+twice."""
 
 
 class Track:
-    """The target's motion as it was seen so far: `see` takes one sighting after another, `predict` continues at constant velocity.
+    """The target's motion as it was seen so far: `see` takes one sighting after another, `predict`
+    continues at constant velocity.
 
-    `noise` (m) is the standard deviation of each coordinate of what is seen. `surprise` (m) is the distance of the last sighting
-    from where it was expected. Positions are those of the body's origin in the world frame.
+    `noise` (m) is the standard deviation of each coordinate of what is seen. `surprise` (m) is the
+    distance of the last sighting from where it was expected. Positions are those of the body's
+    origin in the world frame.
     """
 
     def __init__(self, noise: float = 0.0) -> None:
@@ -30,13 +35,24 @@ class Track:
         self._axis, self._rate = np.array([0.0, 0.0, 1.0]), 0.0
 
     def see(self, time: float, pose: Pose) -> None:
-        """Take in that the target was at `pose` (7,) at `time` (s), later than what was seen before."""
+        """Take in that the target was at `pose` (7,) at `time` (s), later than what was seen
+        before."""
         if not np.isfinite(self.time):
-            self._state[0], self._cov[:, 0, 0], self._cov[:, 1, 1] = pose[:3], self._variance, SLOW**2
+            self._state[0], self._cov[:, 0, 0], self._cov[:, 1, 1] = (
+                pose[:3],
+                self._variance,
+                SLOW**2,
+            )
         else:
             dt = time - self.time
-            ahead, spread = np.array([[1.0, dt], [0.0, 1.0]]), UNSTEADY[:, None] * np.array([dt**2 / 2, dt])
-            self._state, self._cov = ahead @ self._state, ahead @ self._cov @ ahead.T + spread[:, :, None] * spread[:, None]
+            ahead, spread = (
+                np.array([[1.0, dt], [0.0, 1.0]]),
+                UNSTEADY[:, None] * np.array([dt**2 / 2, dt]),
+            )
+            self._state, self._cov = (
+                ahead @ self._state,
+                ahead @ self._cov @ ahead.T + spread[:, :, None] * spread[:, None],
+            )
             error = pose[:3] - self._state[0]
             gain = self._cov[:, :, 0] / (self._cov[:, :1, 0] + self._variance)
             self._state = self._state + gain.T * error
@@ -60,5 +76,9 @@ class Track:
     def predict(self, time: float) -> Pose:
         """The pose (7,) that is expected at `time` (s)."""
         ahead = time - self.time
-        turned = quat_multiply(quat_about(self._axis, self._rate * ahead), self._turned) if self._rate else self._turned
+        turned = (
+            quat_multiply(quat_about(self._axis, self._rate * ahead), self._turned)
+            if self._rate
+            else self._turned
+        )
         return np.concatenate([self._state[0] + ahead * self._state[1], turned])

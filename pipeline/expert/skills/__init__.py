@@ -1,4 +1,5 @@
-"""What an arm can do. Each skill is a function that returns a generator of motion steps; tasks yield skills.
+"""What an arm can do. Each skill is a function that returns a generator of motion steps; tasks
+yield skills.
 
 `together` joins skills of two arms.
 

@@ -7,7 +7,8 @@ from pipeline.planning.failure import PlanFailure
 
 
 def first_of(*skills: Skill) -> Skill:
-    """The first of the skills that can be planned from the present state. Raises the last one's PlanFailure if none can.
+    """The first of the skills that can be planned from the present state. Raises the last one's
+    PlanFailure if none can.
 
     A skill that fails after its first motion step is not replaced by the next one.
     """
@@ -28,7 +29,8 @@ def first_of(*skills: Skill) -> Skill:
 
 
 def in_turn(*skills: Skill) -> Skill:
-    """The skills one after the other as one skill, so that the meeting may fall into any of them."""
+    """The skills one after the other as one skill, so that the meeting may fall into any of
+    them."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         for skill in skills:

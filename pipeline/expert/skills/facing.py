@@ -19,10 +19,11 @@ Towards = Callable[[Pose], NDArray[np.float64]]
 
 @skill(arms=("side", "other"))
 def face(side: str, poses: ArrayLike, other: str, towards: Towards) -> Skill:
-    """Carry the body that arm `side` holds to one of `poses` (N,7), and what arm `other` holds to one of the poses `towards` it.
+    """Carry the body that arm `side` holds to one of `poses` (N,7), and what arm `other` holds to
+    one of the poses `towards` it.
 
-    Of poses evenly spread over the free ones, the first is taken where the other arm finds its way too. Raises
-    PlanFailure("facing_blocked") where there is none.
+    Of poses evenly spread over the free ones, the first is taken where the other arm finds its way
+    too. Raises PlanFailure("facing_blocked") where there is none.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -33,8 +34,11 @@ def face(side: str, poses: ArrayLike, other: str, towards: Towards) -> Skill:
     return act
 
 
-def _shown(a: Actor, side: str, poses: NDArray[np.float64], other: str, towards: Towards) -> ArmTrajectory:
-    """A free motion of arm `side` to a pose of its body at which the other arm finds a way to its own."""
+def _shown(
+    a: Actor, side: str, poses: NDArray[np.float64], other: str, towards: Towards
+) -> ArmTrajectory:
+    """A free motion of arm `side` to a pose of its body at which the other arm finds a way to its
+    own."""
     arm, there = a.arm_planner(side), a.arm_planner(other)
     q, ok = arm.solve(hand_poses(a, side, poses))
     free = arm.checker()
@@ -47,4 +51,7 @@ def _shown(a: Actor, side: str, poses: NDArray[np.float64], other: str, towards:
         except PlanFailure:
             continue
         return first
-    raise PlanFailure("facing_blocked", f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses")
+    raise PlanFailure(
+        "facing_blocked",
+        f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses",
+    )

@@ -15,11 +15,15 @@ from pipeline.poses import Pose, compose, inverse, quat_about, quat_multiply, qu
 
 
 @skill()
-def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR.sway, speed: float = 1.0) -> Skill:
-    """Bring the held body to one of the poses `upright` (N,7), then tip it, all joints at an even pace, to one of `tipped` (M,7).
+def pour(
+    side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR.sway, speed: float = 1.0
+) -> Skill:
+    """Bring the held body to one of the poses `upright` (N,7), then tip it, all joints at an even
+    pace, to one of `tipped` (M,7).
 
-    While it tips, its origin stays within `sway` m of where it begins or ends, and nothing is touched. Pairs of poses are preferred
-    in which what runs out over the lowest edge passes the hand. `speed` multiplies the joint speed limits.
+    While it tips, its origin stays within `sway` m of where it begins or ends, and nothing is
+    touched. Pairs of poses are preferred in which what runs out over the lowest edge passes the
+    hand. `speed` multiplies the joint speed limits.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -35,10 +39,22 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR
 
         (_, over), (ends, down) = reached(upright), reached(tipped)
         if not len(over) or not len(down):
-            wanted = compose(np.atleast_2d(np.asarray(tipped if len(over) else upright, float)), hold[None])
-            raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped", arm, wanted)
-        cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(a, side, hold, ends)
-        paths = ((k // len(down), _tipping(over, down, k)) for k in np.argsort(cost, axis=None, kind="stable")[: POUR.pairs])
+            wanted = compose(
+                np.atleast_2d(np.asarray(tipped if len(over) else upright, float)), hold[None]
+            )
+            raise PlanFailure(
+                "pour_unreachable",
+                f"the {side} arm cannot hold it there, upright and tipped",
+                arm,
+                wanted,
+            )
+        cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(
+            a, side, hold, ends
+        )
+        paths = (
+            (k // len(down), _tipping(over, down, k))
+            for k in np.argsort(cost, axis=None, kind="stable")[: POUR.pairs]
+        )
         quiet = ((i, path) for i, path in paths if _swayed(arm, hold, path) <= sway)
         shut = set[int]()  # upright postures to which no free motion leads
         for i, path in islice(quiet, POUR.tries):
@@ -57,24 +73,34 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR
     return act
 
 
-def _tipping(over: NDArray[np.float64], down: NDArray[np.float64], pair: int) -> NDArray[np.float64]:
-    """Joint rows from one of `over` (N,n) to one of `down` (M,n), counted pair by pair, those of the same start in a row."""
+def _tipping(
+    over: NDArray[np.float64], down: NDArray[np.float64], pair: int
+) -> NDArray[np.float64]:
+    """Joint rows from one of `over` (N,n) to one of `down` (M,n), counted pair by pair, those of
+    the same start in a row."""
     start, end = over[pair // len(down)], down[pair % len(down)]
     return start + np.linspace(0, 1, POUR.rows)[:, None] * (end - start)
 
 
 def _swayed(arm: ArmPlanner, hold: Pose, path: NDArray[np.float64]) -> float:
-    """Largest distance (m) of the held body's origin along joint rows (K,n) from the nearer of where they begin and end."""
+    """Largest distance (m) of the held body's origin along joint rows (K,n) from the nearer of
+    where they begin and end."""
     at = np.stack([compose(arm.fk(row), inverse(hold))[:3] for row in path])
-    return float(np.minimum(np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - at[-1], axis=1)).max())
+    return float(
+        np.minimum(np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - at[-1], axis=1)).max()
+    )
 
 
-def _pour_costs(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Costs (M,) in rad of joint motion of pouring at the poses `bodies` (M,7); `hold` (7,) is the tcp in the body frame.
+def _pour_costs(
+    a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Costs (M,) in rad of joint motion of pouring at the poses `bodies` (M,7); `hold` (7,) is the
+    tcp in the body frame.
 
-    They count by how much the stream over the lowest edge passes the hand nearer than `POUR.room`, how far the weight pulls off the
-    axis of the jaws, which turns the body in the grip, and how far the opening is from pointing straight down. The stream is a
-    straight line inside the body and a parabola outside.
+    They count by how much the stream over the lowest edge passes the hand nearer than `POUR.room`,
+    how far the weight pulls off the axis of the jaws, which turns the body in the grip, and how far
+    the opening is from pointing straight down. The stream is a straight line inside the body and a
+    parabola outside.
     """
     box = a.bodies[a.held[side]].instance.shape().aabb()
     down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
@@ -84,14 +110,27 @@ def _pour_costs(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) ->
     stream = (box[1, 0] - POUR.rim) * low[:, None] + (box[1, 2] + s) * [0, 0, 1] + fallen
     points = transform(inverse(hold), stream.reshape(-1, 3)).reshape(len(bodies), -1, 1, 3)
     pieces = hand_boxes(a.planner.embodiment.arms[side])
-    apart = np.linalg.norm(np.maximum(np.maximum(pieces[:, 0] - points, points - pieces[:, 1]), 0), axis=-1).min((1, 2))
+    apart = np.linalg.norm(
+        np.maximum(np.maximum(pieces[:, 0] - points, points - pieces[:, 1]), 0), axis=-1
+    ).min((1, 2))
     lever = np.abs(low @ np.cross(box.mean(0) - hold[:3], quat_rotate(hold[3:], [0, 1.0, 0])))
     missing = np.maximum(0, POUR.room - apart)
-    return POUR.room_weight * missing + POUR.lever_weight * lever + POUR.level_weight * (1 - down[:, 2])
+    return (
+        POUR.room_weight * missing
+        + POUR.lever_weight * lever
+        + POUR.level_weight * (1 - down[:, 2])
+    )
 
 
 @skill()
-def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: float = SPEEDS.swing_scale) -> Skill:
+def turn(
+    side: str,
+    axis: ArrayLike,
+    angle: float,
+    *,
+    rise: float = 0.0,
+    speed: float = SPEEDS.swing_scale,
+) -> Skill:
     """Turn the hand about an axis of its own tcp frame by `angle` rad while it rises by `rise` m.
 
     `speed` multiplies the joint speed limits.
@@ -99,10 +138,14 @@ def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: 
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
-        goal = np.concatenate([start[:3] + np.array([0, 0, rise]), quat_multiply(start[3:], quat_about(axis, angle))])
+        goal = np.concatenate(
+            [start[:3] + np.array([0, 0, rise]), quat_multiply(start[3:], quat_about(axis, angle))]
+        )
         path = arm.line(arm.q, goal)
         if path is None or not arm.apart()(path):
-            raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far", arm, goal[None])
+            raise PlanFailure(
+                "turn_unreachable", f"the {side} wrist cannot turn that far", arm, goal[None]
+            )
         yield {side: arm.timed(path, speed_scale=speed)}
 
     return act

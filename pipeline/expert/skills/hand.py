@@ -19,7 +19,9 @@ def jaws(a: Actor, side: str, value: float, hold: float = TIMING.squeeze) -> Mot
     gripper = a.planner.embodiment.arms[side].gripper
     travel = abs(gripper.opened[0] - gripper.closed[0])
     ends = np.array([[a.gripper(side)], [value]])
-    moving = time_parameterise(ends, [gripper.speed / travel], [LIMITS.acceleration / travel]).q[1:, 0]
+    moving = time_parameterise(ends, [gripper.speed / travel], [LIMITS.acceleration / travel]).q[
+        1:, 0
+    ]
     values = np.concatenate([moving, np.full(max(round(hold * PHYSICS_HZ), 1), value)])
     q = np.repeat(a.q(side)[None], len(values), 0)
     return {side: ArmTrajectory(q, np.zeros_like(q), values)}
@@ -44,7 +46,8 @@ def close(side: str) -> Skill:
 
 @skill()
 def open_(side: str, by: float | None = None) -> Skill:
-    """Open the gripper, all the way or only `by` m wider than it is measured to be; whatever it held is let go."""
+    """Open the gripper, all the way or only `by` m wider than it is measured to be; whatever it
+    held is let go."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         a.held.pop(side, None)
@@ -63,7 +66,8 @@ def grasp(
     standoff: float = GRASP.standoff,
     pitch: float = GRASP.pitch,
 ) -> Skill:
-    """Go to the standoff, in on a straight line, and close on body `name`. See grasping.GraspOptions for the arguments."""
+    """Go to the standoff, in on a straight line, and close on body `name`. See
+    grasping.GraspOptions for the arguments."""
 
     return lambda a: take(a, side, name, GraspOptions(kinds, goals, standoff, pitch))
 

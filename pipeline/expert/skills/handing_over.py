@@ -25,15 +25,20 @@ def hand_over(
     goals: Sequence[Sequence[Pose]] = (),
     leading: int = 0,
 ) -> Skill:
-    """Carry the body that `giver` holds to one of the poses `places` (N,7), where `receiver` takes it too; the giver holds on.
+    """Carry the body that `giver` holds to one of the poses `places` (N,7), where `receiver` takes
+    it too; the giver holds on.
 
-    Of poses evenly spread over the free ones, the first is taken where the receiver can grasp the body; poses from which the giver
-    cannot draw back come last. `kinds`, `goals` and `leading` are those of the receiver's grasp, see grasping.GraspOptions.
+    Of poses evenly spread over the free ones, the first is taken where the receiver can grasp the
+    body; poses from which the giver cannot draw back come last. `kinds`, `goals` and `leading` are
+    those of the receiver's grasp, see grasping.GraspOptions.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
         options = GraspOptions(kinds, goals, pitch=HAND_OVER.pitch, leading=leading)
-        name, there = a.held[giver], _meeting_point(a, giver, receiver, np.atleast_2d(np.asarray(places, float)), options)
+        name, there = (
+            a.held[giver],
+            _meeting_point(a, giver, receiver, np.atleast_2d(np.asarray(places, float)), options),
+        )
         yield {giver: there}
         with a.noting("grasp", (receiver,), name, "/".join(kinds or ())):
             yield from take(a, receiver, name, options)
@@ -41,7 +46,9 @@ def hand_over(
     return act
 
 
-def _meeting_point(a: Actor, giver: str, receiver: str, places: np.ndarray, options: GraspOptions) -> ArmTrajectory:
+def _meeting_point(
+    a: Actor, giver: str, receiver: str, places: np.ndarray, options: GraspOptions
+) -> ArmTrajectory:
     """A free motion of the giver to where the receiver can take over.
 
     Raises PlanFailure: pose_unreachable, or handover_blocked if no place suits both arms.
@@ -49,7 +56,12 @@ def _meeting_point(a: Actor, giver: str, receiver: str, places: np.ndarray, opti
     arm, hands = a.arm_planner(giver), hand_poses(a, giver, places)
     q, ok = arm.solve(hands)
     if not ok.any():
-        raise PlanFailure("pose_unreachable", f"no place of {len(places)} to hand over is in reach of the {giver} arm", arm, hands)
+        raise PlanFailure(
+            "pose_unreachable",
+            f"no place of {len(places)} to hand over is in reach of the {giver} arm",
+            arm,
+            hands,
+        )
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     some = found[:: max(1, len(found) // HAND_OVER.judged)]
@@ -60,4 +72,6 @@ def _meeting_point(a: Actor, giver: str, receiver: str, places: np.ndarray, opti
             return arm.free_trajectory(q[i], free)
         except PlanFailure:
             continue
-    raise PlanFailure("handover_blocked", f"the {receiver} arm cannot take it over at any of {len(found)} places")
+    raise PlanFailure(
+        "handover_blocked", f"the {receiver} arm cannot take it over at any of {len(found)} places"
+    )

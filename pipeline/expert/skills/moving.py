@@ -19,23 +19,29 @@ _STEP_OFF_DIRECTIONS = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
 
 @skill()
 def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
-    """Bring the tcp to the first of `poses` (N,7) or (7,) that can be reached without touching anything.
+    """Bring the tcp to the first of `poses` (N,7) or (7,) that can be reached without touching
+    anything.
 
     `speed` multiplies the joint speed limits.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
-        yield {side: reach(a.arm_planner(side), np.atleast_2d(np.asarray(poses, float)), speed_scale=speed)}
+        yield {
+            side: reach(
+                a.arm_planner(side), np.atleast_2d(np.asarray(poses, float)), speed_scale=speed
+            )
+        }
 
     return act
 
 
 @skill()
 def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0) -> Skill:
-    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached without touching anything.
+    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached
+    without touching anything.
 
-    Poses from which the hand could not draw back by `room` m are passed over where others are left. `speed` multiplies the joint
-    speed limits.
+    Poses from which the hand could not draw back by `room` m are passed over where others are left.
+    `speed` multiplies the joint speed limits.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -45,11 +51,19 @@ def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0
     return act
 
 
-def reach(arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1.0, room: float = 0.0) -> ArmTrajectory:
-    """A free motion to the first tcp pose of (N,7) that can be had. Raises PlanFailure: pose_unreachable or path_blocked."""
+def reach(
+    arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1.0, room: float = 0.0
+) -> ArmTrajectory:
+    """A free motion to the first tcp pose of (N,7) that can be had. Raises PlanFailure:
+    pose_unreachable or path_blocked."""
     q, ok = arm.solve(poses)
     if not ok.any():
-        raise PlanFailure("pose_unreachable", f"none of {len(poses)} poses is in reach of the {arm.side} arm", arm, poses)
+        raise PlanFailure(
+            "pose_unreachable",
+            f"none of {len(poses)} poses is in reach of the {arm.side} arm",
+            arm,
+            poses,
+        )
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     if room > 0:
@@ -59,12 +73,17 @@ def reach(arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1
             return arm.free_trajectory(q[i], free, speed_scale=speed_scale)
         except PlanFailure:
             continue
-    raise PlanFailure("path_blocked", f"the {arm.side} arm finds no free path to {len(poses)} poses", arm, poses)
+    raise PlanFailure(
+        "path_blocked", f"the {arm.side} arm finds no free path to {len(poses)} poses", arm, poses
+    )
 
 
 @skill()
-def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: float = SPEEDS.lift) -> Skill:
-    """Move the tcp straight up without turning it, by less (the share `least` at least) where the arm cannot go higher."""
+def lift(
+    side: str, height: float, *, least: float = MOVE.least_lift, speed: float = SPEEDS.lift
+) -> Skill:
+    """Move the tcp straight up without turning it, by less (the share `least` at least) where the
+    arm cannot go higher."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         line, share = next(_lifts(a.arm_planner(side), a.tcp(side), height, least))
@@ -75,7 +94,8 @@ def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: flo
 
 @skill()
 def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill:
-    """As `lift`, up to where the arm and what it holds still touch nothing, so that a free motion can begin there."""
+    """As `lift`, up to where the arm and what it holds still touch nothing, so that a free motion
+    can begin there."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm = a.arm_planner(side)
@@ -87,9 +107,11 @@ def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill
     return act
 
 
-def _lifts(arm: ArmPlanner, start: Pose, height: float, least: float = 0.0) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """Straight ways up from the tcp pose `start` on which the arms keep apart: joints (K,n) and the share of the height, highest
-    first.
+def _lifts(
+    arm: ArmPlanner, start: Pose, height: float, least: float = 0.0
+) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Straight ways up from the tcp pose `start` on which the arms keep apart: joints (K,n) and the
+    share of the height, highest first.
 
     Raises PlanFailure("line_unreachable") if there is none.
     """
@@ -100,12 +122,18 @@ def _lifts(arm: ArmPlanner, start: Pose, height: float, least: float = 0.0) -> I
             found = True
             yield line, share
     if not found:
-        raise PlanFailure("line_unreachable", f"the {arm.side} arm cannot lift by {height} m", arm, lifted(start, height)[None])
+        raise PlanFailure(
+            "line_unreachable",
+            f"the {arm.side} arm cannot lift by {height} m",
+            arm,
+            lifted(start, height)[None],
+        )
 
 
 @skill()
 def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
-    """Move the hand straight by a vector (3,) of the world without turning it, at least 80 % of the distance where the arm ends."""
+    """Move the hand straight by a vector (3,) of the world without turning it, at least 80 % of the
+    distance where the arm ends."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
@@ -117,14 +145,20 @@ def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
                 yield {side: arm.timed(path, minimum=share * float(np.linalg.norm(offset)) / speed)}
                 return
         wanted = (start + offset)[None]
-        raise PlanFailure("line_unreachable", f"the {side} arm cannot move its hand by {np.round(offset[:3], 3)} m", arm, wanted)
+        raise PlanFailure(
+            "line_unreachable",
+            f"the {side} arm cannot move its hand by {np.round(offset[:3], 3)} m",
+            arm,
+            wanted,
+        )
 
     return act
 
 
 @skill()
 def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Skill:
-    """Draw the hand straight back along its approach axis, by less (20 % at least) or straight up where the arm cannot reach."""
+    """Draw the hand straight back along its approach axis, by less (20 % at least) or straight up
+    where the arm cannot reach."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
@@ -133,16 +167,26 @@ def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Ski
         for goal in (*back, *(lifted(start, share * distance) for share in MOVE.rise_shares)):
             path = arm.line(arm.q, goal)
             if path is not None and apart(path):
-                yield {side: arm.timed(path, minimum=float(np.linalg.norm(goal[:3] - start[:3])) / speed)}
+                yield {
+                    side: arm.timed(
+                        path, minimum=float(np.linalg.norm(goal[:3] - start[:3])) / speed
+                    )
+                }
                 return
-        raise PlanFailure("line_unreachable", f"the {side} arm cannot draw back by {distance} m", arm, back[0][None])
+        raise PlanFailure(
+            "line_unreachable",
+            f"the {side} arm cannot draw back by {distance} m",
+            arm,
+            back[0][None],
+        )
 
     return act
 
 
 @skill()
 def home(side: str) -> Skill:
-    """Return the arm to its home joints; where it finds no path, it first steps off, or rises, and stays there as a last resort."""
+    """Return the arm to its home joints; where it finds no path, it first steps off, or rises, and
+    stays there as a last resort."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm = a.arm_planner(side)
@@ -176,6 +220,9 @@ def _steps_off(tcp: Pose) -> list[Pose]:
         for distance in MOVE.steps_off
         for p in (
             backed_off(tcp, distance),
-            *(tcp + distance * np.array([*direction, 0, 0, 0, 0]) for direction in _STEP_OFF_DIRECTIONS),
+            *(
+                tcp + distance * np.array([*direction, 0, 0, 0, 0])
+                for direction in _STEP_OFF_DIRECTIONS
+            ),
         )
     ]

@@ -16,10 +16,12 @@ CHECKED_EVERY = 4
 
 
 def together(*skills: Skill) -> Skill:
-    """Skills of different arms, motion step by motion step at the same time, trajectories stretched to end together.
+    """Skills of different arms, motion step by motion step at the same time, trajectories stretched
+    to end together.
 
-    Each arm is planned around where the others are about to be. Where two trajectories would still collide, the arms take turns for
-    that motion step; where that collides too, PlanFailure("arms_collide") is raised.
+    Each arm is planned around where the others are about to be. Where two trajectories would still
+    collide, the arms take turns for that motion step; where that collides too,
+    PlanFailure("arms_collide") is raised.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -43,13 +45,19 @@ def together(*skills: Skill) -> Skill:
 def _in_turns(a: Actor, step: MotionStep) -> Iterator[MotionStep]:
     apart = a.planner.apart(a.planning_scene())
     longest = max(len(trajectory.q) for trajectory in step.values())
-    at_once = {side: _stretched(trajectory, longest, a.q(side), a.gripper(side)) for side, trajectory in step.items()}
+    at_once = {
+        side: _stretched(trajectory, longest, a.q(side), a.gripper(side))
+        for side, trajectory in step.items()
+    }
     if _arms_apart(a, apart, at_once):
         yield at_once
         return
     sides = list(step)
     for order in (sides, sides[::-1]):
-        turns = ({side: step[side]} | {s: _end_of(step[s]) for s in order[:i]} for i, side in enumerate(order))
+        turns = (
+            {side: step[side]} | {s: _end_of(step[s]) for s in order[:i]}
+            for i, side in enumerate(order)
+        )
         if all(_arms_apart(a, apart, turn) for turn in turns):
             for side in order:
                 yield {side: step[side]}
@@ -62,7 +70,8 @@ def _end_of(t: ArmTrajectory) -> ArmTrajectory:
 
 
 def _stretched(t: ArmTrajectory, rows: int, q0: NDArray[np.float64], value: float) -> ArmTrajectory:
-    """The trajectory at a slower pace so that it fills `rows` steps; jaw motions keep their pace and wait.
+    """The trajectory at a slower pace so that it fills `rows` steps; jaw motions keep their pace
+    and wait.
 
     It starts from joints q0 (n,) and the gripper value `value`.
     """
@@ -72,20 +81,32 @@ def _stretched(t: ArmTrajectory, rows: int, q0: NDArray[np.float64], value: floa
     if np.ptp(np.vstack([q0, t.q]), axis=0).max() < 1e-9:
         pad = rows - n
         held = np.pad(t.q, ((0, pad), (0, 0)), mode="edge")
-        return ArmTrajectory(held, np.zeros((rows, t.q.shape[1])), np.pad(t.gripper, (0, pad), mode="edge"))
+        return ArmTrajectory(
+            held, np.zeros((rows, t.q.shape[1])), np.pad(t.gripper, (0, pad), mode="edge")
+        )
     at = np.arange(1, rows + 1) * (n / rows)
     old = np.arange(n + 1)
     q = np.vstack([q0, t.q])
     qd = np.vstack([np.zeros_like(q0), t.qd])
     joints = [np.interp(at, old, column) for column in q.T]
     speeds = [np.interp(at, old, column) * (n / rows) for column in qd.T]
-    return ArmTrajectory(np.stack(joints, 1), np.stack(speeds, 1), np.interp(at, old, np.concatenate([[value], t.gripper])))
+    return ArmTrajectory(
+        np.stack(joints, 1),
+        np.stack(speeds, 1),
+        np.interp(at, old, np.concatenate([[value], t.gripper])),
+    )
 
 
 def _arms_apart(a: Actor, apart: Apart, step: MotionStep) -> bool:
-    """Whether the arms keep clear of each other along a motion step; an arm without a trajectory stands at its command."""
-    q = {side: step[side].q if side in step else a.q(side)[None] for side in a.planner.embodiment.sides}
+    """Whether the arms keep clear of each other along a motion step; an arm without a trajectory
+    stands at its command."""
+    q = {
+        side: step[side].q if side in step else a.q(side)[None]
+        for side in a.planner.embodiment.sides
+    }
     last = max(map(len, q.values())) - 1
     rows = np.append(np.arange(0, last + 1, CHECKED_EVERY), last)
-    left, right = (q[side][np.minimum(rows, len(q[side]) - 1)] if side in q else NO_ARM for side in SIDES)
+    left, right = (
+        q[side][np.minimum(rows, len(q[side]) - 1)] if side in q else NO_ARM for side in SIDES
+    )
     return apart(left, right)

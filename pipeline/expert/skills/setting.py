@@ -22,14 +22,16 @@ ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6).tolist())
 
 
 class Approach(NamedTuple):
-    """Joints (K,n) that carry the hand straight down to a goal, and the height (m) at which they begin."""
+    """Joints (K,n) that carry the hand straight down to a goal, and the height (m) at which they
+    begin."""
 
     line: NDArray[np.float64]
     height: float
 
 
 def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> NDArray[np.float64]:
-    """Poses (N,7) of a body whose frame `local` coincides with `goal` up to a turn about the goal's z axis by each of `yaws`."""
+    """Poses (N,7) of a body whose frame `local` coincides with `goal` up to a turn about the goal's
+    z axis by each of `yaws`."""
     turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
     return compose(turned, inverse(local)[None])
 
@@ -40,12 +42,17 @@ def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
 
 
 def _approaches(
-    arm: ArmPlanner, down: NDArray[np.float64], back: NDArray[np.float64], above: float, press: float
+    arm: ArmPlanner,
+    down: NDArray[np.float64],
+    back: NDArray[np.float64],
+    above: float,
+    press: float,
 ) -> list[Approach]:
-    """Straight approaches of the hand to the poses `down` (N,7), cheapest first. `back` (7,) is the unit offset away from the goal.
+    """Straight approaches of the hand to the poses `down` (N,7), cheapest first. `back` (7,) is the
+    unit offset away from the goal.
 
-    They are searched from `above` downwards and, where there is none, from the goal upwards: the arm may hover over the goal in a
-    posture from which it cannot come down.
+    They are searched from `above` downwards and, where there is none, from the goal upwards: the
+    arm may hover over the goal in a posture from which it cannot come down.
     """
     found = list[Approach]()
     low, deep = arm.solve(down - press * back)
@@ -59,7 +66,12 @@ def _approaches(
                 line = None if upwards is None else upwards[::-1]
             if line is not None:
                 found.append(Approach(line, height))
-    return sorted(found, key=lambda x: float(np.linalg.norm(x.line[0] - arm.q)) + PLACE.height_weight * (1 - x.height / above))
+    return sorted(
+        found,
+        key=lambda x: (
+            float(np.linalg.norm(x.line[0] - arm.q)) + PLACE.height_weight * (1 - x.height / above)
+        ),
+    )
 
 
 @skill(part="point")
@@ -75,11 +87,13 @@ def place(
     out: ArrayLike = (0, 0, 1),
     opening: float | None = None,
 ) -> Skill:
-    """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or the only one (7,).
+    """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or the only
+    one (7,).
 
-    It starts at `above` m over the goal, or half or a quarter of that where the arm cannot reach, and moves straight down, `press`
-    m beyond. `out` (3,) is the direction away from the goal in the world, up unless given: a mug comes onto its peg along the peg.
-    Approaches on which jaws opened (by `opening` m, or all the way) touch nothing are preferred.
+    It starts at `above` m over the goal, or half or a quarter of that where the arm cannot reach,
+    and moves straight down, `press` m beyond. `out` (3,) is the direction away from the goal in the
+    world, up unless given: a mug comes onto its peg along the peg. Approaches on which jaws opened
+    (by `opening` m, or all the way) touch nothing are preferred.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -90,9 +104,15 @@ def place(
         hands = hand_poses(a, side, bodies)
         approaches = _approaches(arm, hands, back, above, press)
         free = arm.checker()
-        touching = [(name, other) for other in (*arm.scene.obstacles, *arm.scene.carried, "table") if other != name]
+        touching = [
+            (name, other)
+            for other in (*arm.scene.obstacles, *arm.scene.carried, "table")
+            if other != name
+        ]
         clear, roomy = arm.checker(touching, margin=MARGINS.contact), arm.checker(touching)
-        fingers = [(f"{side}_fingers", other) for other in (*arm.scene.obstacles, *arm.scene.carried)]
+        fingers = [
+            (f"{side}_fingers", other) for other in (*arm.scene.obstacles, *arm.scene.carried)
+        ]
         palm, bare = arm.checker([*touching, *fingers], margin=MARGINS.contact), arm.bare()
         table = bare.checker(), bare.checker(margin=MARGINS.contact)
         opened = 1.0 if opening is None else wider(a, side, opening)
@@ -104,7 +124,9 @@ def place(
 
             Opened jaws that would touch count too, and a hand that could not draw back."""
             line = approach.line
-            down = between(line, 0.0, max(0.0, (approach.height - PLACE.settling) / (approach.height + press)))
+            down = between(
+                line, 0.0, max(0.0, (approach.height - PLACE.settling) / (approach.height + press))
+            )
             away = backed_off(arm.fk(line[-1]), PLACE.draw_back)
             touches = not clear(line)
             return (
@@ -115,7 +137,8 @@ def place(
             )
 
         def down_to_table(approach: Approach) -> NDArray[np.float64] | None:
-            """The line, up to where fingers come near to the table if it ends less than PLACE.drop m over the goal there."""
+            """The line, up to where fingers come near to the table if it ends less than PLACE.drop
+            m over the goal there."""
             least = (approach.height - PLACE.drop) / (approach.height + press)
             ends = (ending_clear(approach.line, clear_of_table, least) for clear_of_table in table)
             return next((line for line in ends if line is not None), None)
@@ -154,11 +177,12 @@ def press(
     body: str = "",
     part: str = "",
 ) -> Skill:
-    """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then straight down.
-    `body` and `part` name what is pressed, for the record; by default the target.
+    """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then
+    straight down. `body` and `part` name what is pressed, for the record; by default the target.
 
-    Where they touch the body first, `depth` m beyond the spot at most, follows from its shape. They creep from shortly before it
-    to shortly behind: an arm that is driven on throws what stands under it over, and no finger presses with more than some 30 N.
+    Where they touch the body first, `depth` m beyond the spot at most, follows from its shape. They
+    creep from shortly before it to shortly behind: an arm that is driven on throws what stands
+    under it over, and no finger presses with more than some 30 N.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -166,7 +190,12 @@ def press(
         down = _fingertip_poses(spot, pitches, fingertip_reach(a.planner.embodiment.arms[side]))
         q, ok = arm.solve(lifted(down, above))
         if not ok.any():
-            raise PlanFailure("press_unreachable", f"the {side} arm cannot hover over the spot", arm, lifted(down, above))
+            raise PlanFailure(
+                "press_unreachable",
+                f"the {side} arm cannot hover over the spot",
+                arm,
+                lifted(down, above),
+            )
         free = arm.checker()
         off_steep = np.repeat(np.abs(np.array(pitches) - PRESS.steep), len(down) // len(pitches))
         cost = np.linalg.norm(q - arm.q, axis=1) + PRESS.steep_weight * off_steep
@@ -179,7 +208,10 @@ def press(
             if line is None or not free(q[i]) or not free(line[: len(line) * part // whole]):
                 continue
             length, touch = above + depth, first_touch(apart, line)
-            near, end = max(0.0, touch - PRESS.gap / length), min(1.0, touch + PRESS.squeeze / length)
+            near, end = (
+                max(0.0, touch - PRESS.gap / length),
+                min(1.0, touch + PRESS.squeeze / length),
+            )
             if not clear(between(line, 0.0, end)):
                 continue
             try:
@@ -188,20 +220,27 @@ def press(
                 continue
             yield {side: trajectory}
             descent = arm.timed(between(line, 0.0, near), minimum=near * length / speed)
-            creeping = arm.timed(between(line, near, end), minimum=(end - near) * length / SPEEDS.creep)
+            creeping = arm.timed(
+                between(line, near, end), minimum=(end - near) * length / SPEEDS.creep
+            )
             yield {side: descent.then(creeping).holding(TIMING.press)}
             return
-        raise PlanFailure("press_blocked", f"the {side} arm finds no free path down to the spot", arm, down)
+        raise PlanFailure(
+            "press_blocked", f"the {side} arm finds no free path down to the spot", arm, down
+        )
 
     return act
 
 
 def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> NDArray[np.float64]:
-    """Tcp poses (N,7) with the fingertips, `tip` m before the tcp, on the spot: by pitch, direction and sense of the jaws."""
+    """Tcp poses (N,7) with the fingertips, `tip` m before the tcp, on the spot: by pitch, direction
+    and sense of the jaws."""
     poses = []
     for pitch in pitches:
         for azimuth in np.arange(0, 2 * np.pi, 2 * np.pi / PRESS.azimuths):
-            approach = np.array([np.cos(azimuth) * np.cos(pitch), np.sin(azimuth) * np.cos(pitch), -np.sin(pitch)])
+            approach = np.array(
+                [np.cos(azimuth) * np.cos(pitch), np.sin(azimuth) * np.cos(pitch), -np.sin(pitch)]
+            )
             for sign in (1, -1):
                 across = sign * np.array([-np.sin(azimuth), np.cos(azimuth), 0])
                 poses.append(frame(spot[:3] - tip * approach, approach, across))

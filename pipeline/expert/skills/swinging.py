@@ -18,9 +18,11 @@ from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
 
 @dataclass(frozen=True, eq=False)
 class _Swing:
-    """A swing about its middle: joints q (n,) and tcp pose `middle` (7,) there, and the tcp poses of both ends.
+    """A swing about its middle: joints q (n,) and tcp pose `middle` (7,) there, and the tcp poses
+    of both ends.
 
-    `out` and `across` are joint lines (K,n) from the middle to the first end and from there to the second.
+    `out` and `across` are joint lines (K,n) from the middle to the first end and from there to the
+    second.
     """
 
     q: Floats
@@ -34,16 +36,20 @@ class _Swing:
 def shake(side: str, times: int, *, rise: float = 0.03) -> Skill:
     """Swing the hand `times` times from side to side about a level or nearly level axis.
 
-    The first axis with room on both sides is taken, with the widest swing that fits. Where there is none, the hand first goes
-    elsewhere, turned about the vertical only.
+    The first axis with room on both sides is taken, with the widest swing that fits. Where there is
+    none, the hand first goes elsewhere, turned about the vertical only.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm = a.arm_planner(side)
         free, tries = arm.checker(), SWING.shake_tries
-        for (goal, q), angle in product(((a.tcp(side), a.q(side)), *_nearby(arm, a.tcp(side))), SWING.shake_angles):
+        for (goal, q), angle in product(
+            ((a.tcp(side), a.q(side)), *_nearby(arm, a.tcp(side))), SWING.shake_angles
+        ):
             for axis in _shake_axes(goal, angle):
-                ends = [_turned(lifted(goal, up), axis, by) for up, by in ((rise, angle), (0.0, -angle))]
+                ends = [
+                    _turned(lifted(goal, up), axis, by) for up, by in ((rise, angle), (0.0, -angle))
+                ]
                 swing = _swing(arm, q, goal, ends)
                 if swing is None or not (free(swing.out) and free(swing.across)):
                     continue
@@ -72,21 +78,28 @@ def rock(
     angles: Sequence[float] = SWING.rock_angles,
     speed: float = SPEEDS.swing_scale,
 ) -> Skill:
-    """Carry the held body to one of the poses `bodies` (N,7), rock it `times` times to either side, and come back to that pose.
+    """Carry the held body to one of the poses `bodies` (N,7), rock it `times` times to either side,
+    and come back to that pose.
 
-    It turns with the hand about the world axes `about` (N,3), one per pose. The first pose is taken that leaves room for the
-    widest of `angles` (rad); narrower ones are tried where there is none. `speed` multiplies the joint speed limits.
+    It turns with the hand about the world axes `about` (N,3), one per pose. The first pose is taken
+    that leaves room for the widest of `angles` (rad); narrower ones are tried where there is none.
+    `speed` multiplies the joint speed limits.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
-        arm, hands = a.arm_planner(side), hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
+        arm, hands = (
+            a.arm_planner(side),
+            hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float))),
+        )
         axes = np.atleast_2d(np.asarray(about, float))
         q, ok = arm.solve(hands)
         free: IsFree = arm.checker()
         tries = SWING.rock_tries
         for angle in angles:
             for i in np.flatnonzero(ok):
-                swing = _swing(arm, q[i], hands[i], [_turned(hands[i], axes[i], by) for by in (angle, -angle)])
+                swing = _swing(
+                    arm, q[i], hands[i], [_turned(hands[i], axes[i], by) for by in (angle, -angle)]
+                )
                 if swing is None or not (free(q[i]) and free(swing.out) and free(swing.across)):
                     continue
                 tries -= 1
@@ -99,7 +112,9 @@ def rock(
                 yield {side: trajectory}
                 yield from _swung(a, side, swing, times, speed)
                 return
-        raise PlanFailure("rock_unreachable", f"the {side} arm finds no room to rock what it holds", arm, hands)
+        raise PlanFailure(
+            "rock_unreachable", f"the {side} arm finds no room to rock what it holds", arm, hands
+        )
 
     return act
 
@@ -111,21 +126,29 @@ def _swing(arm: ArmPlanner, q: Floats, middle: Pose, ends: list[Pose]) -> _Swing
     return None if out is None or across is None else _Swing(q, middle, ends, out, across)
 
 
-def _swung(a: Actor, side: str, swing: _Swing, times: int, speed_scale: float) -> Iterator[MotionStep]:
-    """Motion steps of a swing, from its middle to one end, `times` times to the other, and back to the middle."""
+def _swung(
+    a: Actor, side: str, swing: _Swing, times: int, speed_scale: float
+) -> Iterator[MotionStep]:
+    """Motion steps of a swing, from its middle to one end, `times` times to the other, and back to
+    the middle."""
     yield {side: a.arm_planner(side).timed(swing.out, speed_scale=speed_scale)}
     for goal in (*(swing.ends[1 - k % 2] for k in range(times)), swing.middle):
         arm = a.arm_planner(side)
-        yield {side: arm.line_trajectory(goal, metres_per_second=SPEEDS.swing, speed_scale=speed_scale)}
+        yield {
+            side: arm.line_trajectory(goal, metres_per_second=SPEEDS.swing, speed_scale=speed_scale)
+        }
 
 
 def _shake_axes(hand: Pose, angle: float) -> Iterator[Floats]:
-    """World axes (3,), level ones first, about which a swing of `angle` rad tilts the hand enough."""
+    """World axes (3,), level ones first, about which a swing of `angle` rad tilts the hand
+    enough."""
     x, y = quat_rotate(hand[3:], [1.0, 0, 0])[:2]
     for slope, turns in product(SWING.slopes, SWING.quarter_turns):
         if 2 * np.arcsin(np.sin(angle / 2) * np.cos(slope)) >= SWING.least_angle:
             heading = np.arctan2(y, x) + turns * np.pi / 4
-            yield np.array([np.cos(heading) * np.cos(slope), np.sin(heading) * np.cos(slope), np.sin(slope)])
+            yield np.array(
+                [np.cos(heading) * np.cos(slope), np.sin(heading) * np.cos(slope), np.sin(slope)]
+            )
 
 
 def _turned(hand: Pose, axis: ArrayLike, angle: float) -> Pose:
@@ -134,8 +157,16 @@ def _turned(hand: Pose, axis: ArrayLike, angle: float) -> Pose:
 
 
 def _nearby(arm: ArmPlanner, start: Pose) -> list[tuple[Pose, Floats]]:
-    """Hand poses near the present one (7,), as upright as it is, with the joints that reach them."""
-    offsets = list(product(SWING.near_heights, SWING.near_offsets, SWING.near_offsets, SWING.near_turns))[1:]
-    poses = np.array([_turned(start + np.array([dx, dy, dz, 0, 0, 0, 0]), (0, 0, 1), yaw) for dz, dx, dy, yaw in offsets])
+    """Hand poses near the present one (7,), as upright as it is, with the joints that reach
+    them."""
+    offsets = list(
+        product(SWING.near_heights, SWING.near_offsets, SWING.near_offsets, SWING.near_turns)
+    )[1:]
+    poses = np.array(
+        [
+            _turned(start + np.array([dx, dy, dz, 0, 0, 0, 0]), (0, 0, 1), yaw)
+            for dz, dx, dy, yaw in offsets
+        ]
+    )
     q, ok = arm.solve(poses)
     return [(poses[i], q[i]) for i in np.flatnonzero(ok)]

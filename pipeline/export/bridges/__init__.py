@@ -1,1 +1,2 @@
-"""Formats of single projects: RoboTwin, XPolicyLab, DynamicWAM and the annotations that PUMA's code reads."""
+"""Formats of single projects: RoboTwin, XPolicyLab, DynamicWAM and the annotations that PUMA's code
+reads."""

@@ -1,4 +1,5 @@
-"""The common part of formats with one directory a cell: an HDF5 file and a file of instructions for each of its episodes."""
+"""The common part of formats with one directory a cell: an HDF5 file and a file of instructions for
+each of its episodes."""
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -29,7 +30,8 @@ class CellExporter[O](Hdf5Exporter[O]):
 
     @abstractmethod
     def arrays(self, file: EpisodeFile, facts: Facts, options: O) -> dict[str, NDArray[Any]]:
-        """Every array of an exported file by key. Raises ExportError for an episode that the format cannot hold."""
+        """Every array of an exported file by key. Raises ExportError for an episode that the format
+        cannot hold."""
 
     @abstractmethod
     def order(self, options: O) -> JpegOrder:
@@ -46,13 +48,21 @@ class CellExporter[O](Hdf5Exporter[O]):
 
     def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: None) -> Contents:
         arrays = self.arrays(file, facts, options)
-        attributes = {"jpeg_order": self.order(options), "fps": facts.fps, "spec": facts.spec.to_json()}
+        attributes = {
+            "jpeg_order": self.order(options),
+            "fps": facts.fps,
+            "spec": facts.spec.to_json(),
+        }
         painted = any(key.endswith("/actor_segmentation") for key in arrays)
         of_groups = {"observation": {"bodies": list(facts.log.bodies)}} if painted else {}
         return Contents(arrays, attributes, storage=compress_large, of_groups=of_groups, cache=None)
 
     def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
-        return {f"instructions/episode{index}.json": json_text({"seen": facts.seen, "unseen": facts.unseen})}
+        return {
+            f"instructions/episode{index}.json": json_text(
+                {"seen": facts.seen, "unseen": facts.unseen}
+            )
+        }
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
         values.setdefault("configurations", []).append(name)
@@ -67,5 +77,7 @@ def compress_large(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
 
 def configuration(spec: EpisodeSpec) -> str:
     """Directory of an episode: task, then what the original calls the task configuration."""
-    task, *rest = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain).path.split("/")
+    task, *rest = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain).path.split(
+        "/"
+    )
     return f"{task}/{'_'.join(rest)}"

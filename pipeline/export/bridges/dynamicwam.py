@@ -1,19 +1,21 @@
-"""The files that DynamicWAM's converter reads: the RoboTwin layout with a group `interception` of schema 2.
+"""The files that DynamicWAM's converter reads: the RoboTwin layout with a group `interception` of
+schema 2.
 
     <domain>/<task>/<embodiment>_L<level>_<domain>/
       data/episode{i}.hdf5           as in format robotwin, JPEG in true RGB, and interception/<25 fields>, frames first
       instructions/episode{i}.json   {"seen": [...], "unseen": [...]}
       episodes.parquet               where each episode comes from
 
-Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened until then; where nothing has,
-steps and times are -1 and poses and points zero. Counts are those of contact points, in episodes of schema 2 of touching links. The
-converter takes 14-wide vectors only.
+Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened
+until then; where nothing has, steps and times are -1 and poses and points zero. Counts are those of
+contact points, in episodes of schema 2 of touching links. The converter takes 14-wide vectors only.
 
-Poses of tools (0.12 m behind the tool centre point), poses of cameras (OpenCV axes) and gripper positions (the command in force)
-are those of the simulator that the converter was written for.
-The validator of the original's collection also wants a `front_camera`: the one that `--front-camera` names, else a stored camera of
-that name, else the observer; where there is none of them the file has none.
-"""
+Poses of tools (0.12 m behind the tool centre point), poses of cameras (OpenCV axes) and gripper
+positions (the command in force) are those of the simulator that the converter was written for. The
+validator of the original's collection also wants a `front_camera`: the one that `--front-camera`
+names, else a stored camera of that name, else the observer; where there is none of them the file
+has none.
+"""  # noqa: E501
 
 from dataclasses import dataclass
 from typing import Any
@@ -39,11 +41,13 @@ WIDTH = 14
 CAMERAS = (HEAD, LEFT_WRIST, RIGHT_WRIST)
 CONTACT = "target_gripper_contact"
 TO_OPENCV = np.array([0, 0, 0, 0.5, -0.5, 0.5, -0.5])
-"""From the axes of a camera body (x forward, y left, z up) to OpenCV's (x right, y down, z forward)."""
+"""From the axes of a camera body (x forward, y left, z up) to OpenCV's (x right, y down, z
+forward)."""
 
 
 def fields(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
-    """The 25 fields of the group, each with the frames as its first axis; arms in the order left, right."""
+    """The 25 fields of the group, each with the frames as its first axis; arms in the order left,
+    right."""
     frames, log = len(facts), facts.log
 
     def repeat(value: Any, dtype: type = np.float64) -> NDArray[Any]:
@@ -86,7 +90,10 @@ def _first(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
             since = slice(int(np.searchsorted(derived.steps, contact.step)), None)
             valid[since, arm], step[since, arm], time[since, arm] = True, contact.step, contact.time
             counts[since, arm], centroids[since, arm] = contact.points, contact.centroid
-            tcp[since, arm], target[since, arm] = tool_poses(np.asarray(contact.tcp)), contact.target
+            tcp[since, arm], target[since, arm] = (
+                tool_poses(np.asarray(contact.tcp)),
+                contact.target,
+            )
     return {
         f"first_{CONTACT}_valid": valid,
         f"first_{CONTACT}_step_index": step,
@@ -118,18 +125,26 @@ class Dynamicwam(CellExporter[DynamicwamOptions]):
     def order(self, options: DynamicwamOptions) -> JpegOrder:
         return "rgb"
 
-    def arrays(self, file: EpisodeFile, facts: Facts, options: DynamicwamOptions) -> dict[str, NDArray[Any]]:
-        """Raises ExportError for vectors that are not 14 wide and for missing cameras, which the converter would refuse."""
+    def arrays(
+        self, file: EpisodeFile, facts: Facts, options: DynamicwamOptions
+    ) -> dict[str, NDArray[Any]]:
+        """Raises ExportError for vectors that are not 14 wide and for missing cameras, which the
+        converter would refuse."""
         if len(facts.log.vector_names) != WIDTH:
             raise ExportError(
-                f"{facts.source}: vectors of {facts.spec.embodiment} are not {WIDTH} wide, which DynamicWAM needs: "
-                "export the other robots with --embodiment"
+                f"{facts.source}: vectors of {facts.spec.embodiment} are not {WIDTH} wide, which"
+                " DynamicWAM needs: export the other robots with --embodiment"
             )
         if missing := sorted(set(CAMERAS) - set(facts.cameras)):
             raise ExportError(f"{facts.source}: has no {missing[0]}, which DynamicWAM needs")
-        group = {f"interception/{name}": values for name, values in fields(facts, interception(facts)).items()}
+        group = {
+            f"interception/{name}": values
+            for name, values in fields(facts, interception(facts)).items()
+        }
         return episode_arrays(file, facts, self.cameras(facts, options), "rgb") | group
 
     def cameras(self, facts: Facts, options: DynamicwamOptions) -> dict[str, str]:
-        front = options.front_camera or next((camera for camera in (FRONT, OBSERVER) if camera in facts.cameras), None)
+        front = options.front_camera or next(
+            (camera for camera in (FRONT, OBSERVER) if camera in facts.cameras), None
+        )
         return written_cameras(facts, front)

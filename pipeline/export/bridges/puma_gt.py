@@ -1,10 +1,12 @@
-"""puma-gt: the true motion of the target as PUMA's loader reads it beside a LeRobot dataset, one gt.pkl an episode.
+"""puma-gt: the true motion of the target as PUMA's loader reads it beside a LeRobot dataset, one
+gt.pkl an episode.
 
     <dataset name>/ep000/gt.pkl
 
-The loader looks for <its dynamic_gt_path>/<name of the LeRobot directory>/ep<episode index>. Episodes have the numbers that they
-have in an export to `lerobot` or `lerobot-v2.1` with the same `--per-task`. `pose7_frame_aligned` (T,7) is where the target was in
-every frame, `pose7_sim` (N,7) where its motion puts it at every physics step until the meeting; poses are x y z qw qx qy qz.
+The loader looks for <its dynamic_gt_path>/<name of the LeRobot directory>/ep<episode index>.
+Episodes have the numbers that they have in an export to `lerobot` or `lerobot-v2.1` with the same
+`--per-task`. `pose7_frame_aligned` (T,7) is where the target was in every frame, `pose7_sim` (N,7)
+where its motion puts it at every physics step until the meeting; poses are x y z qw qx qy qz.
 """
 
 import pickle
@@ -41,13 +43,19 @@ def _component(text: str) -> str:
 class PumaGtOptions:
     """Options of the format."""
 
-    per_task: bool = option("episodes numbered as in a LeRobot export with --per-task", default=False)
-    dataset_name: str = option("name of the LeRobot directory where there is one embodiment only", _component, "lerobot-v2.1")
+    per_task: bool = option(
+        "episodes numbered as in a LeRobot export with --per-task", default=False
+    )
+    dataset_name: str = option(
+        "name of the LeRobot directory where there is one embodiment only",
+        _component,
+        "lerobot-v2.1",
+    )
 
 
 def trajectory_params(motion: TargetMotion) -> dict[str, Any]:
-    """The motion in the original's terms: a velocity (m/s), polynomials over 0 to 1 (m), highest power first, or several. A motion
-    that is none of these is named; its path is in `pose7_sim`."""
+    """The motion in the original's terms: a velocity (m/s), polynomials over 0 to 1 (m), highest
+    power first, or several. A motion that is none of these is named; its path is in `pose7_sim`."""
     if not isinstance(motion, PlanarMotion):
         return {"type": motion.model, "total_duration": motion.duration + motion.lead}
     pieces = [_piece(segment) for segment in motion.segments]
@@ -56,7 +64,11 @@ def trajectory_params(motion: TargetMotion) -> dict[str, Any]:
         duration = {"total_duration": motion.duration + motion.lead}
         keys = ("velocity",) if kind == "velocity" else ("poly_x_coeffs", "poly_y_coeffs")
         return {"type": kind, **{key: pieces[0][key] for key in keys}, **duration}
-    return {"type": "segmented", "segment_trajectories": pieces, "total_duration": motion.duration + motion.lead}
+    return {
+        "type": "segmented",
+        "segment_trajectories": pieces,
+        "total_duration": motion.duration + motion.lead,
+    }
 
 
 def _piece(segment: Segment) -> dict[str, Any]:
@@ -116,12 +128,16 @@ class PumaGt(Exporter[PumaGtOptions]):
                     rows.append(facts)
                     place = root / f"ep{index:03d}"
                     place.mkdir()
-                    (place / "gt.pkl").write_bytes(pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL))
+                    (place / "gt.pkl").write_bytes(
+                        pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL)
+                    )
                     job.advance()
             frames += rows.frames
         return {"episodes": len(job.episodes), "frames": frames}
 
 
-def _roots(episodes: Sequence[Path], out: Path, options: PumaGtOptions) -> Iterator[tuple[Path, list[Path]]]:
+def _roots(
+    episodes: Sequence[Path], out: Path, options: PumaGtOptions
+) -> Iterator[tuple[Path, list[Path]]]:
     for root, paths in datasets_of(episodes, out, options.per_task).values():
         yield (out / options.dataset_name if root == out else root), paths

@@ -13,13 +13,14 @@
       seed.txt                       seeds, separated by spaces
       episodes.parquet               where each episode comes from
 
-`--jpeg-order` must be given. The stock converters decode with cv2 and never swap: they need "bgr". Readers that swap, or use
-another decoder, need "rgb", which is what episode files hold; their bytes are copied then. `joint_action[t]` is what the episode
-commands for the interval before frame t (robotwin_arrays.py says why), at frame 0 the measured joints. `endpose` is that of the
-original: 0.12 m behind the tool centre point, along its x axis. The directory's name takes the place of the original's task
-configuration.
-`--front-camera` names the stored camera that is written as `front_camera`; all others keep their names.
-"""
+`--jpeg-order` must be given. The stock converters decode with cv2 and never swap: they need "bgr".
+Readers that swap, or use another decoder, need "rgb", which is what episode files hold; their bytes
+are copied then. `joint_action[t]` is what the episode commands for the interval before frame t
+(robotwin_arrays.py says why), at frame 0 the measured joints. `endpose` is that of the
+original: 0.12 m behind the tool centre point, along its x axis. The directory's name takes the
+place of the original's task configuration. `--front-camera` names the stored camera that is written
+as `front_camera`; all others keep their names.
+"""  # noqa: E501
 
 import json
 from collections.abc import Mapping, Sequence
@@ -44,8 +45,12 @@ FRONT = "front_camera"
 
 
 def front_camera_option() -> Any:
-    """The option `front_camera`: the dataset's name of the camera that is exported as `front_camera`, or None."""
-    said = "stored camera to write as front_camera: observer, or the name of one that the recipe describes"
+    """The option `front_camera`: the dataset's name of the camera that is exported as
+    `front_camera`, or None."""
+    said = (
+        "stored camera to write as front_camera: observer, or the name of one that the recipe"
+        " describes"
+    )
     return option(said, lambda text: CAMERAS.get(text, text), None)
 
 
@@ -54,7 +59,9 @@ class RobotwinOptions:
     """Options of the RoboTwin format."""
 
     jpeg_order: Literal["rgb", "bgr"] = option(
-        "bgr for converters that decode with cv2 and never swap (RoboTwin's own), rgb for all other readers", one_of("rgb", "bgr")
+        "bgr for converters that decode with cv2 and never swap (RoboTwin's own), rgb for all other"
+        " readers",
+        one_of("rgb", "bgr"),
     )
     front_camera: str | None = front_camera_option()
 
@@ -72,7 +79,9 @@ class Robotwin(CellExporter[RobotwinOptions]):
     def order(self, options: RobotwinOptions) -> JpegOrder:
         return options.jpeg_order
 
-    def arrays(self, file: EpisodeFile, facts: Facts, options: RobotwinOptions) -> dict[str, NDArray[Any]]:
+    def arrays(
+        self, file: EpisodeFile, facts: Facts, options: RobotwinOptions
+    ) -> dict[str, NDArray[Any]]:
         return episode_arrays(file, facts, self.cameras(facts, options), options.jpeg_order)
 
     def cameras(self, facts: Facts, options: RobotwinOptions) -> dict[str, str]:
@@ -95,15 +104,27 @@ def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
     """
     names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
     if front is not None and front not in names:
-        raise ExportError(f"--front-camera: {facts.source} has no {front}; its cameras are {', '.join(names)}")
+        raise ExportError(
+            f"--front-camera: {facts.source} has no {front}; its cameras are {', '.join(names)}"
+        )
     if front not in (None, FRONT) and FRONT in names:
-        raise ExportError(f"--front-camera: {facts.source} has a {FRONT} already; leave the option out")
+        raise ExportError(
+            f"--front-camera: {facts.source} has a {FRONT} already; leave the option out"
+        )
     return names
 
 
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:
-    """One entry of scene_info.json: {A} the manipulated object, {B} the target where it is another one, {a} and {b} the arms."""
+    """One entry of scene_info.json: {A} the manipulated object, {B} the target where it is another
+    one, {a} and {b} the arms."""
     bodies = dict.fromkeys((meta.manipulated, meta.target))
-    said = {f"{{{letter}}}": meta.objects[body].description for letter, body in zip("AB", bodies, strict=False)}
+    said = {
+        f"{{{letter}}}": meta.objects[body].description
+        for letter, body in zip("AB", bodies, strict=False)
+    }
     said |= {f"{{{letter}}}": side for letter, side in zip("ab", meta.arms.values(), strict=False)}
-    return {"info": said, "cluttered_table_info": list(meta.clutter), "spec": json.loads(spec.to_json())}
+    return {
+        "info": said,
+        "cluttered_table_info": list(meta.clutter),
+        "spec": json.loads(spec.to_json()),
+    }

@@ -1,8 +1,9 @@
 """The arrays of one episode as RoboTwin's files have them.
 
-The original stores at every frame the drive targets in force (`joint.get_drive_target()`, the gripper's last command). Its
-converters take `joint_action[t]` for the state and `joint_action[t + 1]` for the action of frame t. An episode of ours stores at
-frame t what is commanded for the interval after it, so the targets move by one frame here.
+The original stores at every frame the drive targets in force (`joint.get_drive_target()`, the
+gripper's last command). Its converters take `joint_action[t]` for the state and `joint_action[t +
+1]` for the action of frame t. An episode of ours stores at frame t what is commanded for the
+interval after it, so the targets move by one frame here.
 """
 
 from collections.abc import Mapping
@@ -23,8 +24,11 @@ CAMERA_MATRICES = ("intrinsic_cv", "extrinsic_cv", "cam2world_gl")
 SENSORS_WRITTEN = (DEPTH, SEGMENTATION, POINTCLOUD)
 
 
-def drive_targets(measured: NDArray[np.float64], commanded: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(T,...) the targets in force at each frame: those commanded for the interval before it, at the first frame what is measured.
+def drive_targets(
+    measured: NDArray[np.float64], commanded: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(T,...) the targets in force at each frame: those commanded for the interval before it, at
+    the first frame what is measured.
 
     `commanded[t]` is commanded for the interval after frame t.
     """
@@ -32,40 +36,60 @@ def drive_targets(measured: NDArray[np.float64], commanded: NDArray[np.float64])
 
 
 def tool_poses(tcp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The original's tool poses (...,7) for poses of tool centre points: behind them along their x axis."""
+    """The original's tool poses (...,7) for poses of tool centre points: behind them along their x
+    axis."""
     return compose(tcp, pose((-BEHIND_TCP, 0, 0)))
 
 
-def episode_arrays(file: EpisodeFile, facts: Facts, names: Mapping[str, str], order: JpegOrder) -> dict[str, NDArray[Any]]:
+def episode_arrays(
+    file: EpisodeFile, facts: Facts, names: Mapping[str, str], order: JpegOrder
+) -> dict[str, NDArray[Any]]:
     """Every array of an exported file by key; `names` are those of the cameras there."""
     arrays = {key: file.array(key) for key in ("timestamp", "target/pose", "target/velocity")}
     if facts.log.target_angular_velocity is not None:
         arrays["target/angular_velocity"] = facts.log.target_angular_velocity
-    for part in ("vector", *(f"{side}_{part}" for side in facts.log.sides for part in ("arm", "gripper"))):
+    for part in (
+        "vector",
+        *(f"{side}_{part}" for side in facts.log.sides for part in ("arm", "gripper")),
+    ):
         measured = file.array(f"joint_state/{part}")
         arrays[f"joint_state/{part}"] = measured
         arrays[f"joint_action/{part}"] = drive_targets(measured, file.array(f"joint_action/{part}"))
     tools = tool_poses(facts.log.tcp)
     for i, side in enumerate(facts.log.sides):
-        arrays |= {f"endpose/{side}_endpose": tools[:, i], f"endpose/{side}_gripper": arrays[f"joint_action/{side}_gripper"]}
+        arrays |= {
+            f"endpose/{side}_endpose": tools[:, i],
+            f"endpose/{side}_gripper": arrays[f"joint_action/{side}_gripper"],
+        }
     for camera, name in names.items():
-        arrays |= {f"observation/{name}/{matrix}": file.array(f"observation/{camera}/{matrix}") for matrix in CAMERA_MATRICES}
+        arrays |= {
+            f"observation/{name}/{matrix}": file.array(f"observation/{camera}/{matrix}")
+            for matrix in CAMERA_MATRICES
+        }
         arrays[f"observation/{name}/rgb"] = coded(file, camera, order)
         if file.has(f"observation/{camera}/depth"):
             arrays[f"observation/{name}/depth"] = file.array(f"observation/{camera}/depth")
         if file.has(f"observation/{camera}/actor_segmentation"):
-            arrays[f"observation/{name}/actor_segmentation"] = painted(file.array(f"observation/{camera}/actor_segmentation"))
+            arrays[f"observation/{name}/actor_segmentation"] = painted(
+                file.array(f"observation/{camera}/actor_segmentation")
+            )
     return arrays | ({POINTCLOUD: file.array(POINTCLOUD)} if file.has(POINTCLOUD) else {})
 
 
 def painted(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Segmentation (...) as the original stores it, colors (...,3): the label is the place in the sorted color names of Pillow.
+    """Segmentation (...) as the original stores it, colors (...,3): the label is the place in the
+    sorted color names of Pillow.
 
     Raises ExportError if there are more labels than colors.
     """
-    palette = np.array([ImageColor.getrgb(color) for color in sorted(set(ImageColor.colormap.values()))], np.uint8)
+    palette = np.array(
+        [ImageColor.getrgb(color) for color in sorted(set(ImageColor.colormap.values()))], np.uint8
+    )
     if labels.max() >= len(palette):
-        raise ExportError(f"segmentation with body {labels.max()} cannot be painted: the original has {len(palette)} colors")
+        raise ExportError(
+            f"segmentation with body {labels.max()} cannot be painted: the original has"
+            f" {len(palette)} colors"
+        )
     return palette[labels]
 
 

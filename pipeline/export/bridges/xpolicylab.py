@@ -12,10 +12,11 @@
       timestamp (T,), target/{pose,velocity,angular_velocity}                               beyond the format
       attributes: jpeg_order, spec
 
-`state[t]` is the joint target in force at frame t, `action[t]` the one commanded for the interval after it. RoboTwin stores its
-drive targets, too: readers that take `state[t + 1]` for the action get what those get that read `action[t]`. An evaluation shows a
-policy the same state (evaluate/policies/xpolicylab.py). Hand poses are measured; those of `action` are of the next frame.
-"""
+`state[t]` is the joint target in force at frame t, `action[t]` the one commanded for the interval
+after it. RoboTwin stores its drive targets, too: readers that take `state[t + 1]` for the action
+get what those get that read `action[t]`. An evaluation shows a policy the same state
+(evaluate/policies/xpolicylab.py). Hand poses are measured; those of `action` are of the next frame.
+"""  # noqa: E501
 
 import json
 from collections.abc import Collection, Sequence
@@ -48,7 +49,10 @@ class XPolicyLabOptions:
     """Options of the format."""
 
     jpeg_order: Literal["rgb", "bgr"] = option(
-        "bgr for readers that decode with cv2 and never swap (XPolicyLab's own), rgb for all others", one_of("rgb", "bgr"), "bgr"
+        "bgr for readers that decode with cv2 and never swap (XPolicyLab's own), rgb for all"
+        " others",
+        one_of("rgb", "bgr"),
+        "bgr",
     )
 
 
@@ -73,10 +77,15 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
         places = CAMERAS | ({third: "cam_third_view"} if third else {})
         names = {camera: places[camera] for camera in facts.cameras if camera in places}
         if not names:
-            raise ExportError(f"{facts.source}: has none of {', '.join((*CAMERAS, *THIRD_VIEW))}, the cameras of XPolicyLab")
+            raise ExportError(
+                f"{facts.source}: has none of {', '.join((*CAMERAS, *THIRD_VIEW))}, the cameras of"
+                " XPolicyLab"
+            )
         return names
 
-    def contents(self, file: EpisodeFile, facts: Facts, options: XPolicyLabOptions, shared: None) -> Contents:
+    def contents(
+        self, file: EpisodeFile, facts: Facts, options: XPolicyLabOptions, shared: None
+    ) -> Contents:
         log = facts.log
         values: dict[str, NDArray[Any] | str] = {
             "data_format_version": "v1.0",
@@ -89,28 +98,45 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
         }
         if log.target_angular_velocity is not None:
             values["target/angular_velocity"] = log.target_angular_velocity
-        for group, vectors, frames in (("state", drive_targets(log.state, log.action), _now), ("action", log.action, _next)):
+        for group, vectors, frames in (
+            ("state", drive_targets(log.state, log.action), _now),
+            ("action", log.action, _next),
+        ):
             for i, side in enumerate(log.sides):
                 tcp = frames(log.tcp[:, i])
                 parts = _split(log.vector_names, vectors, side) | {
                     "ee_poses": tool_poses(tcp),
                     "tcp_poses": tcp,
                 }
-                values |= {f"{group}/{side}_{name}": value.astype(np.float32) for name, value in parts.items()}
+                values |= {
+                    f"{group}/{side}_{name}": value.astype(np.float32)
+                    for name, value in parts.items()
+                }
         for camera, name in self.cameras(facts, options).items():
-            values |= {f"vision/{name}/{key}": value for key, value in _camera(file, facts, camera, options.jpeg_order).items()}
+            values |= {
+                f"vision/{name}/{key}": value
+                for key, value in _camera(file, facts, camera, options.jpeg_order).items()
+            }
         if file.has("pointcloud"):
             values["pointclouds"] = file.array("pointcloud")
         return Contents(values, {"jpeg_order": options.jpeg_order, "spec": facts.spec.to_json()})
 
 
 def _place(spec: EpisodeSpec) -> str:
-    task, robot, level, domain = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain).path.split("/")
-    # XPolicyLab separates these names by dots, and names of robots are those of its configuration files
-    return "/".join(part.replace(".", "_").replace("-", "_") for part in (f"DOMINO_{level}_{domain}", task, robot))
+    task, robot, level, domain = Cell(
+        spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain
+    ).path.split("/")
+    # XPolicyLab separates these names by dots, and names of robots are those of its configuration
+    # files
+    return "/".join(
+        part.replace(".", "_").replace("-", "_")
+        for part in (f"DOMINO_{level}_{domain}", task, robot)
+    )
 
 
-def _split(names: Sequence[str], vectors: NDArray[np.float64], side: str) -> dict[str, NDArray[np.float64]]:
+def _split(
+    names: Sequence[str], vectors: NDArray[np.float64], side: str
+) -> dict[str, NDArray[np.float64]]:
     gripper = names.index(f"{side}_gripper")
     arm = [i for i, name in enumerate(names) if name.startswith(f"{side}_") and i != gripper]
     return {"arm_joint_states": vectors[:, arm], "ee_joint_states": vectors[:, [gripper]]}
@@ -124,7 +150,9 @@ def _next(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.vstack([values[1:], values[-1:]])
 
 
-def _camera(file: EpisodeFile, facts: Facts, camera: str, order: JpegOrder) -> dict[str, NDArray[Any]]:
+def _camera(
+    file: EpisodeFile, facts: Facts, camera: str, order: JpegOrder
+) -> dict[str, NDArray[Any]]:
     below = f"observation/{camera}"
     values = {
         "colors": coded(file, camera, order),

@@ -1,4 +1,5 @@
-"""ALOHA HDF5 as ACT and its descendants read it: one `episode_{i}.hdf5` an episode, in the order of the paths.
+"""ALOHA HDF5 as ACT and its descendants read it: one `episode_{i}.hdf5` an episode, in the order of
+the paths.
 
     observations/qpos (T,A) observations/qvel (T,A) action (T,A)          float32
     observations/left_arm_dim (T,) observations/right_arm_dim (T,)        joints of each arm, 6 or 7
@@ -10,11 +11,12 @@
     instructions/{seen,unseen}, motion
     attributes: sim True, compress, jpeg_order, length, fps, embodiment, names, cameras, instruction, spec, events
 
-`action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and no frame is dropped. Grippers
-are 0 closed to 1 open; their velocity is a finite difference. A is the embodiment's own width (14 or 16). Several embodiments get a
-directory each. With --pad the last row is repeated up to the longest episode of the directory: the loader of ACT stacks the arrays
-of all episodes. `length` is the number of rows before padding.
-"""
+`action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and
+no frame is dropped. Grippers are 0 closed to 1 open; their velocity is a finite difference. A is
+the embodiment's own width (14 or 16). Several embodiments get a directory each. With --pad the last
+row is repeated up to the longest episode of the directory: the loader of ACT stacks the arrays of
+all episodes. `length` is the number of rows before padding.
+"""  # noqa: E501
 
 import json
 from collections.abc import Mapping, Sequence
@@ -45,10 +47,16 @@ from pipeline.export.shared.images import padded, reencode, resize
 class AlohaOptions:
     """Options of the ALOHA format; `size` is (height, width) in pixels."""
 
-    compress: Literal["jpeg", "none"] = option("jpeg or none (raw RGB arrays)", one_of("jpeg", "none"), "none")
-    jpeg_order: Literal["rgb", "bgr"] = option("rgb or bgr, with --compress jpeg", one_of("rgb", "bgr"), "rgb")
+    compress: Literal["jpeg", "none"] = option(
+        "jpeg or none (raw RGB arrays)", one_of("jpeg", "none"), "none"
+    )
+    jpeg_order: Literal["rgb", "bgr"] = option(
+        "rgb or bgr, with --compress jpeg", one_of("rgb", "bgr"), "rgb"
+    )
     pad: bool = option("repeat the last row up to the longest episode", default=False)
-    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 640x480", image_size, None)
+    size: tuple[int, int] | None = option(
+        "WIDTHxHEIGHT in pixels to resize images to, like 640x480", image_size, None
+    )
     camera_names: Mapping[str, str] = camera_names_option()
 
     def __post_init__(self) -> None:
@@ -76,9 +84,14 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
         """The rows that the files are padded to, 0 for no padding."""
         return _longest(paths) if options.pad else 0
 
-    def contents(self, file: EpisodeFile, facts: Facts, options: AlohaOptions, shared: int) -> Contents:
+    def contents(
+        self, file: EpisodeFile, facts: Facts, options: AlohaOptions, shared: int
+    ) -> Contents:
         rows, coded = _rows(facts, shared), options.compress == "jpeg"
-        images = {name: _images(file, camera, options) for camera, name in self.cameras(facts, options).items()}
+        images = {
+            name: _images(file, camera, options)
+            for camera, name in self.cameras(facts, options).items()
+        }
         length, names = len(rows["action"]), sorted(images)
         values: dict[str, NDArray[Any]] = {
             **rows,
@@ -87,7 +100,9 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
             "motion": np.array(facts.motion, h5py.string_dtype()),
         }
         for name in names:
-            values[f"observations/images/{name}"] = _lengthen(padded(images[name]) if coded else np.stack(images[name]), length)
+            values[f"observations/images/{name}"] = _lengthen(
+                padded(images[name]) if coded else np.stack(images[name]), length
+            )
         if coded:
             sizes = [np.array([len(jpeg) for jpeg in images[name]], np.float32) for name in names]
             values["compress_len"] = np.stack([_lengthen(each, length) for each in sizes])
@@ -107,7 +122,9 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
         }
         return Contents(values, attributes, storage=_chunk)
 
-    def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: AlohaOptions) -> None:
+    def sum_up(
+        self, values: dict[str, Any], name: str, first: Facts, options: AlohaOptions
+    ) -> None:
         values.setdefault("fps", {})[first.spec.embodiment] = first.fps
         values.setdefault("embodiments", []).append(first.spec.embodiment)
 
@@ -126,7 +143,8 @@ def _longest(paths: Sequence[Path]) -> int:
 
 
 def joint_velocity(facts: Facts) -> NDArray[np.float64]:
-    """Measured velocities (T,A) of the state vector: joints in rad/s by name from the log, grippers (0-1) in 1/s by differences.
+    """Measured velocities (T,A) of the state vector: joints in rad/s by name from the log, grippers
+    (0-1) in 1/s by differences.
 
     Raises ExportError if the log does not hold a joint of the vector.
     """
@@ -144,9 +162,13 @@ def joint_velocity(facts: Facts) -> NDArray[np.float64]:
 
 
 def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
-    """Arrays by key with one row a frame, their last row repeated up to `longest` rows where they are fewer."""
+    """Arrays by key with one row a frame, their last row repeated up to `longest` rows where they
+    are fewer."""
     log, names = facts.log, facts.log.vector_names
-    joints = {side: sum(n.startswith(f"{side}_") and n != f"{side}_gripper" for n in names) for side in SIDES}
+    joints = {
+        side: sum(n.startswith(f"{side}_") and n != f"{side}_gripper" for n in names)
+        for side in SIDES
+    }
     arrays: dict[str, NDArray[Any]] = {
         "observations/qpos": log.state.astype(np.float32),
         "observations/qvel": joint_velocity(facts).astype(np.float32),
@@ -154,13 +176,23 @@ def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
         "timestamp": log.times - log.times[0],
         "target/pose": facts.target.astype(np.float32),
         "target/velocity": log.target_velocity.astype(np.float32),
-        **({} if (spin := log.target_angular_velocity) is None else {"target/angular_velocity": spin.astype(np.float32)}),
-        **{f"observations/{side}_arm_dim": np.full(len(facts), count) for side, count in joints.items()},
+        **(
+            {}
+            if (spin := log.target_angular_velocity) is None
+            else {"target/angular_velocity": spin.astype(np.float32)}
+        ),
+        **{
+            f"observations/{side}_arm_dim": np.full(len(facts), count)
+            for side, count in joints.items()
+        },
     }
     if not longest:
         return arrays
     arrays = {key: _lengthen(values, longest) for key, values in arrays.items()}
-    return arrays | {"timestamp": np.arange(longest) / facts.fps, "is_pad": np.arange(longest) >= len(facts)}
+    return arrays | {
+        "timestamp": np.arange(longest) / facts.fps,
+        "is_pad": np.arange(longest) >= len(facts),
+    }
 
 
 def _lengthen(values: NDArray[Any], length: int) -> NDArray[Any]:
@@ -171,5 +203,8 @@ def _lengthen(values: NDArray[Any], length: int) -> NDArray[Any]:
 def _images(file: EpisodeFile, camera: str, options: AlohaOptions) -> list[Any]:
     """JPEG bytes or RGB arrays (H,W,3) of the frames of a camera."""
     if options.compress == "jpeg":
-        return [reencode(bytes(b), options.jpeg_order, options.size) for b in file.array(f"observation/{camera}/rgb")]
+        return [
+            reencode(bytes(b), options.jpeg_order, options.size)
+            for b in file.array(f"observation/{camera}/rgb")
+        ]
     return [resize(frame, options.size) for frame in file.frames(camera)]

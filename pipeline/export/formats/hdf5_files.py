@@ -1,4 +1,5 @@
-"""The common part of formats with one HDF5 file an episode: each format defines the directory, the names and the content."""
+"""The common part of formats with one HDF5 file an episode: each format defines the directory, the
+names and the content."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,7 +19,8 @@ from pipeline.export.shared.episodes import Facts, read_facts, reading
 from pipeline.export.shared.provenance import PROVENANCE, Provenance
 
 type Storage = Callable[[str, NDArray[Any]], dict[str, Any] | None]
-"""Options of h5py for an array by its key and values; None for an array that is assigned, which h5py links after its values."""
+"""Options of h5py for an array by its key and values; None for an array that is assigned, which
+h5py links after its values."""
 
 
 def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
@@ -28,11 +30,12 @@ def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Contents:
-    """One file: arrays and texts by key, attributes of its root, and arrays that are those of other keys one frame later.
+    """One file: arrays and texts by key, attributes of its root, and arrays that are those of other
+    keys one frame later.
 
-    The last frame of such an array is that of the other key once more; only a reference is stored (an HDF5 virtual dataset).
-    `of_groups` are the attributes of groups by key, `cache` the bytes of chunks that h5py holds, on which their order in the file
-    depends (None: the library's own).
+    The last frame of such an array is that of the other key once more; only a reference is stored
+    (an HDF5 virtual dataset). `of_groups` are the attributes of groups by key, `cache` the bytes of
+    chunks that h5py holds, on which their order in the file depends (None: the library's own).
     """
 
     values: Mapping[str, NDArray[Any] | str]
@@ -50,7 +53,11 @@ class Contents:
             for group, attributes in self.of_groups.items():
                 f[group].attrs.update(attributes)
             for key, value in self.values.items():
-                options = {"dtype": h5py.string_dtype()} if isinstance(value, str) else self.storage(key, value)
+                options = (
+                    {"dtype": h5py.string_dtype()}
+                    if isinstance(value, str)
+                    else self.storage(key, value)
+                )
                 if options is None:
                     f[key] = value
                 else:
@@ -65,7 +72,8 @@ class Contents:
 
 
 def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
-    """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
+    """Create the groups that datasets of these names need: those that h5py makes on the way carry
+    the time of day."""
     for key in keys:
         parts = key.split("/")[:-1]
         for depth in range(1, len(parts) + 1):
@@ -81,10 +89,11 @@ def write_files(
     write: Callable[[Path, EpisodeFile, Facts], None],
     also: Sequence[Any] = (),
 ) -> Iterator[Facts]:
-    """Give each episode its file at `places`, written or taken over from the older export, and `directory` its episodes.parquet.
+    """Give each episode its file at `places`, written or taken over from the older export, and
+    `directory` its episodes.parquet.
 
-    `also` is what a file is made from beside its episode, plain data. Yields the facts of each episode. Raises ExportError for
-    unreadable episodes and for those that do not fit together."""
+    `also` is what a file is made from beside its episode, plain data. Yields the facts of each
+    episode. Raises ExportError for unreadable episodes and for those that do not fit together."""
     with closing(Provenance(directory / PROVENANCE, draft.validation)) as rows:
         for episode, made in places.items():
             made_from = ["episode", draft.hash_of(episode), *also]
@@ -105,7 +114,8 @@ class Hdf5Exporter[O](Exporter[O]):
 
     @abstractmethod
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-        """Directory -> its episodes in order. Episodes of one directory must have the same cameras, joints and fps."""
+        """Directory -> its episodes in order. Episodes of one directory must have the same cameras,
+        joints and fps."""
 
     @abstractmethod
     def file(self, directory: Path, index: int) -> Path:
@@ -113,14 +123,17 @@ class Hdf5Exporter[O](Exporter[O]):
 
     @abstractmethod
     def cameras(self, facts: Facts, options: O) -> dict[str, str]:
-        """Name in the file of each camera that the format takes. Raises ExportError if that fails."""
+        """Name in the file of each camera that the format takes. Raises ExportError if that
+        fails."""
 
     @abstractmethod
     def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: Any) -> Contents:
-        """What the file of an episode holds. Raises ExportError for an episode that the format cannot hold."""
+        """What the file of an episode holds. Raises ExportError for an episode that the format
+        cannot hold."""
 
     def shared(self, paths: Sequence[Path], options: O) -> Any:
-        """What the files of a directory depend on beside their own episodes, plain data; None for most formats."""
+        """What the files of a directory depend on beside their own episodes, plain data; None for
+        most formats."""
         return None
 
     def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
@@ -132,11 +145,13 @@ class Hdf5Exporter[O](Exporter[O]):
         return None
 
     def lists(self, notes: Sequence[Any]) -> Mapping[str, str]:
-        """The text files of a whole directory by name, from the notes of its episodes; most formats have none."""
+        """The text files of a whole directory by name, from the notes of its episodes; most formats
+        have none."""
         return {}
 
     def finish(self, directory: Path, validation: float) -> None:
-        """Write what describes a whole directory, from its episodes.parquet; most formats have nothing more to write."""
+        """Write what describes a whole directory, from its episodes.parquet; most formats have
+        nothing more to write."""
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
         """Add what the summary has of a directory to its values, from the first episode."""
@@ -148,14 +163,20 @@ class Hdf5Exporter[O](Exporter[O]):
         for directory, paths in self.directories(job.episodes, draft.folder).items():
             shared, notes = self.shared(paths, job.options), list[Any]()
 
-            def write_one(made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared) -> None:
+            def write_one(
+                made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared
+            ) -> None:
                 self.contents(file, facts, job.options, shared).write(made)
 
             places = {path: self.file(directory, index) for index, path in enumerate(paths)}
             also = () if shared is None else (shared,)
-            for index, facts in enumerate(write_files(draft, job, directory, places, write_one, also)):
+            for index, facts in enumerate(
+                write_files(draft, job, directory, places, write_one, also)
+            ):
                 if index == 0:
-                    self.sum_up(values, directory.relative_to(draft.folder).as_posix(), facts, job.options)
+                    self.sum_up(
+                        values, directory.relative_to(draft.folder).as_posix(), facts, job.options
+                    )
                 _write_texts(directory, self.texts(index, facts))
                 notes.append(self.note(facts))
                 values["frames"] += len(facts)

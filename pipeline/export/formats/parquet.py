@@ -1,14 +1,15 @@
-"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined; columns in docs/exports.md.
+"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined;
+columns in docs/exports.md.
 
     data-00000.parquet ...   about FILE_BYTES each; a row group holds one episode, or a part of one of GROUP_BYTES
     episodes.parquet         one row an episode: `provenance.PROVENANCE_SCHEMA`
     README.md                the card; its front matter names both as configurations of the dataset
     export.json              the summary
 
-`state` and `action` are lists of the embodiment's own width; their joint names are in the schema metadata, key "domino".
-An image is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset(OUT)` decodes them; everything else reads
-the bytes.
-"""
+`state` and `action` are lists of the embodiment's own width; their joint names are in the schema
+metadata, key "domino". An image is a struct {bytes, path}, as Hugging Face datasets stores images:
+`load_dataset(OUT)` decodes them; everything else reads the bytes.
+"""  # noqa: E501
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
@@ -37,7 +38,8 @@ from pipeline.export.shared.sensors import IMAGE, SENSORS, sensors_of
 from pipeline.export.shared.tables import TableWriter
 
 FILE_BYTES = 200 * 1024 * 1024
-GROUP_BYTES = 64 * 1024 * 1024  # the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
+# the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
+GROUP_BYTES = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,12 @@ class ParquetOptions:
     """Options of the Parquet format: a new file begins when one has reached `file_bytes`."""
 
     file_bytes: int = option("bytes after which another file begins", whole(1), FILE_BYTES)
-    group_bytes: int = option("bytes of images and annotations that a row group does not exceed", whole(1), GROUP_BYTES)
-    annotations: str = option("annotations to join: all, none, or directories like flow@0a1b2c3d,masks@...", str, "all")
+    group_bytes: int = option(
+        "bytes of images and annotations that a row group does not exceed", whole(1), GROUP_BYTES
+    )
+    annotations: str = option(
+        "annotations to join: all, none, or directories like flow@0a1b2c3d,masks@...", str, "all"
+    )
     camera_names: Mapping[str, str] = camera_names_option()
 
 
@@ -62,7 +68,10 @@ class Parquet(Exporter[ParquetOptions]):
         firsts = _firsts(paths, job.dataset)
         joined = joined_of(job.dataset, job.options.annotations, job.options.camera_names)
         plan = _plan(firsts, job.options, _sensors(paths), joined)
-        files, rows = _Files(draft, plan, job.options), Provenance(draft.folder / PROVENANCE, draft.validation)
+        files, rows = (
+            _Files(draft, plan, job.options),
+            Provenance(draft.folder / PROVENANCE, draft.validation),
+        )
         with closing(rows), closing(files):
             items = [_item(index, path, draft, plan) for index, path in enumerate(paths)]
             kept = 0
@@ -73,7 +82,9 @@ class Parquet(Exporter[ParquetOptions]):
                     facts = read_facts(file, job.dataset)
                     rows.append(facts)
                     if index >= kept:
-                        files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
+                        files.write(
+                            episode_table(index, facts, file, plan, job.dataset), items[index]
+                        )
                 job.advance()
         return {
             "episodes": len(paths),
@@ -103,11 +114,18 @@ def _sensors(paths: Sequence[Path]) -> set[str]:
     return found
 
 
-def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, sensors: Collection[str], joined: Sequence[Joined]) -> Plan:
+def _plan(
+    firsts: Mapping[str, Facts],
+    options: ParquetOptions,
+    sensors: Collection[str],
+    joined: Sequence[Joined],
+) -> Plan:
     reference = next(iter(firsts.values()))
     names = {name: list(f.log.vector_names) for name, f in firsts.items()}
     cameras = exported_cameras(reference, options.camera_names)
-    return Plan(reference.fps, cameras, names, sensors, joined, reference.corrected, reference.spins)
+    return Plan(
+        reference.fps, cameras, names, sensors, joined, reference.corrected, reference.spins
+    )
 
 
 def _item(index: int, path: Path, draft: ExportDraft, plan: Plan) -> list[Any]:
@@ -118,27 +136,33 @@ def _item(index: int, path: Path, draft: ExportDraft, plan: Plan) -> list[Any]:
 
 
 class _Files:
-    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `file_bytes`."""
+    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached
+    `file_bytes`."""
 
     def __init__(self, draft: ExportDraft, plan: Plan, options: ParquetOptions) -> None:
         self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
         coded = [field.name for field in self.schema if field.type == IMAGE]
         # JPEG and PNG bytes neither compress nor repeat
-        codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {f"{name}.bytes": "NONE" for name in coded}
+        codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {
+            f"{name}.bytes": "NONE" for name in coded
+        }
         self.settings: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
-        # pages end where the content says, so that a store that keeps equal pieces once keeps what has not changed
+        # pages end where the content says, so that a store that keeps equal pieces once keeps what
+        # has not changed
         self.settings |= {"use_content_defined_chunking": True}
         self._writer: TableWriter | None = None
         self._items: list[list[Any]] = []
 
     def keep(self, items: Sequence[list[Any]], start: int) -> int:
-        """Take over the next file where the older export has one of the episodes from `start`; returns of how many."""
+        """Take over the next file where the older export has one of the episodes from `start`;
+        returns of how many."""
         name = f"data-{self.count:05d}.parquet"
         older = self.draft.older.record.contents.get(name, {})
         count, full = older.get("episodes", 0), older.get("full", False)
         if self._writer is not None or not 0 < count <= len(items) - start:
             return 0
-        if not full and count < len(items) - start:  # it ended for want of episodes, and there are more
+        # it ended for want of episodes, and there are more
+        if not full and count < len(items) - start:
             return 0
         made_from = self._sources_of(items[start : start + count])
         if not self.draft.keep(self.draft.folder / name, made_from):
@@ -161,17 +185,21 @@ class _Files:
             self.close(full=True)
 
     def close(self, full: bool = False) -> None:
-        """Finish the file that is being written; `full` if it is complete whatever episodes follow."""
+        """Finish the file that is being written; `full` if it is complete whatever episodes
+        follow."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
             path = self.draft.folder / f"data-{self.count:05d}.parquet"
-            self.draft.record(path, self._sources_of(self._items), episodes=len(self._items), full=full)
+            self.draft.record(
+                path, self._sources_of(self._items), episodes=len(self._items), full=full
+            )
             self.count, self._items = self.count + 1, []
 
 
 def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
-    """Embodiment -> its first episode; raises ExportError where two of these differ in fps, cameras or in what they hold."""
+    """Embodiment -> its first episode; raises ExportError where two of these differ in fps, cameras
+    or in what they hold."""
     firsts: dict[str, Facts] = {}
     for path in paths:
         with reading(path) as file:
@@ -182,5 +210,8 @@ def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
         for name in ("fps", "cameras", "spins"):
             want, got = getattr(reference, name), getattr(other, name)
             if want != got:
-                raise ExportError(f"{other.source}: {name} {got} differs from {want} of {reference.source}; export them separately")
+                raise ExportError(
+                    f"{other.source}: {name} {got} differs from {want} of {reference.source};"
+                    " export them separately"
+                )
     return firsts

@@ -16,7 +16,14 @@ from pipeline.export.shared.annotations import Joined, annotation_columns
 from pipeline.export.shared.derived import contact_flags, interception, trace_of
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
 from pipeline.export.shared.script import script_of
-from pipeline.export.shared.sensors import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column, sensors_of
+from pipeline.export.shared.sensors import (
+    IMAGE,
+    IMAGES,
+    POINTCLOUD,
+    coded_images,
+    image_column,
+    sensors_of,
+)
 from pipeline.motion.paths import path_ahead
 from pipeline.motion.recorded.interception import track
 
@@ -24,7 +31,13 @@ VECTORS = ("state", "action", "target_pose", "target_velocity")
 TOOLS = {side: f"tcp_{side}" for side in SIDES}
 FLAGS = ("contact_target", "contact_manipulated", "held")
 TEXTS = ("subtask", "skill", "stage")
-CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64(), "alpha": pa.float64(), "domain": pa.string()} | {
+CONSTANTS = {
+    "task": pa.string(),
+    "embodiment": pa.string(),
+    "level": pa.int64(),
+    "alpha": pa.float64(),
+    "domain": pa.string(),
+} | {
     "slot": pa.int64(),
     "seed": pa.int64(),
     "physics_id": pa.string(),
@@ -37,8 +50,9 @@ CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64()
 class Plan:
     """The columns of an export.
 
-    They follow from the fps, exported names by camera, joint names by embodiment, sensors that any episode stores, annotations to
-    join, whether a policy acts before the expert does, and whether the files hold the target's angular velocity.
+    They follow from the fps, exported names by camera, joint names by embodiment, sensors that any
+    episode stores, annotations to join, whether a policy acts before the expert does, and whether
+    the files hold the target's angular velocity.
     """
 
     fps: int
@@ -57,11 +71,21 @@ class Plan:
     @property
     def sensor_images(self) -> dict[tuple[str, str], str]:
         """(Camera, sensor) -> column: ("left_camera", "depth") -> "depth_cam_left_wrist"."""
-        return {(c, sensor): f"{sensor}_{name}" for c, name in self.cameras.items() for sensor in IMAGES if sensor in self.sensors}
+        return {
+            (c, sensor): f"{sensor}_{name}"
+            for c, name in self.cameras.items()
+            for sensor in IMAGES
+            if sensor in self.sensors
+        }
 
     def schema(self) -> pa.Schema:
-        """The schema; its metadata have fps, joint names, annotations and the Hugging Face feature of every column."""
-        columns: dict[str, pa.DataType] = {"episode_index": pa.int64(), "frame_index": pa.int64(), "timestamp": pa.float64()}
+        """The schema; its metadata have fps, joint names, annotations and the Hugging Face feature
+        of every column."""
+        columns: dict[str, pa.DataType] = {
+            "episode_index": pa.int64(),
+            "frame_index": pa.int64(),
+            "timestamp": pa.float64(),
+        }
         columns |= CONSTANTS
         columns |= dict.fromkeys(TEXTS, pa.string())
         columns |= dict.fromkeys((*VECTORS, *TOOLS.values(), "target_path"), pa.list_(pa.float32()))
@@ -73,18 +97,32 @@ class Plan:
             columns |= {"intervention": pa.bool_(), "expert_action": pa.list_(pa.float32())}
         columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
         for name in self.cameras.values():
-            columns |= {f"{kind}_{name}": pa.list_(pa.float32()) for kind in ("camera_pose", "target_track", "trace")}
+            columns |= {
+                f"{kind}_{name}": pa.list_(pa.float32())
+                for kind in ("camera_pose", "target_track", "trace")
+            }
         columns |= dict.fromkeys((*self.images.values(), *self.sensor_images.values()), IMAGE)
         columns |= {POINTCLOUD: pa.list_(pa.float32())} if POINTCLOUD in self.sensors else {}
         for one in self.joined:
             columns |= one.columns
         schema = pa.schema(list(columns.items()))
-        described: dict[str, Any] = {"fps": self.fps, "cameras": list(self.images.values()), "names": dict(self.names)}
+        described: dict[str, Any] = {
+            "fps": self.fps,
+            "cameras": list(self.images.values()),
+            "names": dict(self.names),
+        }
         described["annotations"] = {
-            j.directory: {"stage": j.stage, "columns": list(j.columns), "parameters": dict(j.parameters)} for j in self.joined
+            j.directory: {
+                "stage": j.stage,
+                "columns": list(j.columns),
+                "parameters": dict(j.parameters),
+            }
+            for j in self.joined
         }
         metadata = {
-            "huggingface": json.dumps({"info": {"features": {field.name: _feature(field.type) for field in schema}}}),
+            "huggingface": json.dumps(
+                {"info": {"features": {field.name: _feature(field.type) for field in schema}}}
+            ),
             "domino": json.dumps(described, sort_keys=True),
         }
         return schema.with_metadata(metadata)
@@ -98,14 +136,25 @@ def _feature(kind: pa.DataType) -> dict[str, Any]:
         return {"feature": _feature(kind.value_type), "_type": "List"}
     if isinstance(kind, pa.StructType):
         return {field.name: _feature(field.type) for field in kind}
-    return {"dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)), "_type": "Value"}
+    return {
+        "dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)),
+        "_type": "Value",
+    }
 
 
-def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, dataset: Path) -> pa.Table:
+def episode_table(
+    index: int, facts: Facts, file: EpisodeFile, plan: Plan, dataset: Path
+) -> pa.Table:
     frames, log, derived, schema = len(facts), facts.log, interception(facts), plan.schema()
     spec = {name: value for name, value in vars(facts.spec).items() if name in CONSTANTS}
-    spec |= {"physics_id": facts.meta.physics_id, "variant": facts.meta.variant, "instruction": facts.instruction}
-    columns: dict[str, Any] = {name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()}
+    spec |= {
+        "physics_id": facts.meta.physics_id,
+        "variant": facts.meta.variant,
+        "instruction": facts.instruction,
+    }
+    columns: dict[str, Any] = {
+        name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()
+    }
     columns["episode_index"] = np.full(frames, index)
     columns["frame_index"] = np.arange(frames)
     columns["timestamp"] = log.times - log.times[0]
@@ -116,7 +165,9 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
         columns["target_angular_velocity"] = _lists(np.array(log.target_angular_velocity))
     tools = dict(zip(log.sides, log.tcp.swapaxes(0, 1), strict=True))
     for side, name in TOOLS.items():
-        columns[name] = _lists(tools[side]) if side in tools else pa.nulls(frames, pa.list_(pa.float32()))
+        columns[name] = (
+            _lists(tools[side]) if side in tools else pa.nulls(frames, pa.list_(pa.float32()))
+        )
     script = script_of(facts)
     columns |= {name: getattr(script, name) for name in TEXTS}
     columns["target_path"] = _lists(path_ahead(facts.target[:, :3], facts.fps))
@@ -129,30 +180,48 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
     columns["is_first"] = np.arange(frames) == 0
     columns["is_last"] = np.arange(frames) == frames - 1
     if plan.corrected:
-        columns["intervention"], columns["expert_action"] = log.intervention, _lists(np.array(log.expert_action))
+        columns["intervention"], columns["expert_action"] = (
+            log.intervention,
+            _lists(np.array(log.expert_action)),
+        )
     columns["sim_step"] = derived.steps
-    flags = (contact_flags(facts, facts.meta.target), contact_flags(facts, facts.meta.manipulated), derived.held)
+    flags = (
+        contact_flags(facts, facts.meta.target),
+        contact_flags(facts, facts.meta.manipulated),
+        derived.held,
+    )
     for name, value in zip(FLAGS, flags, strict=True):
         columns[name] = pa.array(list(value.astype(bool)), pa.list_(pa.bool_()))
     for camera, name in plan.cameras.items():
         poses = facts.camera_poses[camera]
-        seen = track(facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3])
-        for kind, value in (("camera_pose", poses), ("target_track", seen), ("trace", trace_of(facts, camera))):
+        seen = track(
+            facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3]
+        )
+        for kind, value in (
+            ("camera_pose", poses),
+            ("target_track", seen),
+            ("trace", trace_of(facts, camera)),
+        ):
             columns[f"{kind}_{name}"] = _lists(value)
     columns |= annotation_columns(plan.joined, dataset, file, facts)
     for camera, column in plan.images.items():
         columns[column] = image_column(file.array(f"observation/{camera}/rgb").tolist())
     for (camera, sensor), column in plan.sensor_images.items():
         stored = sensor in sensors_of(file, [camera])
-        columns[column] = image_column(coded_images(file, camera, sensor)) if stored else pa.nulls(frames, IMAGE)
+        columns[column] = (
+            image_column(coded_images(file, camera, sensor)) if stored else pa.nulls(frames, IMAGE)
+        )
     if POINTCLOUD in plan.sensors:
         stored = file.has(POINTCLOUD)
-        columns[POINTCLOUD] = _lists(file.array(POINTCLOUD)) if stored else pa.nulls(frames, pa.list_(pa.float32()))
+        columns[POINTCLOUD] = (
+            _lists(file.array(POINTCLOUD)) if stored else pa.nulls(frames, pa.list_(pa.float32()))
+        )
     return pa.table({name: columns[name] for name in schema.names}, schema=schema)
 
 
 def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
-    """(frame, name, time s) of every event, in time order: the first frame at or after it, the one whose state has felt it.
+    """(frame, name, time s) of every event, in time order: the first frame at or after it, the one
+    whose state has felt it.
 
     An event later than the last frame is given to the last frame.
     """
@@ -165,4 +234,6 @@ def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
 
 def _lists(values: NDArray[Any]) -> pa.Array:
     """A column of flat float32 lists from values (T,...)."""
-    return pa.array(list(values.reshape(len(values), -1).astype(np.float32)), pa.list_(pa.float32()))
+    return pa.array(
+        list(values.reshape(len(values), -1).astype(np.float32)), pa.list_(pa.float32())
+    )

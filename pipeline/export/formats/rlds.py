@@ -1,15 +1,18 @@
-"""RLDS as TensorFlow Datasets stores it, which OpenVLA, Octo and other readers of Open X-Embodiment take. No TensorFlow is needed.
+"""RLDS as TensorFlow Datasets stores it, which OpenVLA, Octo and other readers of Open X-Embodiment
+take. No TensorFlow is needed.
 
     domino_<robot>/1.0.0/
       domino_<robot>-train.tfrecord-00000-of-00002      one record an episode
       features.json, dataset_info.json                  what `tfds.builder_from_directory` reads
       episodes.parquet                                  where each episode comes from
 
-An episode has `steps` and `episode_metadata` (`file_path`, the episode file; every column of SCALARS). A step has
-`observation/state` (A,) float32, `observation/<camera>` (JPEG, true RGB), `observation/depth_<camera>` (PNG, uint16 mm, where the
-episodes have depth), `action` (A,) float32, `language_instruction`, `reward` and `is_terminal` (1 and true in the last step of a
-success), `discount`, `is_first`, `is_last`. State is measured at the frame, `action` is the joint target commanded for the interval
-after it: nothing is shifted. The split is `train`, of failed attempts `failures`.
+An episode has `steps` and `episode_metadata` (`file_path`, the episode file; every column of
+SCALARS). A step has `observation/state` (A,) float32, `observation/<camera>` (JPEG, true RGB),
+`observation/depth_<camera>` (PNG, uint16 mm, where the episodes have depth), `action` (A,) float32,
+`language_instruction`, `reward` and `is_terminal` (1 and true in the last step of a success),
+`discount`, `is_first`, `is_last`. State is measured at the frame, `action` is the joint target
+commanded for the interval after it: nothing is shifted. The split is `train`, of failed attempts
+`failures`.
 """
 
 import re
@@ -52,7 +55,9 @@ NUMBERS: dict[type, Any] = {int: np.int64, float: np.float32}
 class RldsOptions:
     """Options of the format; `size` is (height, width) in pixels."""
 
-    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 256x256", image_size, None)
+    size: tuple[int, int] | None = option(
+        "WIDTHxHEIGHT in pixels to resize images to, like 256x256", image_size, None
+    )
     shard_episodes: int = option("episodes of a TFRecord file", whole(1), 32)
     camera_names: Mapping[str, str] = camera_names_option()
 
@@ -77,7 +82,10 @@ class Rlds(Exporter[RldsOptions]):
                         facts = read_facts(file, job.dataset)
                         described = features_of(file, facts, job.options)
                     if first is not None and described != features:
-                        raise ExportError(f"{facts.source}: has other sensors than {first.source}; export them separately")
+                        raise ExportError(
+                            f"{facts.source}: has other sensors than {first.source}; export them"
+                            " separately"
+                        )
                     first, features = first or facts, described
                     cameras |= exported_cameras(facts, job.options.camera_names)
                     rows.append(facts)
@@ -85,12 +93,20 @@ class Rlds(Exporter[RldsOptions]):
             write_json(directory / "features.json", features)
             write_json(directory / "dataset_info.json", _write_shards(draft, job, directory, paths))
         names = sorted(path.relative_to(draft.folder).as_posix() for path in directories)
-        return {"episodes": len(job.episodes), "frames": frames, "cameras": cameras, "directories": names}
+        return {
+            "episodes": len(job.episodes),
+            "frames": frames,
+            "cameras": cameras,
+            "directories": names,
+        }
 
 
 def _directories(episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-    """Directory of each robot and its episodes; TensorFlow Datasets wants names of small letters, digits and underscores."""
-    groups = group_episodes(episodes, lambda spec: "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower()))
+    """Directory of each robot and its episodes; TensorFlow Datasets wants names of small letters,
+    digits and underscores."""
+    groups = group_episodes(
+        episodes, lambda spec: "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
+    )
     return {out / name / VERSION: paths for name, paths in groups.items()}
 
 
@@ -103,12 +119,20 @@ def _shard(directory: Path, split: str, number: int, count: int) -> Path:
     return directory / f"{directory.parent.name}-{split}.tfrecord-{number:05d}-of-{count:05d}"
 
 
-def _write_shards(draft: ExportDraft, job: Job[RldsOptions], directory: Path, paths: Sequence[Path]) -> dict[str, Any]:
+def _write_shards(
+    draft: ExportDraft, job: Job[RldsOptions], directory: Path, paths: Sequence[Path]
+) -> dict[str, Any]:
     """Write the records of a robot's episodes; returns dataset_info.json."""
-    shards, split = list(batched(paths, job.options.shard_episodes)), _split_of(job.dataset, paths[0])
+    shards, split = (
+        list(batched(paths, job.options.shard_episodes)),
+        _split_of(job.dataset, paths[0]),
+    )
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):
-        made, made_from = _shard(directory, split, number, len(shards)), ["shard", [draft.hash_of(path) for path in shard]]
+        made, made_from = (
+            _shard(directory, split, number, len(shards)),
+            ["shard", [draft.hash_of(path) for path in shard]],
+        )
         if kept := draft.keep(made, made_from):
             sizes.append(kept["records"])
         else:
@@ -142,10 +166,14 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
     }
     for name, kind in SCALARS.items():
         value = getattr(facts.spec, name)
-        values[f"episode_metadata/{name}"] = [value.encode()] if kind is str else np.array([value], NUMBERS[kind])
+        values[f"episode_metadata/{name}"] = (
+            [value.encode()] if kind is str else np.array([value], NUMBERS[kind])
+        )
     for camera, name in exported_cameras(facts, options.camera_names).items():
         images = file.array(f"observation/{camera}/rgb")
-        values[f"steps/observation/{name}"] = [reencode(bytes(image), "rgb", options.size) for image in images]
+        values[f"steps/observation/{name}"] = [
+            reencode(bytes(image), "rgb", options.size) for image in images
+        ]
         if file.has(f"observation/{camera}/depth"):
             values[f"steps/observation/depth_{name}"] = coded_images(file, camera, DEPTH)
     return values
@@ -168,7 +196,10 @@ def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[s
     }
     kinds = {str: _text, int: lambda: _tensor("int64"), float: lambda: _tensor("float32")}
     metadata = {"file_path": _text()} | {name: kinds[kind]() for name, kind in SCALARS.items()}
-    steps = {"sequence": {"feature": _group(step), "length": "-1"}, "pythonClassName": _class("dataset_feature.Dataset")}
+    steps = {
+        "sequence": {"feature": _group(step), "length": "-1"},
+        "pythonClassName": _class("dataset_feature.Dataset"),
+    }
     return _group({"steps": steps, "episode_metadata": _group(metadata)})
 
 
@@ -177,7 +208,10 @@ def _class(name: str) -> str:
 
 
 def _group(features: Mapping[str, Any]) -> dict[str, Any]:
-    return {"featuresDict": {"features": dict(features)}, "pythonClassName": _class("features_dict.FeaturesDict")}
+    return {
+        "featuresDict": {"features": dict(features)},
+        "pythonClassName": _class("features_dict.FeaturesDict"),
+    }
 
 
 def _text() -> dict[str, Any]:
@@ -190,7 +224,10 @@ def _shape(sizes: Sequence[int]) -> dict[str, Any]:
 
 def _tensor(kind: str, *sizes: int) -> dict[str, Any]:
     name = "tensor_feature.Tensor" if sizes else "scalar.Scalar"
-    return {"tensor": {"dtype": kind, "encoding": "none", "shape": _shape(sizes)}, "pythonClassName": _class(name)}
+    return {
+        "tensor": {"dtype": kind, "encoding": "none", "shape": _shape(sizes)},
+        "pythonClassName": _class(name),
+    }
 
 
 def _image(sizes: Sequence[int], kind: str, encoding: str) -> dict[str, Any]:
@@ -206,4 +243,9 @@ def _info(directory: Path, split: str, sizes: Sequence[Sequence[int]]) -> dict[s
         "numBytes": str(sum(map(sum, sizes))),
         "shardLengths": [str(len(shard)) for shard in sizes],
     }
-    return {"name": directory.parent.name, "version": VERSION, "fileFormat": "tfrecord", "splits": [described]}
+    return {
+        "name": directory.parent.name,
+        "version": VERSION,
+        "fileFormat": "tfrecord",
+        "splits": [described],
+    }

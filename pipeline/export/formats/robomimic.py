@@ -8,13 +8,14 @@
       next_obs/...                   the same a frame later, the last frame twice; only a reference, no copy
       attributes: num_samples, task, embodiment, instruction, names, fps, spec
 
-One robot needs no directory of its own. `obs[t]` is measured at frame t, `actions[t]` are the joint targets commanded for the
-interval after it, in rad, grippers 0 to 1: robomimic's `normalization: min_max` of actions brings them to -1..1. `rewards` and
-`dones` are 1 in the last frame, rewards of failed attempts 0. `object` is the target's pose, linear (m/s) and
-angular velocity (rad/s). Episodes of earlier versions have no angular velocity; their `object` is (T,10). Masks are `train` and
-`valid` (every tenth `physics_id`, by its hash; with --validation the split of that name), and one for
-every task and level.
-"""
+One robot needs no directory of its own. `obs[t]` is measured at frame t, `actions[t]` are the joint
+targets commanded for the interval after it, in rad, grippers 0 to 1: robomimic's `normalization:
+min_max` of actions brings them to -1..1. `rewards` and `dones` are 1 in the last frame, rewards of
+failed attempts 0. `object` is the target's pose, linear (m/s) and angular velocity (rad/s).
+Episodes of earlier versions have no angular velocity; their `object` is (T,10). Masks are `train`
+and `valid` (every tenth `physics_id`, by its hash; with --validation the split of that name), and
+one for every task and level.
+"""  # noqa: E501
 
 import hashlib
 import json
@@ -51,7 +52,9 @@ HELD_OUT = 10
 class RobomimicOptions:
     """Options of the format; `size` is (height, width) in pixels."""
 
-    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None)
+    size: tuple[int, int] | None = option(
+        "WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None
+    )
     camera_names: Mapping[str, str] = camera_names_option()
 
 
@@ -74,7 +77,9 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
     def cameras(self, facts: Facts, options: RobomimicOptions) -> dict[str, str]:
         return exported_cameras(facts, options.camera_names)
 
-    def contents(self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None) -> Contents:
+    def contents(
+        self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None
+    ) -> Contents:
         log, last = facts.log, np.arange(len(facts)) == len(facts) - 1
         spin = [] if log.target_angular_velocity is None else [log.target_angular_velocity]
         obs: dict[str, NDArray[Any]] = {
@@ -84,10 +89,14 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         }
         obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
         for camera, name in self.cameras(facts, options).items():
-            obs[f"obs/{name}_image"] = np.stack([resize(image, options.size) for image in file.frames(camera)])
+            obs[f"obs/{name}_image"] = np.stack(
+                [resize(image, options.size) for image in file.frames(camera)]
+            )
             if file.has(f"observation/{camera}/depth"):
                 depth = file.array(f"observation/{camera}/depth") / np.float32(1000)
-                obs[f"obs/{name}_depth"] = np.stack([_nearest(image, options.size) for image in depth])[..., None]
+                obs[f"obs/{name}_depth"] = np.stack(
+                    [_nearest(image, options.size) for image in depth]
+                )[..., None]
         values = {
             "actions": log.action.astype(np.float32),
             "rewards": (last & (facts.meta.failure is None)).astype(np.float32),
@@ -118,9 +127,13 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
                 mask[name] = np.array(demos, "S")
 
 
-def index_of(provenance: Path, validation: float) -> tuple[dict[str, Any], dict[str, list[str]], int]:
+def index_of(
+    provenance: Path, validation: float
+) -> tuple[dict[str, Any], dict[str, list[str]], int]:
     """Attributes of the data, demos by mask, and the number of demos, from an episodes.parquet."""
-    rows = pq.read_table(provenance, columns=["length", "task", "level", "physics_id", "source", "split"]).to_pylist()
+    rows = pq.read_table(
+        provenance, columns=["length", "task", "level", "physics_id", "source", "split"]
+    ).to_pylist()
     masks: dict[str, list[str]] = defaultdict(list)
     for index, row in enumerate(rows):
         for name in (_split(row, validation), row["task"], f"{row['task']}_L{row['level']}"):
@@ -139,7 +152,8 @@ def _split(row: Mapping[str, Any], validation: float) -> str:
 
 
 def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:
-    """Depth (H,W) at another size: no value between that of an object and that of what is behind it."""
+    """Depth (H,W) at another size: no value between that of an object and that of what is behind
+    it."""
     if size is None:
         return depth
     rows, columns = (np.arange(n) * m // n for n, m in zip(size, depth.shape, strict=True))

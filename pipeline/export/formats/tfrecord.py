@@ -1,9 +1,10 @@
 """TFRecord files of tf.train.Example messages, written without TensorFlow.
 
-A record is its length (8 bytes, little endian), a checksum of these, the message, and a checksum of it; checksums are CRC-32C,
-rotated and shifted as https://www.tensorflow.org/tutorials/load_data/tfrecord says. A message is protocol buffers' wire format:
-Example.features (1) has a map `feature` (1) from names (1) to Feature (2), which is one of bytes_list (1), float_list (2) and
-int64_list (3), the values of which are field 1, numbers packed.
+A record is its length (8 bytes, little endian), a checksum of these, the message, and a checksum of
+it; checksums are CRC-32C, rotated and shifted as
+https://www.tensorflow.org/tutorials/load_data/tfrecord says. A message is protocol buffers' wire
+format: Example.features (1) has a map `feature` (1) from names (1) to Feature (2), which is one of
+bytes_list (1), float_list (2) and int64_list (3), the values of which are field 1, numbers packed.
 """
 
 import struct
@@ -25,7 +26,9 @@ type Value = Sequence[bytes] | NDArray[np.float32] | NDArray[np.int64]
 
 def example(features: Mapping[str, Value]) -> bytes:
     """The message of features by name, in the order of the names."""
-    entries = (_field(1, name.encode()) + _field(2, _feature(features[name])) for name in sorted(features))
+    entries = (
+        _field(1, name.encode()) + _field(2, _feature(features[name])) for name in sorted(features)
+    )
     return _field(1, b"".join(_field(1, entry) for entry in entries))
 
 
@@ -71,7 +74,9 @@ def masked_crc(data: bytes) -> int:
 def _table() -> NDArray[np.uint32]:
     table = np.arange(256, dtype=np.uint32)
     for _ in range(8):
-        table = np.where(table & 1, table >> np.uint32(1) ^ np.uint32(POLYNOMIAL), table >> np.uint32(1))
+        table = np.where(
+            table & 1, table >> np.uint32(1) ^ np.uint32(POLYNOMIAL), table >> np.uint32(1)
+        )
     return table
 
 

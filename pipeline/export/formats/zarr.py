@@ -1,4 +1,5 @@
-"""Replay buffers in zarr, as Diffusion Policy and 3D Diffusion Policy (DP3) read them: all episodes of a robot one after another.
+"""Replay buffers in zarr, as Diffusion Policy and 3D Diffusion Policy (DP3) read them: all episodes
+of a robot one after another.
 
     <robot>/replay_buffer.zarr/      one robot needs no directory of its own
       data/state (N,A) float32, data/action (N,A) float32
@@ -8,9 +9,10 @@
       meta/episode_ends (E,) int64                     the row after the last of each episode
     <robot>/episodes.parquet         where each episode comes from
 
-`state` is measured at a frame, `action` is the joint target commanded for the interval after it: nothing is shifted, which is how
-both policies pair them. A chunk holds --chunk-frames frames of an array.
-"""
+`state` is measured at a frame, `action` is the joint target commanded for the interval after it:
+nothing is shifted, which is how both policies pair them. A chunk holds --chunk-frames frames of an
+array.
+"""  # noqa: E501
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
@@ -27,7 +29,14 @@ from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.zarr_files import ZarrArray, begin_group
 from pipeline.export.options import camera_names, image_size, one_of, option, whole
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import ExportError, Facts, by_embodiment, exported_cameras, read_facts, reading
+from pipeline.export.shared.episodes import (
+    ExportError,
+    Facts,
+    by_embodiment,
+    exported_cameras,
+    read_facts,
+    reading,
+)
 from pipeline.export.shared.images import resize
 from pipeline.export.shared.provenance import PROVENANCE, Provenance
 
@@ -38,15 +47,22 @@ BUFFER = "replay_buffer.zarr"
 class ZarrOptions:
     """Options of the format; `size` is (height, width) in pixels."""
 
-    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None)
-    channels: Literal["first", "last"] = option("last: (N,H,W,3); first: (N,3,H,W), RoboTwin's DP", one_of("first", "last"), "last")
+    size: tuple[int, int] | None = option(
+        "WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None
+    )
+    channels: Literal["first", "last"] = option(
+        "last: (N,H,W,3); first: (N,3,H,W), RoboTwin's DP", one_of("first", "last"), "last"
+    )
     chunk_frames: int = option("frames of a chunk", whole(1), 100)
-    camera_names: Mapping[str, str] = option("names of cameras; default head=img, the others as stored", camera_names, factory=dict)
+    camera_names: Mapping[str, str] = option(
+        "names of cameras; default head=img, the others as stored", camera_names, factory=dict
+    )
 
 
 @dataclass(frozen=True)
 class Span:
-    """Rows of an episode that lie in a chunk: `start` to `stop` of the file, which has the hash `sha`."""
+    """Rows of an episode that lie in a chunk: `start` to `stop` of the file, which has the hash
+    `sha`."""
 
     path: Path
     sha: str
@@ -56,7 +72,8 @@ class Span:
 
 @dataclass
 class Buffer:
-    """The episodes of a robot as one sequence of N rows; the arrays of the last episode read stay in memory."""
+    """The episodes of a robot as one sequence of N rows; the arrays of the last episode read stay
+    in memory."""
 
     dataset: Path
     paths: Sequence[Path]
@@ -69,43 +86,72 @@ class Buffer:
             with reading(path) as file:
                 lengths.append(len(file))
         self.ends = np.cumsum(lengths)
-        self.kinds = {key: (value.dtype, value.shape[1:]) for key, value in self.values(self.paths[0]).items()}
+        self.kinds = {
+            key: (value.dtype, value.shape[1:]) for key, value in self.values(self.paths[0]).items()
+        }
 
     def arrays(self, root: Path) -> dict[str, ZarrArray]:
         """Arrays on disk by key."""
         count, rows = int(self.ends[-1]), self.options.chunk_frames
-        return {key: ZarrArray(root / "data" / key, (count, *shape), dtype, rows) for key, (dtype, shape) in self.kinds.items()}
+        return {
+            key: ZarrArray(root / "data" / key, (count, *shape), dtype, rows)
+            for key, (dtype, shape) in self.kinds.items()
+        }
 
     def spans(self, chunk: int, hashes: Mapping[Path, str]) -> list[Span]:
         """The parts of episodes that make a chunk."""
-        low, high = chunk * self.options.chunk_frames, min((chunk + 1) * self.options.chunk_frames, int(self.ends[-1]))
+        low, high = (
+            chunk * self.options.chunk_frames,
+            min((chunk + 1) * self.options.chunk_frames, int(self.ends[-1])),
+        )
         spans = []
         first, last = np.searchsorted(self.ends, (low, high - 1), side="right").tolist()
         for number in range(first, last + 1):
             path, start = self.paths[number], int(self.ends[number - 1]) if number else 0
-            spans.append(Span(path, hashes.get(path, ""), max(low - start, 0), min(high, int(self.ends[number])) - start))
+            spans.append(
+                Span(
+                    path,
+                    hashes.get(path, ""),
+                    max(low - start, 0),
+                    min(high, int(self.ends[number])) - start,
+                )
+            )
         return spans
 
     def chunk(self, key: str, spans: Sequence[Span]) -> NDArray[Any]:
         """The rows of a chunk of an array."""
-        return np.concatenate([self.values(span.path)[key][span.start : span.stop] for span in spans])
+        return np.concatenate(
+            [self.values(span.path)[key][span.start : span.stop] for span in spans]
+        )
 
     def values(self, path: Path) -> dict[str, NDArray[Any]]:
-        """Arrays of an episode by key, frames first. Raises ExportError for one that has other arrays than the first episode."""
+        """Arrays of an episode by key, frames first. Raises ExportError for one that has other
+        arrays than the first episode."""
         if self.last is None or self.last[0] != path:
             with reading(path) as file:
                 values = episode_values(file, read_facts(file, self.dataset), self.options)
             kinds = {key: (value.dtype, value.shape[1:]) for key, value in values.items()}
             if self.last is not None and kinds != self.kinds:
-                odd = sorted(key for key in {*kinds, *self.kinds} if kinds.get(key) != self.kinds.get(key))
-                raise ExportError(f"{path}: {odd[0]} is not as in {self.paths[0]}; export them separately with --where")
+                odd = sorted(
+                    key for key in {*kinds, *self.kinds} if kinds.get(key) != self.kinds.get(key)
+                )
+                raise ExportError(
+                    f"{path}: {odd[0]} is not as in {self.paths[0]}; export them separately with"
+                    " --where"
+                )
             self.last = path, values
         return self.last[1]
 
 
-def episode_values(file: EpisodeFile, facts: Facts, options: ZarrOptions) -> dict[str, NDArray[Any]]:
-    """Arrays of an episode by key, frames first. Raises ExportError for a --camera-names that does not fit."""
-    values: dict[str, NDArray[Any]] = {"state": facts.log.state.astype(np.float32), "action": facts.log.action.astype(np.float32)}
+def episode_values(
+    file: EpisodeFile, facts: Facts, options: ZarrOptions
+) -> dict[str, NDArray[Any]]:
+    """Arrays of an episode by key, frames first. Raises ExportError for a --camera-names that does
+    not fit."""
+    values: dict[str, NDArray[Any]] = {
+        "state": facts.log.state.astype(np.float32),
+        "action": facts.log.action.astype(np.float32),
+    }
     for camera, name in cameras_of(facts, options).items():
         images = np.stack([resize(image, options.size) for image in file.frames(camera)])
         values[name] = np.moveaxis(images, -1, 1) if options.channels == "first" else images
@@ -117,7 +163,8 @@ def episode_values(file: EpisodeFile, facts: Facts, options: ZarrOptions) -> dic
 
 
 def cameras_of(facts: Facts, options: ZarrOptions) -> dict[str, str]:
-    """Name of the array of each camera. Raises ExportError for a --camera-names that does not fit."""
+    """Name of the array of each camera. Raises ExportError for a --camera-names that does not
+    fit."""
     usual = {camera: "img" if camera == HEAD else camera for camera in facts.cameras}
     return exported_cameras(facts, {**usual, **options.camera_names})
 
@@ -144,11 +191,14 @@ class Zarr(Exporter[ZarrOptions]):
 
 def ends_of(buffer: Buffer, root: Path) -> ZarrArray:
     """The array of the ends of episodes, which is one chunk."""
-    return ZarrArray(root / "meta" / "episode_ends", (len(buffer.ends),), np.dtype("<i8"), len(buffer.ends))
+    return ZarrArray(
+        root / "meta" / "episode_ends", (len(buffer.ends),), np.dtype("<i8"), len(buffer.ends)
+    )
 
 
 def _describe(buffer: Buffer, directory: Path, job: Job[ZarrOptions]) -> dict[str, str]:
-    """Write episodes.parquet and return the names of the cameras; refuse episodes that do not fit together."""
+    """Write episodes.parquet and return the names of the cameras; refuse episodes that do not fit
+    together."""
     names = dict[str, str]()
     with closing(Provenance(directory / PROVENANCE, job.validation)) as rows:
         for path in buffer.paths:
@@ -171,7 +221,11 @@ def _write(buffer: Buffer, root: Path, draft: ExportDraft) -> None:
     for number in range(arrays["state"].chunks):
         spans = buffer.spans(number, hashes)
         for key, array in arrays.items():
-            made_from = [key, array.shape[1:], [[span.sha, span.start, span.stop] for span in spans]]
+            made_from = [
+                key,
+                array.shape[1:],
+                [[span.sha, span.start, span.stop] for span in spans],
+            ]
             if not draft.keep(array.chunk(number), made_from):
                 array.write(number, buffer.chunk(key, spans))
                 draft.record(array.chunk(number), made_from)

@@ -1,7 +1,9 @@
-"""Arrays of zarr format 2 as files, which zarr 2 and 3 read: `.zarray` in JSON and one zstd frame a chunk of the first axis.
+"""Arrays of zarr format 2 as files, which zarr 2 and 3 read: `.zarray` in JSON and one zstd frame a
+chunk of the first axis.
 
-Written by hand: a chunk that an older export has is linked, not compressed again, and format 2 is finished and this small. The
-layout is that of https://zarr-specs.readthedocs.io/en/latest/v2/v2.0.html.
+Written by hand: a chunk that an older export has is linked, not compressed again, and format 2 is
+finished and this small. The layout is that of
+https://zarr-specs.readthedocs.io/en/latest/v2/v2.0.html.
 """
 
 import json
@@ -19,7 +21,8 @@ LEVEL = 3
 
 @dataclass(frozen=True)
 class ZarrArray:
-    """An array on disk at `folder`: `shape`, a `dtype`, and `rows` of the first axis in every chunk."""
+    """An array on disk at `folder`: `shape`, a `dtype`, and `rows` of the first axis in every
+    chunk."""
 
     folder: Path
     shape: tuple[int, ...]
@@ -57,7 +60,9 @@ class ZarrArray:
 
     def write(self, number: int, values: NDArray[Any]) -> None:
         """Write a chunk; the last one is filled up with zeros."""
-        self.chunk(number).write_bytes(pa.Codec("zstd", LEVEL).compress(self._fill(values).tobytes(), asbytes=True))
+        self.chunk(number).write_bytes(
+            pa.Codec("zstd", LEVEL).compress(self._fill(values).tobytes(), asbytes=True)
+        )
 
     def _fill(self, values: NDArray[Any]) -> NDArray[Any]:
         filled = np.zeros((self.rows, *self.shape[1:]), self.dtype)

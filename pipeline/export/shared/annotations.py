@@ -1,7 +1,9 @@
-"""Annotations of a dataset as columns, one value a frame: flow maps, masks as run lengths, features of objects.
+"""Annotations of a dataset as columns, one value a frame: flow maps, masks as run lengths, features
+of objects.
 
-A directory <stage>@<key8> gives columns whose names are made of the stage and the exported name of its camera, with the eight
-digits behind them only where two directories would get the same. An episode without that annotation has nulls.
+A directory <stage>@<key8> gives columns whose names are made of the stage and the exported name of
+its camera, with the eight digits behind them only where two directories would get the same. An
+episode without that annotation has nulls.
 """
 
 from collections import Counter
@@ -14,7 +16,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
+from pipeline.data.annotations import (
+    CorruptAnnotation,
+    Entry,
+    annotation_path,
+    read_entry,
+    stages_of,
+)
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.keys import arrays_digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
@@ -23,15 +31,35 @@ from pipeline.export.shared.sensors import IMAGE, image_column, png
 
 MASK = pa.struct(
     [
-        *(("object", pa.string()), ("height", pa.int32()), ("width", pa.int32()), ("counts", pa.list_(pa.int32()))),
-        *(("box", pa.list_(pa.float32())), ("score", pa.float32()), ("area", pa.int32()), ("valid", pa.bool_())),
+        *(
+            ("object", pa.string()),
+            ("height", pa.int32()),
+            ("width", pa.int32()),
+            ("counts", pa.list_(pa.int32())),
+        ),
+        *(
+            ("box", pa.list_(pa.float32())),
+            ("score", pa.float32()),
+            ("area", pa.int32()),
+            ("valid", pa.bool_()),
+        ),
     ]
 )
 FEATURE = pa.struct(
-    [("object", pa.string()), ("feature", pa.list_(pa.float32())), ("valid", pa.bool_()), ("coverage", pa.float32())]
+    [
+        ("object", pa.string()),
+        ("feature", pa.list_(pa.float32())),
+        ("valid", pa.bool_()),
+        ("coverage", pa.float32()),
+    ]
 )
 COLUMNS: dict[str, dict[str, pa.DataType]] = {
-    "flow": {"flow": pa.binary(), "flow_rgb": IMAGE, "flow_scale": pa.float32(), "flow_previous": pa.int64()},
+    "flow": {
+        "flow": pa.binary(),
+        "flow_rgb": IMAGE,
+        "flow_scale": pa.float32(),
+        "flow_previous": pa.int64(),
+    },
     "masks": {"masks": pa.list_(MASK)},
     "features": {"features": pa.list_(FEATURE)},
 }
@@ -40,7 +68,8 @@ COLUMNS: dict[str, dict[str, pa.DataType]] = {
 
 @dataclass(frozen=True)
 class Joined:
-    """A directory of annotations that is joined: its name, stage and parameters, and the ending of its columns' names."""
+    """A directory of annotations that is joined: its name, stage and parameters, and the ending of
+    its columns' names."""
 
     directory: str
     stage: str
@@ -54,19 +83,24 @@ class Joined:
 
     def file(self, dataset: Path, source: str) -> Path:
         """The annotation file of an episode."""
-        relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
+        relative = (
+            Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
+        )
         return annotation_path(dataset, self.directory, relative)
 
 
 def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Joined]:
-    """The annotations of a dataset to join: `chosen` is "all", "none" or directory names separated by commas.
+    """The annotations of a dataset to join: `chosen` is "all", "none" or directory names separated
+    by commas.
 
     `names` are exported names by camera. Raises ExportError for a directory that is not there.
     """
     there = {d: s for d, s in stages_of(dataset).items() if s["stage"] in COLUMNS}
     wanted = {"all": list(there), "none": []}.get(chosen, chosen.split(","))
     if missing := sorted(set(wanted) - set(there)):
-        raise ExportError(f"--annotations: there is no {missing[0]}; there are: {', '.join(there) or 'none'}")
+        raise ExportError(
+            f"--annotations: there is no {missing[0]}; there are: {', '.join(there) or 'none'}"
+        )
     cameras = EXPORTED_CAMERAS | dict(names)
     plain = {}
     for d in wanted:
@@ -81,11 +115,13 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
     return out
 
 
-def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts) -> dict[str, pa.Array]:
+def annotation_columns(
+    joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts
+) -> dict[str, pa.Array]:
     """Columns of an open episode.
 
-    Raises ExportError for an annotation that is damaged, was made from something else than the episode shows now, or has not as
-    many frames.
+    Raises ExportError for an annotation that is damaged, was made from something else than the
+    episode shows now, or has not as many frames.
     """
     columns: dict[str, pa.Array] = {}
     source, frames = facts.source, len(facts)
@@ -100,7 +136,9 @@ def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFil
             raise ExportError(str(error)) from error
         lengths = {len(a) for a in entry.arrays.values()}
         if lengths != {frames}:
-            raise ExportError(f"{path}: is not of the {frames} frames of {source}; run {command(dataset, stage)}")
+            raise ExportError(
+                f"{path}: is not of the {frames} frames of {source}; run {command(dataset, stage)}"
+            )
         if why := stale(entry, stage, file, facts, dataset):
             raise ExportError(f"{path}: is out of date, {why}; run {command(dataset, stage)}")
         made = {"flow": _flow, "masks": _masks, "features": _features}[one.stage](entry)
@@ -122,7 +160,11 @@ def _masks(entry: Entry) -> list[Any]:
     packed = a["mask"]
     rows = []
     for t in range(len(packed)):
-        bits = np.unpackbits(packed[t], axis=-1, count=height * width).reshape(-1, height, width).astype(bool)
+        bits = (
+            np.unpackbits(packed[t], axis=-1, count=height * width)
+            .reshape(-1, height, width)
+            .astype(bool)
+        )
         rows.append(
             [
                 {
@@ -147,7 +189,12 @@ def _features(entry: Entry) -> list[Any]:
     return [
         [
             [
-                {"object": name, "feature": features[t, k], "valid": bool(a["valid"][t, k]), "coverage": float(a["coverage"][t, k])}
+                {
+                    "object": name,
+                    "feature": features[t, k],
+                    "valid": bool(a["valid"][t, k]),
+                    "coverage": float(a["coverage"][t, k]),
+                }
                 for k, name in enumerate(names)
             ]
             for t in range(len(features))
@@ -156,7 +203,8 @@ def _features(entry: Entry) -> list[Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
-    """COCO's uncompressed run lengths of a mask (H,W): pixels column by column, runs of zeros first, then of ones in turn."""
+    """COCO's uncompressed run lengths of a mask (H,W): pixels column by column, runs of zeros
+    first, then of ones in turn."""
     flat = mask.ravel(order="F")
     edges = np.flatnonzero(np.diff(flat)) + 1
     runs = np.diff(np.concatenate([[0], edges, [flat.size]])).tolist()
@@ -167,8 +215,11 @@ TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation"
 """Arrays of a camera that a stage reads where it is computed from the simulator's truth."""
 
 
-def stale(entry: Entry, stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path) -> str | None:
-    """What an annotation was not made from, in words, or None if all its inputs are those of the open episode.
+def stale(
+    entry: Entry, stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
+) -> str | None:
+    """What an annotation was not made from, in words, or None if all its inputs are those of the
+    open episode.
 
     `stage` is the content of stage.json. Which sentences were asked for is not compared.
     """
@@ -177,12 +228,22 @@ def stale(entry: Entry, stage: Mapping[str, Any], file: EpisodeFile, facts: Fact
         return "it does not name what it was made from"
     now = dict(_inputs(inputs, stage, file, facts, dataset))
     changed = [name for name, value in now.items() if inputs[name] != value]
-    known = {"frames": "images", "scene": "physics", "assets": "assets", "stored": "truth", "masks": "masks"}
+    known = {
+        "frames": "images",
+        "scene": "physics",
+        "assets": "assets",
+        "stored": "truth",
+        "masks": "masks",
+    }
     return f"it was made from other {known[changed[0]]}" if changed else None
 
 
 def _inputs(
-    inputs: Mapping[str, Any], stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
+    inputs: Mapping[str, Any],
+    stage: Mapping[str, Any],
+    file: EpisodeFile,
+    facts: Facts,
+    dataset: Path,
 ) -> Iterator[tuple[str, Any]]:
     camera = str(stage["parameters"]["camera"])
     if camera not in facts.cameras:
@@ -211,7 +272,9 @@ def _read_hash(file: EpisodeFile, camera: str, names: tuple[str, ...]) -> str | 
 
 def _masks_hash(dataset: Path, directory: str, facts: Facts) -> str | None:
     try:
-        return read_entry(annotation_path(dataset, directory, Path(facts.source).relative_to("episodes"))).checksum
+        return read_entry(
+            annotation_path(dataset, directory, Path(facts.source).relative_to("episodes"))
+        ).checksum
     except (FileNotFoundError, CorruptAnnotation, ValueError):
         return None
 
@@ -219,11 +282,19 @@ def _masks_hash(dataset: Path, directory: str, facts: Facts) -> str | None:
 def command(dataset: Path, stage: Mapping[str, Any]) -> str:
     """The command that annotates again as a stage.json says."""
     name, said = stage["stage"], stage["parameters"]
-    options = {"--stages": "masks,features" if name == "features" else name, "--cameras": said["camera"]}
+    options = {
+        "--stages": "masks,features" if name == "features" else name,
+        "--cameras": said["camera"],
+    }
     if name == "flow":
         size = said.get("size")
         options |= {"--flow-source": said.get("source"), "--flow-stride": said.get("stride")}
         options |= {"--flow-size": f"{size[1]}x{size[0]}" if size else None}
     else:
-        options |= {"--mask-source": said.get("mask_source" if name == "features" else "source"), "--prompt": said.get("prompt")}
-    return f"domino-data annotate {dataset} " + " ".join(f"{o} {value}" for o, value in options.items() if value is not None)
+        options |= {
+            "--mask-source": said.get("mask_source" if name == "features" else "source"),
+            "--prompt": said.get("prompt"),
+        }
+    return f"domino-data annotate {dataset} " + " ".join(
+        f"{o} {value}" for o, value in options.items() if value is not None
+    )

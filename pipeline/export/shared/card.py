@@ -1,4 +1,5 @@
-"""The card of an export: README.md, whose front matter tells the hub what it is and `datasets.load_dataset` where its data are."""
+"""The card of an export: README.md, whose front matter tells the hub what it is and
+`datasets.load_dataset` where its data are."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,13 @@ CARD = "README.md"
 LICENSE = "apache-2.0"
 TAGS = ("domino", "robotics", "simulation", "dynamic-manipulation")
 PAPER = "https://arxiv.org/abs/2603.15620"
-SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"), (10_000_000, "1M<n<10M"))
+SIZES = (
+    (1_000, "n<1K"),
+    (10_000, "1K<n<10K"),
+    (100_000, "10K<n<100K"),
+    (1_000_000, "100K<n<1M"),
+    (10_000_000, "1M<n<10M"),
+)
 
 
 def size_category(rows: int) -> str:
@@ -20,7 +27,9 @@ def size_category(rows: int) -> str:
     return next((name for limit, name in SIZES if rows < limit), "10M<n<100M")
 
 
-def front_matter(summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def front_matter(
+    summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """The front matter of an export's card, for the hub; `configs` name its data files."""
     what = "failed attempts in simulation" if summary["split"] == FAILURES else "simulated episodes"
     front: dict[str, Any] = {
@@ -36,18 +45,26 @@ def front_matter(summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]
     return front
 
 
-def write_card(folder: Path, summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]], text: str) -> None:
-    """Write README.md. Of a card that the format's own library has written, the front matter stays and comes first; its text stays
-    only where there is none of ours: LeRobot's shows the whole of meta/info.json."""
+def write_card(
+    folder: Path, summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]], text: str
+) -> None:
+    """Write README.md. Of a card that the format's own library has written, the front matter stays
+    and comes first; its text stays only where there is none of ours: LeRobot's shows the whole of
+    meta/info.json."""
     path = folder / CARD
     front, before = read_card(path) if path.exists() else ({}, "")
-    front |= {key: value for key, value in front_matter(summary, configs).items() if key not in front}
+    front |= {
+        key: value for key, value in front_matter(summary, configs).items() if key not in front
+    }
     text = (text or before).strip("\n") or f"# {front['pretty_name']}"
-    path.write_text(f"---\n{yaml.safe_dump(front, sort_keys=False, allow_unicode=True)}---\n\n{text}\n")
+    path.write_text(
+        f"---\n{yaml.safe_dump(front, sort_keys=False, allow_unicode=True)}---\n\n{text}\n"
+    )
 
 
 def read_card(path: Path) -> tuple[dict[str, Any], str]:
-    """Front matter and text of a card. Raises ValueError for one without front matter, OSError if there is none."""
+    """Front matter and text of a card. Raises ValueError for one without front matter, OSError if
+    there is none."""
     begin, sign, rest = path.read_text().partition("---\n")
     front, end, text = rest.partition("\n---\n")
     if begin.strip() or not sign or not end:

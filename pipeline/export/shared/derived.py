@@ -1,4 +1,5 @@
-"""What is derived from the log of an exported episode: the meeting, contacts, and where the target goes in an image."""
+"""What is derived from the log of an exported episode: the meeting, contacts, and where the target
+goes in an image."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +21,21 @@ def interception(facts: Facts) -> Interception:
 
 
 def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
-    """(T,2), left and right: 1 where the arm touched a body in the interval that ends at the frame, else 0."""
+    """(T,2), left and right: 1 where the arm touched a body in the interval that ends at the frame,
+    else 0."""
     log = facts.log
     flags = np.zeros((len(facts), len(SIDES)), np.float32)
     of_body = log.bodies.index(body)
     for column, side in enumerate(SIDES):
-        links = [i for i, b in enumerate(log.bodies) if b.startswith(f"{side}_") and b not in facts.meta.objects]
+        links = [
+            i
+            for i, b in enumerate(log.bodies)
+            if b.startswith(f"{side}_") and b not in facts.meta.objects
+        ]
         rows = log.contacts
-        hit = ((rows["a"] == of_body) & np.isin(rows["b"], links)) | ((rows["b"] == of_body) & np.isin(rows["a"], links))
+        hit = ((rows["a"] == of_body) & np.isin(rows["b"], links)) | (
+            (rows["b"] == of_body) & np.isin(rows["a"], links)
+        )
         flags[rows["frame"][hit], column] = 1
     return flags
 

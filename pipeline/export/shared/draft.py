@@ -1,8 +1,9 @@
 """An export while it is written, and what it takes over from the older one at its place.
 
-A dataset that grew is exported again at the price of what is new: a file that would be made from the same by the same code and
-options is linked into the new export if its bytes are still those; so is every other file that came out the same. An export is
-always, byte for byte, what one to an empty directory would be; files that do not change keep their inode and time.
+A dataset that grew is exported again at the price of what is new: a file that would be made from
+the same by the same code and options is linked into the new export if its bytes are still those; so
+is every other file that came out the same. An export is always, byte for byte, what one to an empty
+directory would be; files that do not change keep their inode and time.
 """
 
 import functools
@@ -36,7 +37,9 @@ PACKAGES = ("av", "h5py", "lerobot", "numpy", "opencv-python-headless", "pandas"
 def code() -> dict[str, str]:
     """Hash of the code that writes exports, and versions of the packages it uses."""
     root, h = Path(__file__).parents[2], hashlib.sha256()
-    for path in sorted([root / "poses.py", *(file for room in ROOMS for file in (root / room).rglob("*.py"))]):
+    for path in sorted(
+        [root / "poses.py", *(file for room in ROOMS for file in (root / room).rglob("*.py"))]
+    ):
         h.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     versions = {}
     for name in PACKAGES:
@@ -46,7 +49,8 @@ def code() -> dict[str, str]:
 
 
 class OlderExport:
-    """The export at `root` that a new one replaces: it lends nothing if it was made with other options or code, or there is none.
+    """The export at `root` that a new one replaces: it lends nothing if it was made with other
+    options or code, or there is none.
 
     Raises ExportError for a damaged one and for one of another format.
     """
@@ -59,10 +63,15 @@ class OlderExport:
             found = read_record(root)
             if (other := found.summary.get("format")) != format_:
                 name = str(other)[:40]
-                raise ExportError(f"{root}: holds an export in the format {name}: remove it or name another directory")
+                raise ExportError(
+                    f"{root}: holds an export in the format {name}: remove it or name another"
+                    " directory"
+                )
             if digest([found.summary.get("options"), found.code]) == digest([options, code()]):
                 self.record = found
-        self._names = {entry["from"]: name for name, entry in self.record.contents.items() if "from" in entry}
+        self._names = {
+            entry["from"]: name for name, entry in self.record.contents.items() if "from" in entry
+        }
 
     def made_from(self, key: str) -> str | None:
         """Name of a file that was made from that and is as it was written, or None."""
@@ -77,26 +86,38 @@ class OlderExport:
 
 
 class ExportDraft:
-    """An export of `dataset` while it is written to `folder`, before it becomes `out`; `validation` is the share of that split.
+    """An export of `dataset` while it is written to `folder`, before it becomes `out`; `validation`
+    is the share of that split.
 
     Take over what the older export has by `keep`, record what is written by `record`.
     """
 
-    def __init__(self, folder: Path, out: Path, dataset: Path, format_: str, options: Mapping[str, Any], validation: float) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        out: Path,
+        dataset: Path,
+        format_: str,
+        options: Mapping[str, Any],
+        validation: float,
+    ) -> None:
         self.folder, self.out, self.dataset, self.validation = folder, out, dataset, validation
         self.older = OlderExport(out, format_, options)
         self._inputs: dict[str, str | None] = {}
         self._contents: dict[str, dict[str, Any]] = {}
 
     def hash_of(self, path: Path) -> str:
-        """sha256 of a file of the dataset, recorded as an input. Raises ExportError for one that cannot be read."""
+        """sha256 of a file of the dataset, recorded as an input. Raises ExportError for one that
+        cannot be read."""
         name = source_of(path, self.dataset)
         if (known := self._inputs.get(name)) is not None:
             return known
         try:
             self._inputs[name] = sha = file_hash(path)
         except OSError as error:
-            raise ExportError(f"{path}: cannot be read ({error.strerror}); make it again") from error
+            raise ExportError(
+                f"{path}: cannot be read ({error.strerror}); make it again"
+            ) from error
         return sha
 
     def hash_if_there(self, path: Path) -> str | None:
@@ -107,7 +128,8 @@ class ExportDraft:
         return None
 
     def keep(self, path: Path, made_from: Any) -> Mapping[str, Any] | None:
-        """The entry of the older export's file that was made from the same (plain data), which then is at `path`, too; or None."""
+        """The entry of the older export's file that was made from the same (plain data), which then
+        is at `path`, too; or None."""
         key = digest([_kind(path), made_from])
         older = self.older.made_from(key)
         if older is None:
@@ -121,13 +143,18 @@ class ExportDraft:
 
     def record(self, path: Path, made_from: Any, **facts: Any) -> None:
         """Record what a written file was made from; `facts` are stored with it."""
-        self._contents[self._name(path)] = {"from": digest([_kind(path), made_from]), **_entry(path), **facts}
+        self._contents[self._name(path)] = {
+            "from": digest([_kind(path), made_from]),
+            **_entry(path),
+            **facts,
+        }
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
-        """Write export.json, and take over every other file that the older export has with the same name and bytes.
+        """Write export.json, and take over every other file that the older export has with the same
+        name and bytes.
 
         Returns the summary with the bytes of all files."""
         for name in entries(self.folder):
@@ -157,7 +184,8 @@ def _kind(path: Path) -> str:
 
 
 def _link(older: Path, path: Path) -> None:
-    """Make `path` the same file, or where the file system has no links, a copy with the same time."""
+    """Make `path` the same file, or where the file system has no links, a copy with the same
+    time."""
     try:
         os.link(older, path)
     except OSError:
@@ -166,11 +194,12 @@ def _link(older: Path, path: Path) -> None:
 
 @contextmanager
 def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
-    """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
+    """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes
+    when it does not.
 
-    An existing export at `out` is replaced only then. Raises ExportError if `out` is something else than an export, or holds
-    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses,
-    and Busy if another command is replacing that export.
+    An existing export at `out` is replaced only then. Raises ExportError if `out` is something else
+    than an export, or holds files that are no part of it, contains the dataset or lies among its
+    own files, or the disk refuses, and Busy if another command is replacing that export.
     """
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     if out.exists() and not out.is_dir():
@@ -179,15 +208,25 @@ def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
     if here.is_relative_to(real):
         raise ExportError(f"{out}: holds the dataset itself; name another directory")
     if any(real.is_relative_to(here / own) for own in OWN):
-        raise ExportError(f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports, or elsewhere")
+        raise ExportError(
+            f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports,"
+            " or elsewhere"
+        )
     if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
-        raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
+        raise ExportError(
+            f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory"
+        )
     if (out / SUMMARY).exists() and (foreign := read_record(out).foreign()):
-        raise ExportError(f"{foreign[0]}: is no part of the export that stands there; move it away or name another directory")
+        raise ExportError(
+            f"{foreign[0]}: is no part of the export that stands there; move it away or name"
+            " another directory"
+        )
     try:
         sweep(out.parent, f".{out.name}.*.tmp")
         # what stands there lends its files: they must be those that were judged
         with exclusive(out) if out.is_dir() else nullcontext(), atomic_directory(out) as temporary:
             yield temporary
     except OSError as error:
-        raise ExportError(f"{out}: cannot be written: {refusal(error)}; nothing was changed there: export again") from error
+        raise ExportError(
+            f"{out}: cannot be written: {refusal(error)}; nothing was changed there: export again"
+        ) from error

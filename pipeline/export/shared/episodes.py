@@ -20,7 +20,8 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.data.splits import VALIDATION
 
 EPISODES, FAILURES = "episodes", "failures"
-"""Splits of a dataset: what is exported where nothing else is said, and the failed attempts that are kept."""
+"""Splits of a dataset: what is exported where nothing else is said, and the failed attempts that
+are kept."""
 
 CLOCK_TOLERANCE = 1e-6  # s
 Progress = Callable[[int], object] | None
@@ -32,10 +33,11 @@ class ExportError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """One episode without its images: T frames on an exact clock, and the instruction chosen for it.
+    """One episode without its images: T frames on an exact clock, and the instruction chosen for
+    it.
 
-    `source` is the path relative to the dataset, `log` is in float64; `cameras` are the names in the file, sorted; `size` is the
-    image size (H, W) in pixels, the same for every camera.
+    `source` is the path relative to the dataset, `log` is in float64; `cameras` are the names in
+    the file, sorted; `size` is the image size (H, W) in pixels, the same for every camera.
     """
 
     source: str
@@ -51,7 +53,8 @@ class Facts:
     cameras: tuple[str, ...]
     size: tuple[int, int]
     camera_poses: Mapping[str, NDArray[np.float64]]  # (T, 7) world poses by camera
-    interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])  # the group of that name
+    # the group of that name
+    interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
     kept: int = 0  # frames that are exported, from the first one on
 
     def __len__(self) -> int:
@@ -59,7 +62,8 @@ class Facts:
 
     @property
     def spins(self) -> bool:
-        """Whether the file holds the target's angular velocity; those of earlier versions do not."""
+        """Whether the file holds the target's angular velocity; those of earlier versions do
+        not."""
         return self.log.target_angular_velocity is not None
 
     @property
@@ -69,12 +73,14 @@ class Facts:
 
 
 def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
-    """The one of the seen instructions that an export attaches to this episode; a function of spec and list only."""
+    """The one of the seen instructions that an export attaches to this episode; a function of spec
+    and list only."""
     return seen[int(spec.rng("export_instruction").integers(len(seen)))]
 
 
 def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
-    """Episodes in the order of every export: sorted paths. Raises ExportError when there are none or one comes twice."""
+    """Episodes in the order of every export: sorted paths. Raises ExportError when there are none
+    or one comes twice."""
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")
@@ -85,16 +91,20 @@ def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
 
 
 def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, list[Path]]]:
-    """Embodiment -> (directory, its episodes in order): `out` itself for one embodiment, else `out/<embodiment>`.
+    """Embodiment -> (directory, its episodes in order): `out` itself for one embodiment, else
+    `out/<embodiment>`.
 
-    Vectors of different embodiments differ in width and meaning, so formats with one shape per dataset get one dataset each.
+    Vectors of different embodiments differ in width and meaning, so formats with one shape per
+    dataset get one dataset each.
     """
     groups = group_episodes(episodes, lambda spec: spec.embodiment)
     single = len(groups) == 1
     return {name: (out if single else out / name, paths) for name, paths in groups.items()}
 
 
-def group_episodes(episodes: Sequence[Path], key: Callable[[EpisodeSpec], str]) -> dict[str, list[Path]]:
+def group_episodes(
+    episodes: Sequence[Path], key: Callable[[EpisodeSpec], str]
+) -> dict[str, list[Path]]:
     """Episodes in order by a key of their spec; the keys are sorted."""
     groups: dict[str, list[Path]] = {}
     for path in sort_episodes(episodes):
@@ -118,14 +128,17 @@ def reading(path: Path) -> Iterator[EpisodeFile]:
     except OSError:  # some are ValueErrors, too
         raise
     except (KeyError, ValueError) as error:
-        raise ExportError(f"{path}: is not a complete episode ({error}); delete it and run the build again") from error
+        raise ExportError(
+            f"{path}: is not a complete episode ({error}); delete it and run the build again"
+        ) from error
 
 
 def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = None) -> Facts:
-    """Everything but the images of an open episode, which is exported until `after_success` seconds after its success, if given.
+    """Everything but the images of an open episode, which is exported until `after_success` seconds
+    after its success, if given.
 
-    Raises ExportError for an episode that breaks its own promises: frames off the fps grid, arrays of different lengths, values
-    that are not finite, no instruction, cameras of different sizes.
+    Raises ExportError for an episode that breaks its own promises: frames off the fps grid, arrays
+    of different lengths, values that are not finite, no instruction, cameras of different sizes.
     """
     episode = file.read()
     log, path = episode.log, file.path
@@ -144,7 +157,11 @@ def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = N
         "target pose": target,
         "target velocity": log.target_velocity,
         "tcp": log.tcp,
-        **({} if log.target_angular_velocity is None else {"target angular velocity": log.target_angular_velocity}),
+        **(
+            {}
+            if log.target_angular_velocity is None
+            else {"target angular velocity": log.target_angular_velocity}
+        ),
     }
     for name, value in arrays.items():
         if len(value) != frames:
@@ -188,7 +205,8 @@ def source_of(path: Path, dataset: Path) -> str:
 
 
 def same(first: Facts, facts: Facts) -> None:
-    """Raise ExportError unless two episodes fit into one dataset: the same fps, cameras, image size and joint names."""
+    """Raise ExportError unless two episodes fit into one dataset: the same fps, cameras, image size
+    and joint names."""
     pairs = {
         "fps": (first.fps, facts.fps),
         "cameras": (first.cameras, facts.cameras),
@@ -200,11 +218,15 @@ def same(first: Facts, facts: Facts) -> None:
     }
     for name, (want, got) in pairs.items():
         if want != got:
-            raise ExportError(f"{facts.source}: {name} {got} differs from {want} of {first.source}; export them separately")
+            raise ExportError(
+                f"{facts.source}: {name} {got} differs from {want} of {first.source}; export them"
+                " separately"
+            )
 
 
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
-    """Exported name of each camera of an episode, those `given` first. Raises ExportError, naming the option, if that fails."""
+    """Exported name of each camera of an episode, those `given` first. Raises ExportError, naming
+    the option, if that fails."""
     try:
         return exported_names(facts.cameras, given)
     except ValueError as error:
@@ -212,7 +234,8 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:
-    """One expression from `--where` and the robots of `--embodiment`; an empty text where neither is given.
+    """One expression from `--where` and the robots of `--embodiment`; an empty text where neither
+    is given.
 
     Raises WhereError for an expression that cannot be read.
     """
@@ -224,11 +247,13 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
     return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
 
 
-def select_episodes(episodes: Sequence[Path], where: str, validation: float = VALIDATION) -> list[Path]:
+def select_episodes(
+    episodes: Sequence[Path], where: str, validation: float = VALIDATION
+) -> list[Path]:
     """The episodes that an expression selects, in their order; all of them for an empty one.
 
-    `validation` is the share of the split of that name. Raises WhereError for an expression that cannot be read, ExportError if it
-    selects no episode.
+    `validation` is the share of the split of that name. Raises WhereError for an expression that
+    cannot be read, ExportError if it selects no episode.
     """
     if not where:
         return list(episodes)
@@ -236,7 +261,11 @@ def select_episodes(episodes: Sequence[Path], where: str, validation: float = VA
     for path in episodes:
         with reading(path) as file:
             fields.append(fields_of(file.spec, file.meta, validation))
-    chosen = [path for path, fits in zip(episodes, select_rows(fields, wanted), strict=True) if fits]
+    chosen = [
+        path for path, fits in zip(episodes, select_rows(fields, wanted), strict=True) if fits
+    ]
     if not chosen:
-        raise ExportError(f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds")
+        raise ExportError(
+            f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds"
+        )
     return chosen

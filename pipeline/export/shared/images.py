@@ -1,8 +1,9 @@
 """JPEG images of an export: their size, and which channel comes first.
 
-A JPEG in order "rgb" shows its colors in any standard reader; cv2.imdecode gives it as BGR. In order "bgr" red and blue are
-exchanged: code that decodes with cv2 and never swaps, as the converters of RoboTwin do, then gets RGB; any other reader gets wrong
-colors.
+A JPEG in order "rgb" shows its colors in any standard reader; cv2.imdecode gives it as BGR. In
+order "bgr" red and blue are
+exchanged: code that decodes with cv2 and never swaps, as the converters of RoboTwin do, then gets
+RGB; any other reader gets wrong colors.
 """
 
 from typing import Literal
@@ -17,17 +18,25 @@ JpegOrder = Literal["rgb", "bgr"]
 
 
 def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
-    """Image (H,W,3) resized to `size` = (height, width) in pixels: area averaging when it shrinks, else bilinear. None keeps it."""
+    """Image (H,W,3) resized to `size` = (height, width) in pixels: area averaging when it shrinks,
+    else bilinear. None keeps it."""
     if size is None:
         return rgb
     shrinks = size[0] * size[1] < rgb.shape[0] * rgb.shape[1]
-    return np.asarray(cv2.resize(rgb, (size[1], size[0]), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR), np.uint8)
+    return np.asarray(
+        cv2.resize(
+            rgb, (size[1], size[0]), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        ),
+        np.uint8,
+    )
 
 
 def encode_jpeg(rgb: NDArray[np.uint8], order: JpegOrder) -> bytes:
     """RGB image (H,W,3) -> JPEG bytes in that order, at the quality of episode files."""
     # cv2 takes what it encodes for BGR
-    done, data = cv2.imencode(".jpg", rgb[..., ::-1] if order == "rgb" else rgb, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    done, data = cv2.imencode(
+        ".jpg", rgb[..., ::-1] if order == "rgb" else rgb, [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+    )
     assert done
     return data.tobytes()
 

@@ -1,4 +1,5 @@
-"""Where an episode comes from, as columns: what travels with every row of metadata, and the longer texts in a file of their own."""
+"""Where an episode comes from, as columns: what travels with every row of metadata, and the longer
+texts in a file of their own."""
 
 import json
 from pathlib import Path
@@ -19,16 +20,19 @@ from pipeline.motion.recorded.group import conditions_of
 
 
 def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
-    """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
+    """Provenance of an episode, one value a column: small enough to travel with every row of
+    episode metadata.
 
-    Rows of one `physics_id` show the same physics in other looks; they share their `split` (data/splits.py), of which that named
-    validation has the share `validation`. `rules` joins the
-    rules, what the first touch does, and where the bases stand unless at our places (data/rules.py).
-    T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
-    t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
-    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion. `skills` are the
-    runs of skills with their physics steps and frames (script.rows_of), `conditions` the success conditions by name with the time
-    from which each holds to the end, both as JSON.
+    Rows of one `physics_id` show the same physics in other looks; they share their `split`
+    (data/splits.py), of which that named validation has the share `validation`. `rules` joins the
+    rules, what the first touch does, and where the bases stand unless at our places
+    (data/rules.py). T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place,
+    t_motion_start when the target began to move, t_meeting, t_release and t_success when these
+    happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
+    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its
+    planned motion. `skills` are the runs of skills with their physics steps and frames
+    (script.rows_of), `conditions` the success conditions by name with the time from which each
+    holds to the end, both as JSON.
     """
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     arms, first = meta.arms, derived.first_contacts
@@ -46,7 +50,10 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
         **dict(zip(("x_meet", "y_meet", "z_meet"), derived.planned_position.tolist(), strict=True)),
         "t_motion_start": float(derived.motion_start - log.times[0]),
         **{f"t_{event}": _time(log, event) for event in ("meeting", "release", "success")},
-        **{f"t_contact_{side}": float(first[side].time - log.times[0]) if side in first else None for side in SIDES},
+        **{
+            f"t_contact_{side}": float(first[side].time - log.times[0]) if side in first else None
+            for side in SIDES
+        },
         "average_speed": meta.average_speed,
         "maximum_speed": meta.maximum_speed,
         "physics_id": meta.physics_id,
@@ -63,12 +70,15 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
 
 
 def _since(facts: Facts) -> dict[str, float | None]:
-    """Time (s) since the first frame from which each success condition holds to the end, None if it does not."""
+    """Time (s) since the first frame from which each success condition holds to the end, None if it
+    does not."""
     since = dict[str, float | None]()
     for name, holds in conditions_of(facts.interception).items():
         failing = np.flatnonzero(~holds)
         first = int(failing[-1]) + 1 if len(failing) else 0
-        since[name] = float(facts.log.times[first] - facts.log.times[0]) if first < len(holds) else None
+        since[name] = (
+            float(facts.log.times[first] - facts.log.times[0]) if first < len(holds) else None
+        )
     return since
 
 
@@ -79,12 +89,20 @@ def _time(log: StateLog, event: str) -> float | None:
 
 _SPEEDS = ("average_speed", "maximum_speed")
 SCALAR_TYPES = {
-    **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"), pa.string()),
+    **dict.fromkeys(
+        ("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"),
+        pa.string(),
+    ),
     **dict.fromkeys(("source", "skills", "conditions", "failure"), pa.string()),
     **dict.fromkeys(("physics_id", "split"), pa.string()),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
-    **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),
-    **dict.fromkeys(("x_meet", "y_meet", "z_meet", "t_motion_start", "t_contact_left", "t_contact_right"), pa.float64()),
+    **dict.fromkeys(
+        ("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()
+    ),
+    **dict.fromkeys(
+        ("x_meet", "y_meet", "z_meet", "t_motion_start", "t_contact_left", "t_contact_right"),
+        pa.float64(),
+    ),
 }
 
 TEXTS = pa.list_(pa.string())
@@ -92,14 +110,19 @@ PROVENANCE_SCHEMA = pa.schema(
     [
         *(("episode_index", pa.int64()), ("length", pa.int64())),
         *SCALAR_TYPES.items(),
-        *(("instruction", pa.string()), ("instructions_seen", TEXTS), ("instructions_unseen", TEXTS)),
+        *(
+            ("instruction", pa.string()),
+            ("instructions_seen", TEXTS),
+            ("instructions_unseen", TEXTS),
+        ),
         *(("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())),
     ]
 )
 
 
 def provenance(index: int, facts: Facts, validation: float) -> dict[str, Any]:
-    """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
+    """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects
+    and events (times in s)."""
     return {
         "episode_index": index,
         "length": facts.kept,
@@ -108,7 +131,9 @@ def provenance(index: int, facts: Facts, validation: float) -> dict[str, Any]:
         "instructions_seen": facts.seen,
         "instructions_unseen": facts.unseen,
         "motion": facts.motion,
-        "objects": json.dumps({name: info.model_dump() for name, info in facts.meta.objects.items()}, sort_keys=True),
+        "objects": json.dumps(
+            {name: info.model_dump() for name, info in facts.meta.objects.items()}, sort_keys=True
+        ),
         "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
     }
 
@@ -118,7 +143,8 @@ PROVENANCE = "episodes.parquet"
 
 
 class Provenance(RowWriter):
-    """A Parquet file of `provenance` rows, written a hundred at a time; `count` episodes with `frames` frames so far."""
+    """A Parquet file of `provenance` rows, written a hundred at a time; `count` episodes with
+    `frames` frames so far."""
 
     def __init__(self, path: Path, validation: float) -> None:
         super().__init__(path, PROVENANCE_SCHEMA, 100)
@@ -127,7 +153,8 @@ class Provenance(RowWriter):
         self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
-        """Add the next episode. Raises ExportError for one that does not fit to the first of its robot."""
+        """Add the next episode. Raises ExportError for one that does not fit to the first of its
+        robot."""
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         self.add(provenance(self.count, facts, self.validation))
         self.count += 1

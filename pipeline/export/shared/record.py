@@ -23,17 +23,19 @@ AGAIN = "remove the directory and export again"
 CACHE_FOLDERS = {".cache", "__pycache__", ".ipynb_checkpoints"}
 CACHE_SUFFIXES = {".pkl", ".pyc", ".lock"}
 CACHE_NAMES = re.compile(r"(.*/)?meta/[^/]*stats[^/]*\.json|(.*/)?(\.DS_Store|Thumbs\.db)")
-"""Training code writes caches into the dataset that it reads (StarVLA meta/stats_gr00t.json and meta/steps_*.pkl, the hub's
-client .cache/). They are out of date when the export changes: nothing keeps, checks or publishes them."""
+"""Training code writes caches into the dataset that it reads (StarVLA meta/stats_gr00t.json and
+meta/steps_*.pkl, the hub's client .cache/). They are out of date when the export changes: nothing
+keeps, checks or publishes them."""
 
 
 @dataclass(frozen=True)
 class ExportRecord:
     """The export.json of the export at `root`.
 
-    `summary` holds format, options and counts; `code` the hash of the code that wrote the export and versions of packages;
-    `inputs` the sha256 of every file that it was made from, by its name in the dataset (None: there was no such file);
-    `contents` the entry of every written file by name: sha256, bytes, and what a later export needs to take it over.
+    `summary` holds format, options and counts; `code` the hash of the code that wrote the export
+    and versions of packages; `inputs` the sha256 of every file that it was made from, by its name
+    in the dataset (None: there was no such file); `contents` the entry of every written file by
+    name: sha256, bytes, and what a later export needs to take it over.
     """
 
     root: Path
@@ -44,10 +46,13 @@ class ExportRecord:
 
     def write(self) -> None:
         """Write export.json."""
-        (self.root / SUMMARY).write_bytes(seal({**self.summary, **{part: getattr(self, part) for part in PARTS}}) + b"\n")
+        (self.root / SUMMARY).write_bytes(
+            seal({**self.summary, **{part: getattr(self, part) for part in PARTS}}) + b"\n"
+        )
 
     def problem(self, name: str) -> str | None:
-        """What is wrong with a file that the export wrote: "is missing", for example. Cards may be edited."""
+        """What is wrong with a file that the export wrote: "is missing", for example. Cards may be
+        edited."""
         path = self.root / name
         try:
             if path.is_symlink() or path.resolve() != self.root.resolve() / name:
@@ -55,9 +60,15 @@ class ExportRecord:
             if not path.exists():
                 return "is missing"
             edited = name.endswith(".md") and path.is_file()
-            return None if edited or file_hash(path) == self.contents[name]["sha256"] else "is not what was written"
+            return (
+                None
+                if edited or file_hash(path) == self.contents[name]["sha256"]
+                else "is not what was written"
+            )
         except OSError as error:
-            return IRREGULAR if error.strerror == IRREGULAR else f"cannot be read ({error.strerror})"
+            return (
+                IRREGULAR if error.strerror == IRREGULAR else f"cannot be read ({error.strerror})"
+            )
 
     def unlisted(self) -> list[str]:
         """Names of what is in the directory and was not written by the export, sorted."""
@@ -68,7 +79,8 @@ class ExportRecord:
         return [self.root / name for name in self.unlisted() if not is_cache(name)]
 
     def check(self, dataset: Path, episodes: Sequence[Path]) -> list[str]:
-        """Compare the export with its directory and with the episodes that it should hold, by hashes; returns the problems."""
+        """Compare the export with its directory and with the episodes that it should hold, by
+        hashes; returns the problems."""
         found = [(name, self.problem(name)) for name in sorted(self.contents)]
         problems = [f"{self.root / name}: {problem}" for name, problem in found if problem]
         now = {source_of(path, dataset): path for path in episodes}
@@ -79,7 +91,11 @@ class ExportRecord:
                 problems.append(f"{self.root}: holds {name}, which is not among the episodes")
             elif path.exists() and _hash(path) != sha:
                 problems.append(f"{self.root}: {path} has changed since")
-        return problems + [f"{self.root}: does not hold {path}" for name, path in now.items() if name not in self.inputs]
+        return problems + [
+            f"{self.root}: does not hold {path}"
+            for name, path in now.items()
+            if name not in self.inputs
+        ]
 
 
 def _hash(path: Path) -> str | None:
@@ -90,7 +106,8 @@ def _hash(path: Path) -> str | None:
 
 
 def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
-    """The problems of the export at `out`, [] when all is well: `ExportRecord.check` for one that may be damaged."""
+    """The problems of the export at `out`, [] when all is well: `ExportRecord.check` for one that
+    may be damaged."""
     try:
         return read_record(out).check(dataset, episodes)
     except ExportError as error:
@@ -102,7 +119,9 @@ def read_record(out: Path) -> ExportRecord:
     summary = read_summary(out)
     sealed, _ = is_unchanged(summary), summary.pop(SEAL, None)
     code, inputs, contents = parts = [summary.pop(part, None) for part in PARTS]
-    whole = all(isinstance(part, dict) for part in parts) and all(map(_is_plain, {**inputs, **contents}))
+    whole = all(isinstance(part, dict) for part in parts) and all(
+        map(_is_plain, {**inputs, **contents})
+    )
     if not whole or not all(map(_is_entry, contents.values())):
         raise ExportError(f"{out}: its {SUMMARY} is of another version; {AGAIN}")
     if not sealed:
@@ -115,7 +134,11 @@ def _is_plain(name: str) -> bool:
 
 
 def _is_entry(entry: Any) -> bool:
-    return isinstance(entry, dict) and isinstance(entry.get("sha256"), str) and isinstance(entry.get("bytes"), int)
+    return (
+        isinstance(entry, dict)
+        and isinstance(entry.get("sha256"), str)
+        and isinstance(entry.get("bytes"), int)
+    )
 
 
 def read_summary(out: Path) -> dict[str, Any]:
@@ -131,14 +154,22 @@ def read_summary(out: Path) -> dict[str, Any]:
 def entries(folder: Path) -> Iterator[str]:
     """Names of all that is below a directory but directories, relative; links are not followed."""
     for place, folders, files in os.walk(folder):
-        for name in (*files, *(each for each in folders if os.path.islink(os.path.join(place, each)))):
+        for name in (
+            *files,
+            *(each for each in folders if os.path.islink(os.path.join(place, each))),
+        ):
             yield Path(place, name).relative_to(folder).as_posix()
 
 
 def is_cache(name: str) -> bool:
-    """Whether a file of that relative name, which the export did not write, is a cache of a consumer."""
+    """Whether a file of that relative name, which the export did not write, is a cache of a
+    consumer."""
     path = PurePosixPath(name)
-    return bool(CACHE_FOLDERS & {*path.parts} or path.suffix in CACHE_SUFFIXES or CACHE_NAMES.fullmatch(name))
+    return bool(
+        CACHE_FOLDERS & {*path.parts}
+        or path.suffix in CACHE_SUFFIXES
+        or CACHE_NAMES.fullmatch(name)
+    )
 
 
 def json_text(value: Any) -> str:

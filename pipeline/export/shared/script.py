@@ -1,7 +1,9 @@
-"""What the expert was doing in every frame, in names and in words, from the runs of skills that its episode file lists.
+"""What the expert was doing in every frame, in names and in words, from the runs of skills that its
+episode file lists.
 
-A frame belongs to the runs that execute the action commanded in it: those that act in the physics step after it. What stands still
-because the expert waits has the skill "wait"; where a policy acts, it is "policy".
+A frame belongs to the runs that execute the action commanded in it: those that act in the physics
+step after it. What stands still because the expert waits has the skill "wait"; where a policy acts,
+it is "policy".
 """
 
 from collections import Counter
@@ -54,8 +56,8 @@ WITHOUT_BODY = {
 class Script:
     """The state of a task's script, one value a frame.
 
-    `subtask` is a sentence about the outermost active runs, `skill` the names of the innermost, joined by "+" if the arms do
-    different ones, `stage` the half of the script.
+    `subtask` is a sentence about the outermost active runs, `skill` the names of the innermost,
+    joined by "+" if the arms do different ones, `stage` the half of the script.
     """
 
     subtask: list[str]
@@ -63,7 +65,8 @@ class Script:
     stage: list[str]
 
     def changes(self) -> list[int]:
-        """Frames at which the subtask becomes another one, the first frame included; none without a script."""
+        """Frames at which the subtask becomes another one, the first frame included; none without a
+        script."""
         if not any(self.subtask):
             return []
         return [t for t, said in enumerate(self.subtask) if t == 0 or said != self.subtask[t - 1]]
@@ -87,9 +90,17 @@ def script_of(facts: Facts) -> Script:
                 column.append(column[-1])
             continue
         before = now
-        inner = [run for i, run in enumerate(now) if not any(_within(other, run) for other in now[i + 1 :])]
-        outer = [run for i, run in enumerate(now) if not any(_within(run, other) for other in now[:i])]
-        texts.skill.append("+".join(dict.fromkeys(run.skill for run in sorted(inner, key=_order))) or idle)
+        inner = [
+            run
+            for i, run in enumerate(now)
+            if not any(_within(other, run) for other in now[i + 1 :])
+        ]
+        outer = [
+            run for i, run in enumerate(now) if not any(_within(run, other) for other in now[:i])
+        ]
+        texts.skill.append(
+            "+".join(dict.fromkeys(run.skill for run in sorted(inner, key=_order))) or idle
+        )
         texts.subtask.append(describe_runs(outer, names) or idle)
         texts.stage.append(now[0].half if now else ("meet" if step < met else "finish"))
     return texts
@@ -98,24 +109,37 @@ def script_of(facts: Facts) -> Script:
 def rows_of(facts: Facts) -> list[dict[str, Any]]:
     """The runs as plain records with their frames, from `start_frame` to before `end_frame`.
 
-    The first is the first frame whose action a run executes; both are the same for a run between two frames."""
+    The first is the first frame whose action a run executes; both are the same for a run between
+    two frames."""
     every = facts.meta.physics_hz // facts.fps
-    return [asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)} for run in facts.log.skills]
+    return [
+        asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)}
+        for run in facts.log.skills
+    ]
 
 
 def spoken_names(facts: Facts) -> dict[str, str]:
-    """What each body is called in sentences: its noun, or its description where another body has the same noun."""
+    """What each body is called in sentences: its noun, or its description where another body has
+    the same noun."""
     counts = Counter(info.noun for info in facts.meta.objects.values())
     return {
-        name: "the " + ((info.noun if counts[info.noun] == 1 else info.description) or name.replace("_", " "))
+        name: "the "
+        + ((info.noun if counts[info.noun] == 1 else info.description) or name.replace("_", " "))
         for name, info in facts.meta.objects.items()
     }
 
 
 def describe_runs(runs: Sequence[SkillRun], names: Mapping[str, str]) -> str:
-    """One sentence about runs that happen at the same time; those of both arms that do the same are said once."""
-    alike = groupby(sorted(runs, key=lambda r: (r.skill, r.body, _order(r))), lambda r: (r.skill, r.body))
-    parts = [(min(map(_order, group)), _sentence(group, names)) for _, each in alike for group in [list(each)]]
+    """One sentence about runs that happen at the same time; those of both arms that do the same are
+    said once."""
+    alike = groupby(
+        sorted(runs, key=lambda r: (r.skill, r.body, _order(r))), lambda r: (r.skill, r.body)
+    )
+    parts = [
+        (min(map(_order, group)), _sentence(group, names))
+        for _, each in alike
+        for group in [list(each)]
+    ]
     return " and ".join(sentence for _, sentence in sorted(parts))
 
 
@@ -123,16 +147,28 @@ def _sentence(runs: Sequence[SkillRun], names: Mapping[str, str]) -> str:
     first = runs[0]
     sides = [side for side in SIDES if any(side in run.arms for run in runs)]
     arms = "both arms" if len(sides) == 2 else f"the {sides[0]} arm"
-    words = {"arms": arms, "first": f"the {first.arms[0]} arm", "second": f"the {first.arms[-1]} arm"}
+    words = {
+        "arms": arms,
+        "first": f"the {first.arms[0]} arm",
+        "second": f"the {first.arms[-1]} arm",
+    }
     if not first.body:
         return WITHOUT_BODY.get(first.skill, "move {arms}").format(**words)
-    part = "" if not first.part or first.part == first.skill else f"the {first.part.replace('_', ' ')} of "
-    return WITH_BODY.get(first.skill, "carry {body} with {arms}").format(body=names.get(first.body, first.body), part=part, **words)
+    part = (
+        ""
+        if not first.part or first.part == first.skill
+        else f"the {first.part.replace('_', ' ')} of "
+    )
+    return WITH_BODY.get(first.skill, "carry {body} with {arms}").format(
+        body=names.get(first.body, first.body), part=part, **words
+    )
 
 
 def _within(inner: SkillRun, outer: SkillRun) -> bool:
     """Whether a run that is listed before another one encloses it."""
-    return outer.start <= inner.start and inner.end <= outer.end and set(inner.arms) <= set(outer.arms)
+    return (
+        outer.start <= inner.start and inner.end <= outer.end and set(inner.arms) <= set(outer.arms)
+    )
 
 
 def _order(run: SkillRun) -> int:

@@ -1,4 +1,5 @@
-"""What episodes store beside color images: depth and segmentation of each camera, point clouds of the head camera."""
+"""What episodes store beside color images: depth and segmentation of each camera, point clouds of
+the head camera."""
 
 from collections.abc import Sequence
 
@@ -28,15 +29,22 @@ def image_column(coded: Sequence[bytes]) -> pa.Array:
 
 def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:
     """The sensors that an open episode stores, of any of its cameras."""
-    stored = [name for name, key in IMAGES.items() if any(file.has(f"observation/{camera}/{key}") for camera in cameras)]
+    stored = [
+        name
+        for name, key in IMAGES.items()
+        if any(file.has(f"observation/{camera}/{key}") for camera in cameras)
+    ]
     return (*stored, *([POINTCLOUD] if file.has(POINTCLOUD) else []))
 
 
 def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
-    """A sensor's images of a camera as PNG, without loss: depth 16 bits a pixel (mm), segmentation 8."""
+    """A sensor's images of a camera as PNG, without loss: depth 16 bits a pixel (mm), segmentation
+    8."""
     key = f"observation/{camera}/{IMAGES[sensor]}"
     if not file.has(key):
-        raise ExportError(f"{file.path}: {camera} has no {sensor} images; draw the dataset again with them")
+        raise ExportError(
+            f"{file.path}: {camera} has no {sensor} images; draw the dataset again with them"
+        )
     return [png(image) for image in file.array(key)]
 
 

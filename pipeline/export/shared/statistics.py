@@ -1,7 +1,9 @@
-"""Exact statistics in the form LeRobot stores them: min, max, mean, std, count and the quantiles q01 q10 q50 q90 q99.
+"""Exact statistics in the form LeRobot stores them: min, max, mean, std, count and the quantiles
+q01 q10 q50 q90 q99.
 
-LeRobot estimates quantiles from histograms of 5,000 bins and, over a dataset, as means of the episodes' quantiles. These are
-computed from all values: the smallest value x with F(x) >= q, which is what its histogram approximates.
+LeRobot estimates quantiles from histograms of 5,000 bins and, over a dataset, as means of the
+episodes' quantiles. These are computed from all values: the smallest value x with F(x) >= q, which
+is what its histogram approximates.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -35,19 +37,22 @@ def vector_stats(values: NDArray[Any]) -> Stats:
 
 
 def sample_rows(length: int) -> NDArray[np.int64]:
-    """Frames that enter the image statistics, LeRobot's rule: max(min(100, N), min(N^0.75, 10000)) evenly spaced ones."""
+    """Frames that enter the image statistics, LeRobot's rule: max(min(100, N), min(N^0.75, 10000))
+    evenly spaced ones."""
     count = max(min(100, length), min(int(length**0.75), 10_000))
     return np.round(np.linspace(0, length - 1, count)).astype(np.int64)
 
 
 def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
-    """How often each value occurs, (3,256), in images (H,W,3); large ones are thinned to about 150 pixels, LeRobot's rule."""
+    """How often each value occurs, (3,256), in images (H,W,3); large ones are thinned to about 150
+    pixels, LeRobot's rule."""
     step = thinning(*frames[0].shape[:2])
     return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
 
 
 class PlaneCounts:
-    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only, in batches."""
+    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count
+    only, in batches."""
 
     def __init__(self) -> None:
         self._counts, self._waiting = np.zeros((3, 256), np.int64), list[tuple[Any, Any, Any]]()
@@ -71,7 +76,9 @@ class PlaneCounts:
             self._counts += color_counts([frame.to_ndarray(format="rgb24", src_color_range="JPEG")])
             return
         luma, blue, red = (samples(plane) for plane in frame.planes)
-        self._waiting.append((_thin(luma, step), *(_spread(chroma, step) for chroma in (red, blue))))
+        self._waiting.append(
+            (_thin(luma, step), *(_spread(chroma, step) for chroma in (red, blue)))
+        )
         if len(self._waiting) == TOGETHER:
             self._count()
 
@@ -81,26 +88,34 @@ class PlaneCounts:
         luma, *chroma = (np.stack(planes) for planes in zip(*self._waiting, strict=True))
         self._waiting.clear()
         width = luma.shape[2]
-        planes: Any = [plane.reshape(-1, width) for plane in (luma, *(_at_pixels(plane, self._step) for plane in chroma))]
+        planes: Any = [
+            plane.reshape(-1, width)
+            for plane in (luma, *(_at_pixels(plane, self._step) for plane in chroma))
+        ]
         # the range is the full one of a JPEG
         self._counts += _counts(cv2.cvtColor(cv2.merge(planes), cv2.COLOR_YCrCb2RGB))
 
 
 def _spread(chroma: Any, step: int) -> Any:
-    """Chroma (h,w) interpolated linearly, as libjpeg does it, at all pixels that count; where `step` is even, what `_at_pixels`
-    interpolates from, (h+1,w+1)."""
+    """Chroma (h,w) interpolated linearly, as libjpeg does it, at all pixels that count; where
+    `step` is even, what `_at_pixels` interpolates from, (h+1,w+1)."""
     if step % 2:
         return _thin(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
     return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
 
 
 def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
-    """Chroma of N frames of `_spread` at the pixels that count: where `step` is even, at the upper left of blocks of 2 by 2."""
+    """Chroma of N frames of `_spread` at the pixels that count: where `step` is even, at the upper
+    left of blocks of 2 by 2."""
     if step % 2:
         return spread
     flat: Any = spread.reshape(-1, spread.shape[2])
-    across: Any = cv2.addWeighted(flat[:, 1:], 0.75, flat[:, :-1], 0.25, 0).reshape(*spread.shape[:2], -1)
-    return cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)[:, :: step // 2, :: step // 2]
+    across: Any = cv2.addWeighted(flat[:, 1:], 0.75, flat[:, :-1], 0.25, 0).reshape(
+        *spread.shape[:2], -1
+    )
+    return cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)[
+        :, :: step // 2, :: step // 2
+    ]
 
 
 def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
@@ -118,11 +133,14 @@ def thinning(height: int, width: int) -> int:
 
 def _counts(rgb: Any) -> NDArray[np.int64]:
     rgb = np.ascontiguousarray(rgb)
-    return np.stack([cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]).astype(np.int64)
+    return np.stack(
+        [cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]
+    ).astype(np.int64)
 
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
-    """Statistics (3,1,1) of colours in 0-1 from counts (3,256); `count` is the number of images, as LeRobot has it."""
+    """Statistics (3,1,1) of colours in 0-1 from counts (3,256); `count` is the number of images, as
+    LeRobot has it."""
     values, total = np.arange(256) / 255.0, counts.sum(1)
     mean = counts @ values / total
     present = counts > 0

@@ -1,4 +1,5 @@
-"""Encodes and decodes the images of an episode: codecs, their options, and planes that go from JPEG to video as they are."""
+"""Encodes and decodes the images of an episode: codecs, their options, and planes that go from JPEG
+to video as they are."""
 
 import io
 import os
@@ -19,7 +20,18 @@ from pipeline.export.shared.episodes import ExportError
 DEFAULTS = {"h264": (20, "ultrafast"), "libsvtav1": (32, "12"), "hevc": (25, "ultrafast")}
 """crf and preset by encoder."""
 
-_X26 = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo")
+_X26 = (
+    "ultrafast",
+    "superfast",
+    "veryfast",
+    "faster",
+    "fast",
+    "medium",
+    "slow",
+    "slower",
+    "veryslow",
+    "placebo",
+)
 TAKEN = {"h264": (51, _X26), "libsvtav1": (63, tuple(map(str, range(14)))), "hevc": (51, _X26)}
 """Largest crf, and presets, by encoder. Encoders clip a larger crf without a word."""
 
@@ -31,14 +43,17 @@ ONE_THREAD = {
 """Options of an encoder that make its bytes a function of the frames alone."""
 
 PREDICTED = {"h264": {"bf": "0", "x264-params": "aq-mode=0:mbtree=0"}, "hevc": {"bf": "0"}}
-"""Options where frames are predicted from others. Quantisation that follows x264's look-ahead differs now and then. Without frames
-predicted from later ones, packets of episodes of any length can follow each other."""
+"""Options where frames are predicted from others. Quantisation that follows x264's look-ahead
+differs now and then. Without frames predicted from later ones, packets of episodes of any length
+can follow each other."""
 
 LIMITED_RANGE = ((219 / 255, 16.0), (224 / 255, 128 - 128 * 224 / 255 + 0.0075))
-"""Factor and offset from the range of a JPEG to that of a video, for luma and chroma; rounded, they give what libswscale gives."""
+"""Factor and offset from the range of a JPEG to that of a video, for luma and chroma; rounded, they
+give what libswscale gives."""
 
 VIDEO_FORMAT = b"\xff\xfe\x00\x0cCS=ITU601\0"
-"""Comment in a JPEG that makes FFmpeg call its planes those of a video, so that an encoder takes them without a copy."""
+"""Comment in a JPEG that makes FFmpeg call its planes those of a video, so that an encoder takes
+them without a copy."""
 
 CODECS = tuple(DEFAULTS)
 
@@ -47,11 +62,13 @@ CODECS = tuple(DEFAULTS)
 class Codec:
     """Encoder settings. The default is H.264 with every image a key frame.
 
-    Against AV1 as LeRobot sets it (a key frame every second image, crf 30), which draws moving things late, and against AV1 with
-    every image a key frame, it loses as little as the latter in a tenth of the time, for twice the bytes (table:
-    docs/measurements/export.md, by benchmarks/video_codecs.py). Data about motion should not save where things move.
+    Against AV1 as LeRobot sets it (a key frame every second image, crf 30), which draws moving
+    things late, and against AV1 with every image a key frame, it loses as little as the latter in a
+    tenth of the time, for twice the bytes (table: docs/measurements/export.md, by
+    benchmarks/video_codecs.py). Data about motion should not save where things move.
 
-    `name` is libsvtav1, h264 or hevc; lower `crf` is better and larger. What is None is that of DEFAULTS.
+    `name` is libsvtav1, h264 or hevc; lower `crf` is better and larger. What is None is that of
+    DEFAULTS.
     """
 
     name: str = "h264"
@@ -69,12 +86,21 @@ class Codec:
         """Options for libav; one thread, so that the same frames give the same bytes."""
         preset = self.preset or DEFAULTS[self.name][1]
         predicted = PREDICTED.get(self.name, {}) if self.gop > 1 else {}
-        return {"g": str(self.gop), "crf": str(self.quality), "preset": preset, **ONE_THREAD[self.name], **predicted}
+        return {
+            "g": str(self.gop),
+            "crf": str(self.quality),
+            "preset": preset,
+            **ONE_THREAD[self.name],
+            **predicted,
+        }
 
     def check(self) -> None:
-        """Raise ExportError for an encoder that is unknown here, and for a crf or preset that it does not take."""
+        """Raise ExportError for an encoder that is unknown here, and for a crf or preset that it
+        does not take."""
         if self.name not in CODECS or self.name not in av.codecs_available:
-            raise ExportError(f"video codec {self.name!r} is not available: use {', '.join(CODECS)}")
+            raise ExportError(
+                f"video codec {self.name!r} is not available: use {', '.join(CODECS)}"
+            )
         largest, presets = TAKEN[self.name]
         if not 0 <= self.quality <= largest:
             raise ExportError(f"--crf {self.quality}: {self.name} takes 0 to {largest}")
@@ -83,9 +109,11 @@ class Codec:
 
 
 def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
-    """JPEG bytes -> av.VideoFrame with the planes that the JPEG holds, in its range, for `PlaneCounts` and then `encode`.
+    """JPEG bytes -> av.VideoFrame with the planes that the JPEG holds, in its range, for
+    `PlaneCounts` and then `encode`.
 
-    They are not made RGB and then YUV again: that costs as much as encoding. Raises EpisodeError for bytes that are no whole image.
+    They are not made RGB and then YUV again: that costs as much as encoding. Raises EpisodeError
+    for bytes that are no whole image.
     """
     decoder: Any = av.CodecContext.create("mjpeg", "r")
     decoder.thread_count, decoder.options = 1, {"err_detect": "explode"}
@@ -103,13 +131,16 @@ def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
 
 
 def limited(frame: Any) -> Any:
-    """A frame of `decoded_planes`, W and H even, in the range of videos: itself, changed in place, where it is 4:2:0.
+    """A frame of `decoded_planes`, W and H even, in the range of videos: itself, changed in place,
+    where it is 4:2:0.
 
     The values are those of libswscale at a fraction of the cost.
     """
     if frame.format.name != "yuv420p":
         return frame.reformat(format="yuv420p", src_color_range="JPEG")
-    for plane, (factor, offset) in zip(frame.planes, (LIMITED_RANGE[0], *[LIMITED_RANGE[1]] * 2), strict=True):
+    for plane, (factor, offset) in zip(
+        frame.planes, (LIMITED_RANGE[0], *[LIMITED_RANGE[1]] * 2), strict=True
+    ):
         values: Any = samples(plane)
         cv2.convertScaleAbs(values, values, factor, offset)
     return frame
@@ -121,7 +152,8 @@ def samples(plane: Any) -> NDArray[np.uint8]:
 
 
 def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
-    """RGB frames (H,W,3) uint8, or frames of `decoded_planes`, H and W even -> a complete mp4, one image per frame, at k / fps s.
+    """RGB frames (H,W,3) uint8, or frames of `decoded_planes`, H and W even -> a complete mp4, one
+    image per frame, at k / fps s.
 
     Raises ExportError when the encoder refuses.
     """
@@ -131,10 +163,19 @@ def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
         with av.open(buffer, "w", format="mp4") as container:
             stream: Any = None
             for given in frames:
-                frame = limited(given) if isinstance(given, av.VideoFrame) else av.VideoFrame.from_ndarray(given, format="rgb24")
+                frame = (
+                    limited(given)
+                    if isinstance(given, av.VideoFrame)
+                    else av.VideoFrame.from_ndarray(given, format="rgb24")
+                )
                 if stream is None:
                     stream = container.add_stream(codec.name, fps, options=codec.options())
-                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = frame.height, frame.width, codec.pix_fmt, 1
+                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = (
+                        frame.height,
+                        frame.width,
+                        codec.pix_fmt,
+                        1,
+                    )
                 container.mux(stream.encode(frame))
             container.mux(stream.encode())
     except FFmpegError as error:
@@ -149,4 +190,7 @@ def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8
         stream.thread_count = 1
         for frame in container.decode(stream):
             assert frame.pts is not None and frame.time_base is not None
-            yield float(frame.pts * frame.time_base), np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+            yield (
+                float(frame.pts * frame.time_base),
+                np.asarray(frame.to_ndarray(format="rgb24"), np.uint8),
+            )

@@ -1,7 +1,9 @@
-"""Video files of a LeRobot dataset: each episode encoded on its own with one thread, then appended to a file without re-encoding.
+"""Video files of a LeRobot dataset: each episode encoded on its own with one thread, then appended
+to a file without re-encoding.
 
-Encoding an episode alone makes its packets a function of its frames only, so files are the same whatever ran beside, and every
-episode starts with a key frame. Nothing is dropped and nothing is written twice.
+Encoding an episode alone makes its packets a function of its frames only, so files are the same
+whatever ran beside, and every episode starts with a key frame. Nothing is dropped and nothing is
+written twice.
 """
 
 import io
@@ -16,14 +18,17 @@ import av
 from pipeline.export.shared.draft import ExportDraft
 
 OPTIONS = {"movflags": "faststart", "write_btrt": "0"}
-"""The index comes first, so that a part can be played from a server. The box of bit rates would say how the clips were made."""
+"""The index comes first, so that a part can be played from a server. The box of bit rates would say
+how the clips were made."""
 
 
 @dataclass(frozen=True)
 class Clip:
-    """One encoded episode of a camera: its `name`, and the `size` in bytes of the mp4 that `encode` made of it.
+    """One encoded episode of a camera: its `name`, and the `size` in bytes of the mp4 that `encode`
+    made of it.
 
-    Holds that mp4 itself, or the place of its packets in the video file of an older export: from number `start` of `file`.
+    Holds that mp4 itself, or the place of its packets in the video file of an older export: from
+    number `start` of `file`.
     """
 
     name: str
@@ -59,7 +64,9 @@ class _Source:
 
     def take(self, count: int) -> list[Any]:
         """The next packets, at most `count`, and one more from memory, where there must be none."""
-        packets = [p for _, p in zip(range(count + (self._file is None)), self._packets, strict=False)]
+        packets = [
+            p for _, p in zip(range(count + (self._file is None)), self._packets, strict=False)
+        ]
         self._next += len(packets)
         return packets
 
@@ -72,10 +79,11 @@ class _Source:
 
 @dataclass
 class VideoFile:
-    """An mp4 that grows by episodes. Close it once; `frames` and `size` (bytes of the clips) decide when the next one begins.
+    """An mp4 that grows by episodes. Close it once; `frames` and `size` (bytes of the clips) decide
+    when the next one begins.
 
-    Clips from an older export are not written before one is new, and then without encoding: `draft` takes over a file whose content
-    one of the older export already has.
+    Clips from an older export are not written before one is new, and then without encoding: `draft`
+    takes over a file whose content one of the older export already has.
     """
 
     path: Path
@@ -116,7 +124,9 @@ class VideoFile:
             packets = self._source.take(frames)
             if len(packets) != frames:
                 raise ValueError(f"the encoder returned {len(packets)} images for {frames} frames")
-            shift = int((self._written - clip.start) / (self.fps * Fraction(template.time_base or 1)))
+            shift = int(
+                (self._written - clip.start) / (self.fps * Fraction(template.time_base or 1))
+            )
             for packet in packets:
                 packet.pts, packet.dts = packet.pts + shift, packet.dts + shift
                 packet.stream = self._stream
@@ -126,7 +136,11 @@ class VideoFile:
     def close(self) -> None:
         """Finish the file."""
         made_from = ["video", self.fps, *self._names]
-        if self._output is None and self.draft is not None and self.draft.keep(self.path, made_from):
+        if (
+            self._output is None
+            and self.draft is not None
+            and self.draft.keep(self.path, made_from)
+        ):
             self._waiting.clear()
         try:
             self._write()
@@ -134,6 +148,7 @@ class VideoFile:
             self._source.close()
             if (output := self._output) is not None:
                 self._output = self._stream = None
-                output.close()  # an open one would be finished, and its errors printed, when it is collected
+                # an open one would be finished, and its errors printed, when it is collected
+                output.close()
         if output is not None and self.draft is not None:
             self.draft.record(self.path, made_from)

@@ -1,4 +1,5 @@
-"""Images of object families, drawn as the dataset draws them: a self-contained HTML page, with frames and grasps marked."""
+"""Images of object families, drawn as the dataset draws them: a self-contained HTML page, with
+frames and grasps marked."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,21 +34,35 @@ def axes(frame: Pose, length: float) -> list[Part]:
     """Red, green and blue bars along x, y and z of a frame."""
     turns = (quat_about((0, 1, 0), np.pi / 2), quat_about((1, 0, 0), -np.pi / 2), (1, 0, 0, 0))
     bar = cylinder(length / 16, length, 6)
-    return [(bar.moved(compose(frame, pose((0, 0, 0), q))), Material(c, 0.9)) for q, c in zip(turns, AXES, strict=True)]
+    return [
+        (bar.moved(compose(frame, pose((0, 0, 0), q))), Material(c, 0.9))
+        for q, c in zip(turns, AXES, strict=True)
+    ]
 
 
 def jaws(grasp: Grasp) -> list[Part]:
-    """A thin fork: two fingers `width` apart that open towards +x of the tcp, reaching 12 mm past it."""
+    """A thin fork: two fingers `width` apart that open towards +x of the tcp, reaching 12 mm past
+    it."""
     gap = grasp.width / 2 + 0.0015
     pieces = [at(box(0.018, 0.0012, 0.0012), (-0.006, y, 0)) for y in (-gap, gap)]
-    pieces += [at(box(0.0012, gap, 0.0012), (-0.024, 0, 0)), at(box(0.010, 0.0012, 0.0012), (-0.034, 0, 0))]
+    pieces += [
+        at(box(0.0012, gap, 0.0012), (-0.024, 0, 0)),
+        at(box(0.010, 0.0012, 0.0012), (-0.034, 0, 0)),
+    ]
     return [(m.moved(grasp.pose), Material(JAWS, 0.9)) for m in pieces]
 
 
-def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320, 240), preset: str = "raster-smooth") -> Image:
-    """Picture (H,W,3) uint8 RGB of one instance on the table, seen from the robot's side and filling the frame.
+def portrait(
+    instance: Family,
+    marks: bool = False,
+    size: tuple[int, int] = (320, 240),
+    preset: str = "raster-smooth",
+) -> Image:
+    """Picture (H,W,3) uint8 RGB of one instance on the table, seen from the robot's side and
+    filling the frame.
 
-    With `marks`, its frames and up to MARKED of its grasps are drawn. Raises NoRenderer if nothing can draw.
+    With `marks`, its frames and up to MARKED of its grasps are drawn. Raises NoRenderer if nothing
+    can draw.
     """
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
@@ -58,29 +73,45 @@ def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320
         frames = instance.frames()
         for p in frames.points.values():
             parts += axes(p, 0.04 * distance)
-        for k in np.linspace(0, len(frames.grasps) - 1, min(MARKED, len(frames.grasps))).astype(int):
+        for k in np.linspace(0, len(frames.grasps) - 1, min(MARKED, len(frames.grasps))).astype(
+            int
+        ):
             parts += jaws(frames.grasps[k])
-    camera = Camera("portrait", CameraType(*size, FIELD_OF_VIEW), None, look(eye, -away, np.cross((0, 0, 1), -away)))
+    camera = Camera(
+        "portrait",
+        CameraType(*size, FIELD_OF_VIEW),
+        None,
+        look(eye, -away, np.cross((0, 0, 1), -away)),
+    )
     with Renderer({"thing": parts}, (), [camera], CLEAN, preset) as renderer:
         return renderer.render({"thing": ON_TABLE[None]})[0].rgb[0]
 
 
-def write_gallery(path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)) -> None:
-    """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with frames and grasps marked. The folder
-    of the page is made where there is none. Raises NoRenderer if nothing can draw.
+def write_gallery(
+    path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)
+) -> None:
+    """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with
+    frames and grasps marked. The folder of the page is made where there is none. Raises NoRenderer
+    if nothing can draw.
     """
     # before the drawing, which takes seconds
     path.parent.mkdir(parents=True, exist_ok=True)
     exhibits = {
-        name: [_exhibit(FAMILIES[name].draw(np.random.Generator(np.random.Philox(k))), size) for k in range(per_family)]
+        name: [
+            _exhibit(FAMILIES[name].draw(np.random.Generator(np.random.Philox(k))), size)
+            for k in range(per_family)
+        ]
         for name in families
     }
-    page = render_page("pipeline.intake.catalogue", "gallery.html", families=exhibits, width=size[0])
+    page = render_page(
+        "pipeline.intake.catalogue", "gallery.html", families=exhibits, width=size[0]
+    )
     path.write_text(page, encoding="utf-8")
 
 
 def write_portrait(name: str, path: Path) -> None:
-    """Write a PNG of the first instance of a family, or of an object from files: plain, and with frames and grasps beside it.
+    """Write a PNG of the first instance of a family, or of an object from files: plain, and with
+    frames and grasps beside it.
 
     Raises NoRenderer where nothing can draw.
     """
@@ -97,4 +128,7 @@ def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
         f"frames: {', '.join(frames.points)}",
         f"grasps: {', '.join(sorted({g.kind for g in frames.grasps}))}",
     )
-    return {"images": [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)], "notes": notes}
+    return {
+        "images": [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)],
+        "notes": notes,
+    }

@@ -15,7 +15,15 @@ from pipeline.poses import yawed
 from pipeline.tasks.contract import TASKS
 
 EXAMPLE = Request(
-    1, 0.1, 4.0, yawed((0.0, 0.0, 0.80), 0.0), Workspace(-0.35, 0.35, -0.25, 0.25), radius=0.03, height=0.06, tail=0.25, floor=0.74
+    1,
+    0.1,
+    4.0,
+    yawed((0.0, 0.0, 0.80), 0.0),
+    Workspace(-0.35, 0.35, -0.25, 0.25),
+    radius=0.03,
+    height=0.06,
+    tail=0.25,
+    floor=0.74,
 )
 """The motions that are drawn: alpha 0.1 m/s, 4 s to a meeting 6 cm above the table."""
 
@@ -23,7 +31,8 @@ DRAWN = 5
 
 
 def listing() -> list[dict[str, Any]]:
-    """All models by name: version, levels from 0 with their descriptions, and the tasks that move by them."""
+    """All models by name: version, levels from 0 with their descriptions, and the tasks that move
+    by them."""
     return [
         {
             "name": name,
@@ -36,7 +45,8 @@ def listing() -> list[dict[str, Any]]:
 
 
 def write_paths(page: Path) -> None:
-    """Write a PNG with paths of every model by level, from above and, where height changes, from the side. Raises OSError."""
+    """Write a PNG with paths of every model by level, from above and, where height changes, from
+    the side. Raises OSError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -51,7 +61,12 @@ def write_paths(page: Path) -> None:
                 above.plot(path[:, 0], path[:, 1], color=level.colour, lw=1.0, alpha=0.8)
                 beside.plot(path[:, 0], path[:, 2], color=level.colour, lw=1.0, alpha=0.8)
         for axis, label in ((above, "y (m)"), (beside, "z (m)")):
-            axis.plot(*np.asarray(EXAMPLE.end_pose)[[0, 1 if axis is above else 2]], ".", color="#111827", ms=4)
+            axis.plot(
+                *np.asarray(EXAMPLE.end_pose)[[0, 1 if axis is above else 2]],
+                ".",
+                color="#111827",
+                ms=4,
+            )
             axis.set_aspect("equal", adjustable="datalim")
             axis.tick_params(labelsize=6)
             axis.set_ylabel(label, fontsize=7)
@@ -64,7 +79,9 @@ def write_paths(page: Path) -> None:
 def _paths(name: str, level: int) -> list[np.ndarray]:
     found: list[np.ndarray] = []
     for seed in range(DRAWN):
-        streams = Streams(np.random.default_rng([seed, level]), np.random.default_rng([seed, level, 1]))
+        streams = Streams(
+            np.random.default_rng([seed, level]), np.random.default_rng([seed, level, 1])
+        )
         asked = replace(EXAMPLE, level=level)
         try:
             motion = MODELS[name].draw(asked, streams)

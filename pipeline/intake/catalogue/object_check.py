@@ -1,4 +1,5 @@
-"""`domino-data check-object NAME`: does an object family keep its contract (world/objects/contract.py)? No robot, no images."""
+"""`domino-data check-object NAME`: does an object family keep its contract
+(world/objects/contract.py)? No robot, no images."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -23,15 +24,18 @@ FIT = 0.009  # m that the drawn shape and the collision pieces may differ by alo
 WIDEST = 0.075  # m between the fingers: what every robot's jaws can open to
 SLACK = 0.003  # m by which a grasp's `width` may miss the material
 AROUND, STEP = 0.01, 0.00025  # m beyond the pads that are looked at, and how finely
-AHEAD = (0.0, 0.004, 0.008, 0.012)  # m in front of the tcp, inside the pads, where a grasp may meet material
+# m in front of the tcp, inside the pads, where a grasp may meet material
+AHEAD = (0.0, 0.004, 0.008, 0.012)
 ROOM, SHALLOW, OFF = 0.015, 0.3, 0.002
-"""m before a frame that make a hollow of a family, the share of it that an object has at least, and m between tested points."""
+"""m before a frame that make a hollow of a family, the share of it that an object has at least, and
+m between tested points."""
 
 SECONDS = 1.0
 
 
 def check_object(name: str) -> list[Finding]:
-    """Check one object family, on instances of seeds 0, 1, 2 ...; an error of its own code is a finding.
+    """Check one object family, on instances of seeds 0, 1, 2 ...; an error of its own code is a
+    finding.
 
     Raises UnknownName for a family that does not exist.
     """
@@ -45,16 +49,33 @@ def _check(name: str, family: type[Family]) -> list[Finding]:
     built = [(one, one.shape()) for one in drawn[:BUILT]]
     frames, most = built[0][0].frames(), OF_A_FILE if model else TRIANGLES
     kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
-    held = f"{len(frames.grasps)}, of kinds {kinds}" if kinds else "none: it can only be pressed or put on"
+    held = (
+        f"{len(frames.grasps)}, of kinds {kinds}"
+        if kinds
+        else "none: it can only be pressed or put on"
+    )
     solid = [
-        _judge("meshes", _of_each(built, partial(_meshes, most)), f"at most {most} triangles, finite, with unit normals"),
-        _judge("shape", _of_each(built, _fit), "stands on z = 0; what is drawn and what is solid agree"),
+        _judge(
+            "meshes",
+            _of_each(built, partial(_meshes, most)),
+            f"at most {most} triangles, finite, with unit normals",
+        ),
+        _judge(
+            "shape", _of_each(built, _fit), "stands on z = 0; what is drawn and what is solid agree"
+        ),
         _judge("frames", _of_each(built, _frames), ", ".join(frames.points)),
     ]
     grasps = _judge("grasps", _of_each(built[:2], _grasps), held)
     rest = _judge("rest", _of_each(built, partial(_rest, name)), "rests where it is put")
     if model:
-        return [*solid, _judge("hollows", _of_each(built, partial(_hollows, model)), "hollow where its family is"), grasps, rest]
+        return [
+            *solid,
+            _judge(
+                "hollows", _of_each(built, partial(_hollows, model)), "hollow where its family is"
+            ),
+            grasps,
+            rest,
+        ]
     always = f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same"
     words = _judge("words", _words(drawn), f"{SEEN} seen and {UNSEEN} unseen descriptions")
     return [_judge("drawing", _drawing(family, drawn), always), *solid, grasps, words, rest]
@@ -70,14 +91,19 @@ def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
     return Finding(name, first is None, first or good)
 
 
-def _of_each(built: Iterable[tuple[Family, Shape]], problems: Callable[[Family, Shape], Iterator[str]]) -> Iterator[str]:
+def _of_each(
+    built: Iterable[tuple[Family, Shape]], problems: Callable[[Family, Shape], Iterator[str]]
+) -> Iterator[str]:
     """The problems of some instances, each after the instance that has it."""
     return (f"{one}: {problem}" for one, shape in built for problem in problems(one, shape))
 
 
 def _drawing(family: type[Family], drawn: Sequence[Family]) -> Iterator[str]:
     if list(drawn) != [family.draw(_rng(seed)) for seed in range(INSTANCES)]:
-        yield "the same seed draws another instance: take every random number from `rng`, and make the class a frozen dataclass"
+        yield (
+            "the same seed draws another instance: take every random number from `rng`, and make"
+            " the class a frozen dataclass"
+        )
     different = len(set(drawn))
     if different < INSTANCES:
         yield f"{INSTANCES} seeds draw {different} instances: draw its sizes and colours from `rng`"
@@ -86,10 +112,16 @@ def _drawing(family: type[Family], drawn: Sequence[Family]) -> Iterator[str]:
 def _meshes(most: int, one: Family, shape: Shape) -> Iterator[str]:
     count = sum(len(mesh.triangles) for mesh, _ in shape.visual)
     if count > most:
-        yield f"{count} triangles are drawn: {most} at most, so that frames stay cheap (fewer sides or levels)"
+        yield (
+            f"{count} triangles are drawn: {most} at most, so that frames stay cheap (fewer sides"
+            " or levels)"
+        )
     for mesh, material in shape.visual:
         if not np.isfinite(mesh.vertices).all() or mesh.triangles.max() >= len(mesh.vertices):
-            yield "a mesh has vertices that are not finite, or triangles of vertices that it does not have"
+            yield (
+                "a mesh has vertices that are not finite, or triangles of vertices that it does not"
+                " have"
+            )
         if np.abs(np.linalg.norm(mesh.normals, axis=1) - 1).max() > 1e-4:
             yield "a mesh has normals that are not of length 1"
         if material.texture is not None and mesh.uvs is None:
@@ -100,26 +132,45 @@ def _fit(one: Family, shape: Shape) -> Iterator[str]:
     points = np.concatenate([mesh.vertices for mesh, _ in shape.visual])
     seen, solid = np.stack([points.min(0), points.max(0)]), shape.aabb()
     if abs(seen[0, 2]) > 1e-3 or abs(solid[0, 2]) > 1.5e-3:
-        yield f"its lowest point is at z = {seen[0, 2]:.4f} m drawn, {solid[0, 2]:.4f} m solid: the base is at z = 0"
+        yield (
+            f"its lowest point is at z = {seen[0, 2]:.4f} m drawn, {solid[0, 2]:.4f} m solid: the"
+            " base is at z = 0"
+        )
     apart = np.maximum(solid[0] - seen[0], seen[1] - solid[1]).max()
     if apart > FIT:
-        yield f"what is drawn reaches {1000 * apart:.0f} mm out of its collision pieces: {1000 * FIT:.0f} mm at most"
+        yield (
+            f"what is drawn reaches {1000 * apart:.0f} mm out of its collision pieces:"
+            f" {1000 * FIT:.0f} mm at most"
+        )
     if not (0.001 < shape.mass < 12 and 0.2 <= shape.friction <= 1.0):
-        yield f"mass {shape.mass:.4g} kg, friction {shape.friction:g}: 0.001 to 12 kg and 0.2 to 1 are sensible"
+        yield (
+            f"mass {shape.mass:.4g} kg, friction {shape.friction:g}: 0.001 to 12 kg and 0.2 to 1"
+            " are sensible"
+        )
 
 
 def _frames(one: Family, shape: Shape) -> Iterator[str]:
     points, (lower, upper) = one.frames().points, shape.aabb()
     if missing := {"base", "top"} - points.keys():
-        yield f"has no frame {' and no frame '.join(sorted(missing))}: every object has base (the origin) and top"
+        yield (
+            f"has no frame {' and no frame '.join(sorted(missing))}: every object has base (the"
+            " origin) and top"
+        )
         return
     if np.abs(points["base"] - pose((0, 0, 0))).max() > 1e-9:
         yield "its frame base is not the origin: mark(0, 0, 0)"
     if abs(points["top"][2] - upper[2]) > FIT:
-        yield f"its frame top is at z = {points['top'][2]:.3f} m, the object ends at {upper[2]:.3f} m"
+        yield (
+            f"its frame top is at z = {points['top'][2]:.3f} m, the object ends at {upper[2]:.3f} m"
+        )
     for label, p in points.items():
-        if abs(np.linalg.norm(p[3:]) - 1) > 1e-9 or np.any((p[:3] < lower - 0.01) | (p[:3] > upper + 0.01)):
-            yield f"its frame {label} lies more than 1 cm off the object, or its quaternion is not of length 1"
+        if abs(np.linalg.norm(p[3:]) - 1) > 1e-9 or np.any(
+            (p[:3] < lower - 0.01) | (p[:3] > upper + 0.01)
+        ):
+            yield (
+                f"its frame {label} lies more than 1 cm off the object, or its quaternion is not of"
+                " length 1"
+            )
 
 
 def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
@@ -127,16 +178,19 @@ def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
     model = first_of(family)
     theirs, own = model.frames().points, one.frames().points
     for label in theirs.keys() & own.keys() - {"base", "top"}:
-        usual, free = (free_before(s, points[label]) for s, points in ((model.shape(), theirs), (shape, own)))
+        usual, free = (
+            free_before(s, points[label]) for s, points in ((model.shape(), theirs), (shape, own))
+        )
         if usual >= ROOM and free < usual * SHALLOW:
             yield (
-                f"{1000 * free:.0f} mm are free before its frame {label}, {1000 * usual:.0f} mm in a {family}: "
-                f"nothing goes in there; use another --family, or correct the frame"
+                f"{1000 * free:.0f} mm are free before its frame {label}, {1000 * usual:.0f} mm in"
+                f" a {family}: nothing goes in there; use another --family, or correct the frame"
             )
 
 
 def free_before(shape: Shape, at: Pose) -> float:
-    """The free way (m) from a frame along its normal to the end of the bounding box; 0 if material is in it."""
+    """The free way (m) from a frame along its normal to the end of the bounding box; 0 if material
+    is in it."""
     lower, upper = shape.aabb()
     normal = quat_rotate(at[3:], np.array([0.0, 0.0, 1.0]))
     steps = np.arange(OFF, float(np.linalg.norm(upper - lower)), OFF)
@@ -148,12 +202,16 @@ def free_before(shape: Shape, at: Pose) -> float:
 def _grasps(one: Family, shape: Shape) -> Iterator[str]:
     for g in one.frames().grasps:
         if not 0 < g.width <= WIDEST:
-            yield f"a grasp of kind {g.kind} is {g.width:.3f} m wide: more than 0, and {WIDEST} m at most"
+            yield (
+                f"a grasp of kind {g.kind} is {g.width:.3f} m wide: more than 0, and {WIDEST} m at"
+                " most"
+            )
         elif not any(_holds(shape.collision, g, ahead) for ahead in AHEAD):
             at = ", ".join(f"{x:.3f}" for x in g.pose[:3])
             yield (
-                f"a grasp of kind {g.kind} at ({at}) m holds nothing {1000 * g.width:.1f} mm wide: along its "
-                f"opening direction (y) the collision pieces must end {1000 * g.width / 2:.1f} mm to either side of the tcp"
+                f"a grasp of kind {g.kind} at ({at}) m holds nothing {1000 * g.width:.1f} mm wide:"
+                " along its opening direction (y) the collision pieces must end"
+                f" {1000 * g.width / 2:.1f} mm to either side of the tcp"
             )
 
 
@@ -163,7 +221,9 @@ def _holds(pieces: Sequence[Collider], g: Grasp, ahead: float) -> bool:
     offsets = np.arange(-g.width / 2 - AROUND, g.width / 2 + AROUND, STEP)
     points = g.pose[:3] + ahead * approach + offsets[:, None] * opening
     solid = offsets[inside(pieces, points)]
-    return len(solid) > 0 and bool(max(abs(solid[0] + g.width / 2), abs(solid[-1] - g.width / 2)) < SLACK)
+    return len(solid) > 0 and bool(
+        max(abs(solid[0] + g.width / 2), abs(solid[-1] - g.width / 2)) < SLACK
+    )
 
 
 def _words(drawn: Sequence[Family]) -> Iterator[str]:
@@ -175,10 +235,20 @@ def _words(drawn: Sequence[Family]) -> Iterator[str]:
             continue
         said = (*words.seen, *words.unseen)
         if (len(words.seen), len(words.unseen)) != (SEEN, UNSEEN) or len(set(said)) < len(said):
-            yield f"{one}: {len(words.seen)} seen and {len(words.unseen)} unseen descriptions, {len(set(said))} different ones"
+            yield (
+                f"{one}: {len(words.seen)} seen and {len(words.unseen)} unseen descriptions,"
+                f" {len(set(said))} different ones"
+            )
         if words.noun not in words.seen:
-            yield f"{one}: its noun {words.noun!r} is not among its seen descriptions: detectors are asked for it"
-        if wrong := [p for p in said if p != p.strip() or "{" in p or p.lower().startswith(("a ", "an ", "the "))]:
+            yield (
+                f"{one}: its noun {words.noun!r} is not among its seen descriptions: detectors are"
+                " asked for it"
+            )
+        if wrong := [
+            p
+            for p in said
+            if p != p.strip() or "{" in p or p.lower().startswith(("a ", "an ", "the "))
+        ]:
             yield f"{one}: {wrong[0]!r} begins with an article, or has a slot or spaces left over"
 
 
@@ -186,13 +256,14 @@ def _rest(name: str, one: Family, _: Shape) -> Iterator[str]:
     moved, tilt = _settle(Body(name, name, one, pose((0, 0, TABLE_TOP))))
     if moved > 0.005 or tilt > 2.0:
         yield (
-            f"put on a table it moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in {SECONDS:g} s: "
-            "give it a flat base of collision pieces"
+            f"put on a table it moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in"
+            f" {SECONDS:g} s: give it a flat base of collision pieces"
         )
 
 
 def _settle(body: Body) -> tuple[float, float]:
-    """How far (m) a body put on a table has moved along it after SECONDS, and how far (degrees) its z axis has tilted."""
+    """How far (m) a body put on a table has moved along it after SECONDS, and how far (degrees) its
+    z axis has tilted."""
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / 240)
     add_table(scene)
@@ -201,4 +272,6 @@ def _settle(body: Body) -> tuple[float, float]:
         scene.step()
     at: Pose = np.concatenate([entity.pose.p, entity.pose.q]).astype(float)
     up = quat_rotate(at[3:], np.array([0.0, 0.0, 1.0]))[2]
-    return float(np.linalg.norm(at[:2] - body.pose[:2])), float(np.degrees(np.arccos(np.clip(up, -1, 1))))
+    return float(np.linalg.norm(at[:2] - body.pose[:2])), float(
+        np.degrees(np.arccos(np.clip(up, -1, 1)))
+    )

@@ -12,8 +12,8 @@ from pipeline.world.objects.contract import FAMILIES
 
 
 def listing(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Families by name, from their instance of seed 0: noun, size (m), mass (kg), parameters, frames, number of grasps by kind,
-    and the tasks whose layouts draw it.
+    """Families by name, from their instance of seed 0: noun, size (m), mass (kg), parameters,
+    frames, number of grasps by kind, and the tasks whose layouts draw it.
 
     A named frame is a pose (x y z qw qx qy qz) in the object's frame."""
     out = {}

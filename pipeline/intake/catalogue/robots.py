@@ -14,11 +14,17 @@ REACH_SAMPLES, REACH_STEPS, REACH_ROUNDS = 2000, 33, 6
 
 
 def listing() -> list[dict[str, Any]]:
-    """All robots by name: degrees of freedom, vector names, limits (rad), reach and gripper opening (m), cameras, aliases."""
+    """All robots by name: degrees of freedom, vector names, limits (rad), reach and gripper opening
+    (m), cameras, aliases."""
     out = []
     for name in MODELS:
         e = get_embodiment(name)
-        joints = [(side, j) for side, arm in e.arms.items() for j in arm.joints if j.name in arm.arm_joints]
+        joints = [
+            (side, j)
+            for side, arm in e.arms.items()
+            for j in arm.joints
+            if j.name in arm.arm_joints
+        ]
         out.append(
             {
                 "name": name,
@@ -35,10 +41,12 @@ def listing() -> list[dict[str, Any]]:
 
 
 def reach(arm: Arm) -> float:
-    """Farthest distance (m) of the tcp from the arm's shoulder, the origin of its first joint, within the joint limits.
+    """Farthest distance (m) of the tcp from the arm's shoulder, the origin of its first joint,
+    within the joint limits.
 
-    The best of a fixed sample of configurations, improved joint by joint. Neither table nor self-collision is looked at, and the
-    tcp lies between the fingers: a data sheet that measures to the flange or from the foot says another number.
+    The best of a fixed sample of configurations, improved joint by joint. Neither table nor
+    self-collision is looked at, and the tcp lies between the fingers: a data sheet that measures to
+    the flange or from the foot says another number.
     """
     first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
     shoulder = arm_poses(arm, arm.home)[first.child][:3]  # which no joint moves

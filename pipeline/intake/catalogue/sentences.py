@@ -1,4 +1,5 @@
-"""Instructions drawn over all tasks: `python -m pipeline.intake.catalogue.sentences > docs/language.md` updates that page."""
+"""Instructions drawn over all tasks: `python -m pipeline.intake.catalogue.sentences >
+docs/language.md` updates that page."""
 
 import argparse
 from collections.abc import Iterator
@@ -30,11 +31,12 @@ Below are {count} instructions of seed {seed}, drawn over all tasks, both splits
 
 | instruction | task | split |
 |---|---|---|
-"""
+"""  # noqa: E501
 
 
 def wording(name: str, seed: int, moving: bool) -> Wording:
-    """What the instructions of one layout of a task are made from; `moving` as at levels above 0."""
+    """What the instructions of one layout of a task are made from; `moving` as at levels above
+    0."""
     task = TASKS[name]
     bodies = lay_out(task, Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])))
     words = {body.name: body.instance.words() for body in bodies.values()}
@@ -42,7 +44,8 @@ def wording(name: str, seed: int, moving: bool) -> Wording:
 
 
 def samples(seed: int, count: int) -> Iterator[tuple[str, str, bool, str]]:
-    """Task, split, whether the target moves, and an instruction: tasks, splits and levels take turns, each in a new layout."""
+    """Task, split, whether the target moves, and an instruction: tasks, splits and levels take
+    turns, each in a new layout."""
     rng = np.random.default_rng(seed)
     names = sorted(TASKS)
     order: list[str] = []
@@ -55,12 +58,17 @@ def samples(seed: int, count: int) -> Iterator[tuple[str, str, bool, str]]:
 
 def page(seed: int, count: int) -> str:
     """The page docs/language.md: the rules that sentences keep, and `count` of them."""
-    lines = (f"| {text} | {name} | {split}{'' if moving else ', still'} |" for name, split, moving, text in samples(seed, count))
+    lines = (
+        f"| {text} | {name} | {split}{'' if moving else ', still'} |"
+        for name, split, moving, text in samples(seed, count)
+    )
     return INTRODUCTION.format(seed=seed, count=count) + "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m pipeline.intake.catalogue.sentences", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.intake.catalogue.sentences", description=__doc__
+    )
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--count", type=int, default=COUNT)
     given = parser.parse_args()

@@ -8,8 +8,8 @@ from pipeline.tasks.contract import TASKS, Draw
 
 
 def listing() -> list[dict[str, Any]]:
-    """All tasks by name: suite, model of the target's motion, category, step limit (frames), target, manipulated body, bodies of a
-    scene, and the first sentence of the docstring."""
+    """All tasks by name: suite, model of the target's motion, category, step limit (frames),
+    target, manipulated body, bodies of a scene, and the first sentence of the docstring."""
     out = []
     for name, task in sorted(TASKS.items()):
         rng = np.random.default_rng(0)

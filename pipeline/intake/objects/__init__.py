@@ -1,1 +1,2 @@
-"""Objects from mesh files: reading them, standing them up, cutting, grasping and writing their directories."""
+"""Objects from mesh files: reading them, standing them up, cutting, grasping and writing their
+directories."""

@@ -1,4 +1,5 @@
-"""`domino-data objects add`: a mesh file, or a directory of RoboTwin-OD, becomes directories of objects."""
+"""`domino-data objects add`: a mesh file, or a directory of RoboTwin-OD, becomes directories of
+objects."""
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,9 +29,11 @@ class Added(NamedTuple):
 
 
 def add_objects(source: Path, options: Options) -> list[Added]:
-    """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and enter them.
+    """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and
+    enter them.
 
-    The files are read in a child process with limits. Raises DominoError, one line; nothing is written then.
+    The files are read in a child process with limits. Raises DominoError, one line; nothing is
+    written then.
     """
     check_names(options)
     if not source.is_dir():
@@ -40,7 +43,8 @@ def add_objects(source: Path, options: Options) -> list[Added]:
 
 
 def enter_objects(drafts: Mapping[str, Draft], to: Path) -> list[Added]:
-    """Write drafts of objects by their names, and enter them. Raises ObjectError, before the first, for a name that is taken."""
+    """Write drafts of objects by their names, and enter them. Raises ObjectError, before the first,
+    for a name that is taken."""
     check_free(drafts, to)
     for name, draft in drafts.items():
         write_object(draft, to / "objects" / name)
@@ -54,7 +58,8 @@ def _draft_with_plugins(source: Path, options: Options) -> dict[str, Draft]:
 
 
 def draft_all(source: Path, options: Options) -> dict[str, Draft]:
-    """The objects of a mesh file or of a directory of RoboTwin-OD, by their names. Raises ObjectError and MeshError."""
+    """The objects of a mesh file or of a directory of RoboTwin-OD, by their names. Raises
+    ObjectError and MeshError."""
     if is_robotwin(source):
         return drafts_of_directory(source, options)
     if source.is_dir():
@@ -68,22 +73,31 @@ def check_free(names: Iterable[str], to: Path) -> None:
         if (place := to / "objects" / name / from_files.TOML).exists():
             raise ObjectError(f"{place.parent}: exists; remove it first, or choose another --name")
         if name in FAMILIES:
-            raise ObjectError(f"--name {name}: an object or family of this name exists; choose another")
+            raise ObjectError(
+                f"--name {name}: an object or family of this name exists; choose another"
+            )
 
 
 def check_names(options: Options) -> None:
-    """Raise ObjectError for a name that is none, and for a family that does not exist or is kept elsewhere."""
+    """Raise ObjectError for a name that is none, and for a family that does not exist or is kept
+    elsewhere."""
     if not is_name(options.name) or options.name != options.name.lower():
-        raise ObjectError(f"--name {options.name!r}: is no name of an object; use lower case and underscores")
+        raise ObjectError(
+            f"--name {options.name!r}: is no name of an object; use lower case and underscores"
+        )
     if options.family not in FAMILIES or directory_of(FAMILIES[options.family]) is not None:
         ours = ", ".join(name for name, family in FAMILIES.items() if directory_of(family) is None)
         raise ObjectError(f"--family {options.family}: no such family; choose from {ours}")
     if (home := home_of(options.family)) not in (None, options.to.resolve()):
-        raise ObjectError(f"--family {options.family}: is a family of {home}; add the object there, with --to {home}")
+        raise ObjectError(
+            f"--family {options.family}: is a family of {home}; add the object there, with --to"
+            f" {home}"
+        )
 
 
 def home_of(family: str) -> Path | None:
-    """The directory of plugins whose module defines a family; None for one of an installed package."""
+    """The directory of plugins whose module defines a family; None for one of an installed
+    package."""
     file = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).resolve()
     return next((directory for directory in directories() if directory in file.parents), None)
 
@@ -98,8 +112,20 @@ def describe(added: Added) -> Iterator[str]:
     size = " x ".join(f"{100 * edge:.1f}" for edge in np.ptp(bounds(solid), axis=0))
     grasps = FAMILIES[directory.name].draw(np.random.default_rng()).frames().grasps
     counted = ", ".join(f"{count} {kind}" for kind, count in kinds_of(grasps).items())
-    yield f"wrote {directory}: {size} cm, {settings.mass:g} kg, {len(solid)} convex pieces, grasps: {counted or 'none'}"
+    yield (
+        f"wrote {directory}: {size} cm, {settings.mass:g} kg, {len(solid)} convex pieces, grasps:"
+        f" {counted or 'none'}"
+    )
     if not counted:
-        yield f"nothing of it is narrower than {1000 * WIDEST:.0f} mm as it stands: another --up may be, or use it as a goal"
-    yield f"look at it with: domino-data check-object {directory.name} --plugins {directory.parents[1]} --images out"
-    yield f"use it with: --plugins {directory.parents[1]} --objects {settings.family}={directory.name}"
+        yield (
+            f"nothing of it is narrower than {1000 * WIDEST:.0f} mm as it stands: another --up may"
+            " be, or use it as a goal"
+        )
+    yield (
+        f"look at it with: domino-data check-object {directory.name} --plugins"
+        f" {directory.parents[1]} --images out"
+    )
+    yield (
+        f"use it with: --plugins {directory.parents[1]} --objects"
+        f" {settings.family}={directory.name}"
+    )

@@ -1,4 +1,5 @@
-"""A mesh file as an object: how it is scaled, stood up, cut, held and named; and the files of its directory."""
+"""A mesh file as an object: how it is scaled, stood up, cut, held and named; and the files of its
+directory."""
 
 import json
 import tomllib
@@ -29,7 +30,8 @@ KEPT_DIGITS = 5
 
 @dataclass(frozen=True)
 class Options:
-    """The options of `objects add`. Mass in kg, density in kg/m3, scale in metres per unit of the file.
+    """The options of `objects add`. Mass in kg, density in kg/m3, scale in metres per unit of the
+    file.
 
     Textures may lie below `within`, by default the directory of the mesh.
     """
@@ -48,7 +50,8 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """An object before it is written: settings, what is drawn, what is solid, and lines on what was guessed or left out."""
+    """An object before it is written: settings, what is drawn, what is solid, and lines on what was
+    guessed or left out."""
 
     settings: ObjectToml
     looks: Parts
@@ -66,7 +69,9 @@ def draft_of(file: Path, options: Options) -> Draft:
     upright = stand_up(pieces, options.family, options.up, mesh.up, str(file))
     solid = moved(pieces, upright)
     grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(settings_of(options, solid, grasps, file.name), looks_of(parts, upright), solid, mesh.notes)
+    return Draft(
+        settings_of(options, solid, grasps, file.name), looks_of(parts, upright), solid, mesh.notes
+    )
 
 
 def looks_of(parts: Sequence[Part], upright: np.ndarray) -> Parts:
@@ -80,21 +85,32 @@ def check_size(file: Path, parts: Sequence[Part]) -> None:
     size = float(np.ptp(points, axis=0).max())
     if not SMALLEST <= size <= LARGEST:
         near = 10.0 ** np.round(np.log10(0.12 / max(size, 1e-12)))
-        raise ObjectError(f"{file}: is {size:.3g} m long; objects are {SMALLEST:g} to {LARGEST:g} m: try --scale {near:g}")
+        raise ObjectError(
+            f"{file}: is {size:.3g} m long; objects are {SMALLEST:g} to {LARGEST:g} m: try --scale"
+            f" {near:g}"
+        )
 
 
 def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...]:
     """Convex pieces under a 4x4 matrix."""
-    return tuple(piece(np.round(np.asarray(one.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3], 6)) for one in pieces)
+    return tuple(
+        piece(np.round(np.asarray(one.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3], 6))
+        for one in pieces
+    )
 
 
-def settings_of(options: Options, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str) -> ObjectToml:
+def settings_of(
+    options: Options, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
+) -> ObjectToml:
     """The content of `object.toml`. Raises ObjectError for a mass that is none."""
     volume = sum(one.volume() for one in solid)
     mass = options.mass if options.mass is not None else (options.density or DENSITY) * volume
     words = options.words or (options.name.replace("_", " "),)
     if not 0.001 <= mass <= 50:
-        raise ObjectError(f"--mass {mass:.3g}: objects weigh 0.001 to 50 kg; give --mass or --density, or mind --scale")
+        raise ObjectError(
+            f"--mass {mass:.3g}: objects weigh 0.001 to 50 kg; give --mass or --density, or mind"
+            " --scale"
+        )
     return ObjectToml.model_validate(
         {
             "family": options.family,
@@ -118,7 +134,10 @@ def write_object(draft: Draft, directory: Path) -> None:
     """Write the directory; `object.toml`, which makes it an object, comes last."""
     lines = []
     for number, one in enumerate(draft.solid):
-        lines += [f"o piece_{number}", *("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in np.asarray(one.vertices))]
+        lines += [
+            f"o piece_{number}",
+            *("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in np.asarray(one.vertices)),
+        ]
     write_atomic(directory / from_files.LOOKS, write_glb(draft.looks))
     write_atomic(directory / from_files.SOLID, ("\n".join(lines) + "\n").encode())
     write_atomic(directory / from_files.TOML, toml_of(draft.settings).encode())
@@ -128,7 +147,10 @@ def toml_of(settings: ObjectToml) -> str:
     """The text of `object.toml`."""
     words = settings.words
     text = [
-        *(f"{key} = {json.dumps(getattr(settings, key), ensure_ascii=False)}" for key in ("family", "source", "licence")),
+        *(
+            f"{key} = {json.dumps(getattr(settings, key), ensure_ascii=False)}"
+            for key in ("family", "source", "licence")
+        ),
         f"mass = {settings.mass:g}  # kg",
         f"friction = {settings.friction:g}",
         "grasps = [  # kind, width (m), tcp in the object's frame: x y z qw qx qy qz",
@@ -136,7 +158,10 @@ def toml_of(settings: ObjectToml) -> str:
         "]",
         "",
         "[words]",
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in words.model_dump(mode="json").items()),
+        *(
+            f"{key} = {json.dumps(value, ensure_ascii=False)}"
+            for key, value in words.model_dump(mode="json").items()
+        ),
         "",
         "[frames]  # x y z qw qx qy qz, z is the outward normal",
         *(f"{name} = {json.dumps(list(at))}" for name, at in settings.frames.items()),

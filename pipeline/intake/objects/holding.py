@@ -1,8 +1,9 @@
-"""Where two fingers can hold an object: opposite sides found by lines through its convex pieces, with room for a hand.
+"""Where two fingers can hold an object: opposite sides found by lines through its convex pieces,
+with room for a hand.
 
-Every line runs along a horizontal opening direction. It gives the whole width, and the first wall of what is hollow. The
-pads' sides must face each other, and the material must be as wide a little above, below and beside. Neither fingers nor palm may be
-in it.
+Every line runs along a horizontal opening direction. It gives the whole width, and the first wall
+of what is hollow. The pads' sides must face each other, and the material must be as wide a little
+above, below and beside. Neither fingers nor palm may be in it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +27,8 @@ PAD, EVEN = 1, 0.004  # neighbours of a line that must be as wide, within m
 FINGER = (0.002, 0.008, 0.014)  # m beyond the pads where a finger is
 LOW = 0.022  # m: below, the tcp stays back so that fingers keep off the table
 FROM_ABOVE = np.radians(45)  # how steeply a wall is taken at least
-SEAM, HOLLOW = 0.0005, 0.02  # m between pieces that touch, and behind a wall that a finger goes behind
+# m between pieces that touch, and behind a wall that a finger goes behind
+SEAM, HOLLOW = 0.0005, 0.02
 TIP, TABLE = 0.012, 0.004  # m the fingers reach past the tcp, and stay above the table
 KEPT = 160
 
@@ -35,8 +37,12 @@ type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
 
 
 def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
-    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow enough."""
-    halves, around = np.pi * np.arange(OPENINGS) / OPENINGS, 2 * np.pi * np.arange(OPENINGS) / OPENINGS
+    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow
+    enough."""
+    halves, around = (
+        np.pi * np.arange(OPENINGS) / OPENINGS,
+        2 * np.pi * np.arange(OPENINGS) / OPENINGS,
+    )
     found = [row for angle in halves for row in _along(pieces, float(angle), _spans, 0.0)]
     found += [row for angle in around for row in _along(pieces, float(angle), _walls, FROM_ABOVE)]
     if not found:
@@ -49,8 +55,12 @@ def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
 def _along(
     pieces: Sequence[Collider], angle: float, spans: Callable[..., Spans], least: float
 ) -> Iterator[tuple[Floats, Floats, Floats, float]]:
-    """Tcp position, approach, opening and width of grasps that open in one direction, pitched down by `least` (rad) or more."""
-    opening, level = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+    """Tcp position, approach, opening and width of grasps that open in one direction, pitched down
+    by `least` (rad) or more."""
+    opening, level = (
+        np.array([np.cos(angle), np.sin(angle), 0.0]),
+        np.array([-np.sin(angle), np.cos(angle), 0.0]),
+    )
     box = bounds(pieces)
     corners = np.concatenate([one.support_points() for one in pieces]) @ level
     s = _steps(corners.min(), corners.max())
@@ -72,8 +82,11 @@ def _along(
                 yield tcp, approach, opening, float(width[i, k])
 
 
-def pinch_at(pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats) -> Grasp | None:
-    """The grasp with this approach and opening on the line through `at` (3,); None without material, or without room for a hand.
+def pinch_at(
+    pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats
+) -> Grasp | None:
+    """The grasp with this approach and opening on the line through `at` (3,); None without
+    material, or without room for a hand.
 
     The tcp lies in the middle of the material, or back from it as far as the hand needs.
     """
@@ -99,7 +112,8 @@ def _approaches(level: Floats, height: float, top: float) -> Iterator[Floats]:
 
 
 def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """Where lines (N) enter and leave the pieces together, m along `direction`; inf and -inf for those that miss.
+    """Where lines (N) enter and leave the pieces together, m along `direction`; inf and -inf for
+    those that miss.
 
     Also whether the sides there face each other along it.
     """
@@ -110,7 +124,8 @@ def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
 
 
 def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """As `_spans`, of the first wall that a line meets where there is a hollow behind it; inf and -inf for other lines."""
+    """As `_spans`, of the first wall that a line meets where there is a hollow behind it; inf and
+    -inf for other lines."""
     lower, upper, enter, leave = _through(pieces, origins, direction)
     n, order = np.arange(len(origins)), lower.argsort(0)
     starts, ends = np.take_along_axis(lower, order, 0), np.take_along_axis(upper, order, 0)
@@ -126,9 +141,15 @@ def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
     return np.where(hollow, starts[0], np.inf), np.where(hollow, reach, -np.inf), facing
 
 
-def _through(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Where lines (N) enter and leave each piece (K,N), m along `direction`, and how its sides face there (cosines)."""
-    lower, upper = np.full((len(pieces), len(origins)), np.inf), np.full((len(pieces), len(origins)), -np.inf)
+def _through(
+    pieces: Sequence[Collider], origins: Floats, direction: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Where lines (N) enter and leave each piece (K,N), m along `direction`, and how its sides face
+    there (cosines)."""
+    lower, upper = (
+        np.full((len(pieces), len(origins)), np.inf),
+        np.full((len(pieces), len(origins)), -np.inf),
+    )
     enter, leave = np.zeros(lower.shape), np.zeros(lower.shape)
     for k, one in enumerate(pieces):
         normals, offsets = planes(one)
@@ -147,13 +168,19 @@ def _through(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> 
 def _even(side: Floats) -> NDArray[np.bool_]:
     """Where three of the four neighbours of a line end as it does."""
     padded = np.pad(side, PAD, constant_values=np.inf)
-    near = [padded[1 + i : 1 + i + side.shape[0], 1 + k : 1 + k + side.shape[1]] for i, k in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    near = [
+        padded[1 + i : 1 + i + side.shape[0], 1 + k : 1 + k + side.shape[1]]
+        for i, k in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
     with np.errstate(invalid="ignore"):
         return np.sum([np.abs(other - side) < EVEN for other in near], axis=0) >= 3
 
 
-def _room(pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float) -> Floats | None:
-    """The tcp (3,) of a grasp at `at` whose fingers and palm have room; None where there is none."""
+def _room(
+    pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float
+) -> Floats | None:
+    """The tcp (3,) of a grasp at `at` whose fingers and palm have room; None where there is
+    none."""
     across = np.cross(approach, opening)
     low = at[2] < LOW
     for retreat in sorted(RETREATS, reverse=low):
@@ -171,9 +198,12 @@ def _hand(width: float) -> Floats:
 
 @cache
 def _hand_at_rest() -> tuple[Floats, Floats]:
-    """The points (N,3) of a closed hand, and how they move (N,3) for each metre that a finger opens."""
+    """The points (N,3) of a closed hand, and how they move (N,3) for each metre that a finger
+    opens."""
     deep, thick = np.linspace(-PALM, TIP, 13), (-0.007, 0.0, 0.007)
-    fingers = [(x, side * out, t, side) for x in deep for side in (-1, 1) for out in FINGER for t in thick]
+    fingers = [
+        (x, side * out, t, side) for x in deep for side in (-1, 1) for out in FINGER for t in thick
+    ]
     palm = [
         (-PALM - back, share * 0.016, t, share)
         for back in (0.0, 0.02)
@@ -185,9 +215,12 @@ def _hand_at_rest() -> tuple[Floats, Floats]:
 
 
 def _spread(rows: Floats, box: Floats) -> NDArray[np.int64]:
-    """Rows that are kept: the one nearest to the middle first, then always the one most unlike those there are."""
+    """Rows that are kept: the one nearest to the middle first, then always the one most unlike
+    those there are."""
     size = float(np.linalg.norm(box[1] - box[0]))
-    places = np.concatenate([rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])], axis=1)
+    places = np.concatenate(
+        [rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])], axis=1
+    )
     middle = (box[0] + box[1]) / 2
     first = int(np.argmin(np.linalg.norm(rows[:, :3] - middle, axis=1)))
     chosen, far = [first], np.linalg.norm(places - places[first], axis=1)

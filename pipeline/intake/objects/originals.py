@@ -1,8 +1,10 @@
-"""`assets: robotwin:DIR`: the original's objects in place of our families, instance by instance as in its 35 tasks.
+"""`assets: robotwin:DIR`: the original's objects in place of our families, instance by instance as
+in its 35 tasks.
 
-The directory is that of RoboTwin-OD, `assets/objects` of a checkout or a directory that holds it. Each instance becomes an object's
-directory in the user's cache, once; what is cached is found again by the content of its files. The recipe names them as it names
-objects from files, with a key `task.family` where a task of the original has instances of its own.
+The directory is that of RoboTwin-OD, `assets/objects` of a checkout or a directory that holds it.
+Each instance becomes an object's directory in the user's cache, once; what is cached is found again
+by the content of its files. The recipe names them as it names objects from files, with a key
+`task.family` where a task of the original has instances of its own.
 """
 
 import csv
@@ -20,7 +22,13 @@ from pipeline.data.limited import LimitError, Limits, run_limited
 from pipeline.data.recipe.model import RecipeError
 from pipeline.data.store.user_cache import user_cache
 from pipeline.intake.objects.draft import Options, write_object
-from pipeline.intake.objects.robotwin import VERSION, Instance, described_in, draft_of_instance, instances
+from pipeline.intake.objects.robotwin import (
+    VERSION,
+    Instance,
+    described_in,
+    draft_of_instance,
+    instances,
+)
 from pipeline.intake.objects.standing import first_of
 from pipeline.plugins import use_plugins
 from pipeline.world.meshes.part import MeshError
@@ -28,14 +36,17 @@ from pipeline.world.objects.from_files import TOML, ObjectError, add_all
 
 SCHEME = "robotwin:"
 REFUSED = "refused.txt"
-BATCH, SECONDS = 12, 120  # objects that are made in one child process, and seconds of processor time for each
+# objects that are made in one child process, and seconds of processor time for each
+BATCH, SECONDS = 12, 120
 NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a hand"
 
 
 class Model(NamedTuple):
-    """A directory of RoboTwin-OD and its instances that tasks use; all that there are if none are named.
+    """A directory of RoboTwin-OD and its instances that tasks use; all that there are if none are
+    named.
 
-    `held` is False for goals and for what is only pressed, which need no grasp. `scale` is that of files which give none.
+    `held` is False for goals and for what is only pressed, which need no grasp. `scale` is that of
+    files which give none.
     """
 
     directory: str
@@ -47,15 +58,22 @@ class Model(NamedTuple):
 def _read_models() -> dict[str, Model]:
     with Path(__file__).with_name("originals.csv").open(newline="") as file:
         return {
-            row["key"]: Model(row["directory"], tuple(map(int, row["ids"].split())), row["held"] == "yes", float(row["scale"]))
+            row["key"]: Model(
+                row["directory"],
+                tuple(map(int, row["ids"].split())),
+                row["held"] == "yes",
+                float(row["scale"]),
+            )
             for row in csv.DictReader(file)
         }
 
 
 MODELS: Mapping[str, Model] = _read_models()
-"""The original's models by the family that they stand for, and by `task.family` where they differ in single tasks.
+"""The original's models by the family that they stand for, and by `task.family` where they differ
+in single tasks.
 
-Blocks, pads and mats are boxes there, too; its cabinet and its kitchen pot are articulated, and ours take their places.
+Blocks, pads and mats are boxes there, too; its cabinet and its kitchen pot are articulated, and
+ours take their places.
 """
 
 
@@ -76,8 +94,8 @@ class _Wanted:
 
 @dataclass(frozen=True)
 class Found:
-    """Where they are, and the objects by key of a recipe's `objects`. A line names each instance that no hand can grasp, or that
-    cannot be read."""
+    """Where they are, and the objects by key of a recipe's `objects`. A line names each instance
+    that no hand can grasp, or that cannot be read."""
 
     assets: str
     objects: Mapping[str, tuple[str, ...]]
@@ -86,22 +104,31 @@ class Found:
 
 
 def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
-    """Add the original's objects for the families of these tasks (families by task), for this process and those that it starts.
+    """Add the original's objects for the families of these tasks (families by task), for this
+    process and those that it starts.
 
     Raises RecipeError if the directory holds none of them, or if nothing can be cached.
     """
     root, cache = _root(assets), user_cache("robotwin")
     if cache is None:
-        raise RecipeError("assets: objects are kept in the user's cache, and there is no home: set DOMINO_DATA_CACHE")
+        raise RecipeError(
+            "assets: objects are kept in the user's cache, and there is no home: set"
+            " DOMINO_DATA_CACHE"
+        )
     wanted = [each for key in sorted(_keys(tasks)) for each in _instances(root, key)]
     if not wanted:
-        raise RecipeError(f"assets: {root} holds no object for these tasks; name the directory assets/objects of RoboTwin")
+        raise RecipeError(
+            f"assets: {root} holds no object for these tasks; name the directory assets/objects of"
+            " RoboTwin"
+        )
     objects, places = dict[str, list[str]](), dict[str, Path]()
     ungraspable, unreadable = dict[str, str](), dict[str, str]()
     made = {each.name: _place_of(each, cache / "items") for each in wanted}
     missing = [(each, made[each.name]) for each in wanted if not _is_made(made[each.name])]
     unmade = dict[str, str]()
-    for k in tqdm(range(0, len(missing), BATCH), desc="objects of RoboTwin-OD", disable=None, leave=False):
+    for k in tqdm(
+        range(0, len(missing), BATCH), desc="objects of RoboTwin-OD", disable=None, leave=False
+    ):
         unmade |= _make(missing[k : k + BATCH])
     for each in wanted:
         place = made[each.name]
@@ -112,14 +139,18 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         why = unmade.get(each.name) or (place / REFUSED).read_text()
         refused = ungraspable if why == NO_GRASP else unreadable
         refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
-    plugins = cache / "sets" / digest([[name, str(place)] for name, place in sorted(places.items())])
+    plugins = (
+        cache / "sets" / digest([[name, str(place)] for name, place in sorted(places.items())])
+    )
     (plugins / "objects").mkdir(parents=True, exist_ok=True)
     for name, place in places.items():
         _link(plugins / "objects" / name, place)
     add_all(plugins / "objects")
     use_plugins([str(plugins)])
     found = {key: tuple(names) for key, names in objects.items()}
-    return Found(f"{SCHEME}{root.absolute()}", found, tuple(ungraspable.values()), tuple(unreadable.values()))
+    return Found(
+        f"{SCHEME}{root.absolute()}", found, tuple(ungraspable.values()), tuple(unreadable.values())
+    )
 
 
 def _root(assets: str) -> Path:
@@ -127,7 +158,9 @@ def _root(assets: str) -> Path:
     for root in (given / "assets" / "objects", given / "objects", given):
         if root.is_dir():
             return root
-    raise RecipeError(f"assets: {given}: is no directory; name the directory assets/objects of RoboTwin")
+    raise RecipeError(
+        f"assets: {given}: is no directory; name the directory assets/objects of RoboTwin"
+    )
 
 
 def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
@@ -149,7 +182,11 @@ def _place_of(wanted: _Wanted, cache: Path) -> Path:
     """The directory of an instance as an object, by the content of its files."""
     files, words = wanted.files, described_in(wanted.files)
     read = [files.visual, files.solid, files.data, *([words] if words else [])]
-    return cache / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]]) / wanted.name
+    return (
+        cache
+        / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]])
+        / wanted.name
+    )
 
 
 def _is_made(place: Path) -> bool:
@@ -157,7 +194,8 @@ def _is_made(place: Path) -> bool:
 
 
 def _make(batch: Sequence[tuple[_Wanted, Path]]) -> dict[str, str]:
-    """Make objects in a child process with limits; the line of each that takes too much, of which nothing is kept."""
+    """Make objects in a child process with limits; the line of each that takes too much, of which
+    nothing is kept."""
     limits = Limits(processor=SECONDS * len(batch), wall=3.0 * SECONDS * len(batch))
     try:
         run_limited(str(batch[0][0].files.visual), _make_here, batch, limits=limits)
@@ -174,8 +212,14 @@ def _make_here(batch: Sequence[tuple[_Wanted, Path]]) -> None:
         if _is_made(place):
             continue
         try:
-            draft = draft_of_instance(wanted.files, Options(wanted.name, wanted.family, place.parent), wanted.model.scale)
-            if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
+            draft = draft_of_instance(
+                wanted.files, Options(wanted.name, wanted.family, place.parent), wanted.model.scale
+            )
+            if (
+                wanted.model.held
+                and first_of(wanted.family).frames().grasps
+                and not draft.settings.grasps
+            ):
                 raise ObjectError(NO_GRASP)
         except (ObjectError, MeshError) as error:
             write_atomic(place / REFUSED, str(error).encode())

@@ -1,8 +1,10 @@
-"""Objects of RoboTwin-OD as their directories are: meshes, scale, contact points as grasps, functional and target points as frames.
+"""Objects of RoboTwin-OD as their directories are: meshes, scale, contact points as grasps,
+functional and target points as frames.
 
-A directory `NNN_name/` has instances i: `visual/base{i}.glb` and `collision/base{i}.glb`, `base{i}.glb` or `textured{i}.obj`, each
-with a `model_data{i}.json`; the only one of a directory may lack its number. Contact frames are unscaled, in the mesh's frame: the
-gripper comes against their y axis and opens along their z axis.
+A directory `NNN_name/` has instances i: `visual/base{i}.glb` and `collision/base{i}.glb`,
+`base{i}.glb` or `textured{i}.obj`, each with a `model_data{i}.json`; the only one of a directory
+may lack its number. Contact frames are unscaled, in the mesh's frame: the gripper comes against
+their y axis and opens along their z axis.
 """
 
 import re
@@ -27,8 +29,10 @@ from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases
 from pipeline.world.shapes import Collider
 
-VERSION = 2  # raise it when the same files give other objects: those in the user's cache are made again then
-MASS = 0.1  # kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
+# raise it when the same files give other objects: those in the user's cache are made again then
+VERSION = 2
+# kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
+MASS = 0.1
 
 ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)
 
@@ -48,7 +52,8 @@ class _Data(BaseModel):
 
 @dataclass(frozen=True)
 class Instance:
-    """The files of one instance: its number ("" for the only one), what is drawn, what is solid, and its data."""
+    """The files of one instance: its number ("" for the only one), what is drawn, what is solid,
+    and its data."""
 
     number: str
     visual: Path
@@ -62,12 +67,21 @@ def is_robotwin(directory: Path) -> bool:
 
 
 def drafts_of_directory(directory: Path, options: Options) -> dict[str, Draft]:
-    """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and MeshError."""
+    """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and
+    MeshError."""
     found = sorted(instances(directory), key=lambda each: int(each.number or 0))
     if not found:
-        raise ObjectError(f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects are not read")
-    names = [options.name if len(found) == 1 else f"{options.name}_{each.number or 0}" for each in found]
-    return {name: draft_of_instance(each, replace(options, name=name)) for name, each in zip(names, found, strict=True)}
+        raise ObjectError(
+            f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects"
+            " are not read"
+        )
+    names = [
+        options.name if len(found) == 1 else f"{options.name}_{each.number or 0}" for each in found
+    ]
+    return {
+        name: draft_of_instance(each, replace(options, name=name))
+        for name, each in zip(names, found, strict=True)
+    }
 
 
 def instances(directory: Path) -> Iterator[Instance]:
@@ -85,9 +99,12 @@ def instances(directory: Path) -> Iterator[Instance]:
 
 
 def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -> Draft:
-    """The object of an instance; `unscaled` is the scale of files that give none. Raises ObjectError and MeshError."""
+    """The object of an instance; `unscaled` is the scale of files that give none. Raises
+    ObjectError and MeshError."""
     data, noun = _read(each.data), first_of(options.family).words().noun
-    scale = np.broadcast_to(np.asarray(unscaled if data.scale is None else data.scale, float) * options.scale, 3)
+    scale = np.broadcast_to(
+        np.asarray(unscaled if data.scale is None else data.scale, float) * options.scale, 3
+    )
     scaled = np.diag([*scale, 1.0])
     read = [read_mesh(file, options.within) for file in (each.visual, each.solid)]
     looks, solids = ([part.moved(scaled) for part in mesh.parts] for mesh in read)
@@ -97,10 +114,20 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
     solid = moved(pieces, upright)
     grasps = contact_grasps(data, scale, upright, solid) or two_finger_grasps(solid)
     settings = settings_of(
-        replace(options, mass=options.mass or (None if options.density else MASS), words=options.words or (noun,)),
-        *(solid, kinds_like(grasps, solid, options.family), f"robotwin:{each.data.parent.name}/{each.visual.name}"),
+        replace(
+            options,
+            mass=options.mass or (None if options.density else MASS),
+            words=options.words or (noun,),
+        ),
+        *(
+            solid,
+            kinds_like(grasps, solid, options.family),
+            f"robotwin:{each.data.parent.name}/{each.visual.name}",
+        ),
     )
-    points = {f"functional_{i}": at for i, at in enumerate(_poses(data.functional_matrix, scale, upright))}
+    points = {
+        f"functional_{i}": at for i, at in enumerate(_poses(data.functional_matrix, scale, upright))
+    }
     points |= {f"target_{i}": at for i, at in enumerate(_poses(data.target_pose, scale, upright))}
     frames = {name: tuple(at.round(6).tolist()) for name, at in points.items()}
     words = settings.words if options.words else _read_phrases(each, noun) or settings.words
@@ -115,7 +142,9 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
 def described_in(each: Instance) -> Path | None:
     """The file of an instance's descriptions, where the directory is that of a checkout."""
     model = each.data.parent.absolute()
-    file = model / "../../../description/objects_description" / model.name / f"base{each.number}.json"
+    file = (
+        model / "../../../description/objects_description" / model.name / f"base{each.number}.json"
+    )
     return file if file.is_file() else None
 
 
@@ -128,16 +157,27 @@ def _read_phrases(each: Instance, noun: str) -> Phrases | None:
         raise ObjectError(str(error)) from error
     lists = [texts.get(key) if isinstance(texts, dict) else () for key in ("seen", "unseen")]
     seen, unseen = (
-        tuple(dict.fromkeys(ARTICLE.sub("", text.strip()) for text in each if isinstance(text, str) and 0 < len(text) <= 80))
-        if isinstance(each, list)
-        else ()
+        (
+            tuple(
+                dict.fromkeys(
+                    ARTICLE.sub("", text.strip())
+                    for text in each
+                    if isinstance(text, str) and 0 < len(text) <= 80
+                )
+            )
+            if isinstance(each, list)
+            else ()
+        )
         for each in lists
     )
     return Phrases(noun=noun, seen=(noun, *seen), unseen=unseen or (noun,)) if seen else None
 
 
-def contact_grasps(data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]) -> tuple[Grasp, ...]:
-    """The contact points as grasps, as wide as the object is between the fingers; those for which no hand has room are left out."""
+def contact_grasps(
+    data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]
+) -> tuple[Grasp, ...]:
+    """The contact points as grasps, as wide as the object is between the fingers; those for which
+    no hand has room are left out."""
     found = []
     for at in _poses(data.contact_points_pose, scale, upright):
         y, z = quat_rotate(at[3:], np.eye(3)[1:])
@@ -153,7 +193,11 @@ def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Po
             matrix = np.array(values, float)
         except (TypeError, ValueError) as error:
             raise ObjectError("model_data: a frame is not a matrix of 4 x 4 numbers") from error
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-6:
+        if (
+            matrix.shape != (4, 4)
+            or not np.isfinite(matrix).all()
+            or abs(np.linalg.det(matrix[:3, :3])) < 1e-6
+        ):
             continue
         left, _, right = np.linalg.svd(matrix[:3, :3])
         rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right

@@ -1,4 +1,5 @@
-"""What of an object is solid: convex pieces of its mesh, tests of points and lines against them, stable sides to stand on."""
+"""What of an object is solid: convex pieces of its mesh, tests of points and lines against them,
+stable sides to stand on."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -22,19 +23,28 @@ type Floats = NDArray[np.float64]
 def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Collider, ...]:
     """Convex pieces (m) of a mesh. Raises ObjectError for one that is flat."""
     try:
-        return tuple(piece(corners(part)) for part in convex_parts(trimesh.Trimesh(points, faces), CUT))
+        return tuple(
+            piece(corners(part)) for part in convex_parts(trimesh.Trimesh(points, faces), CUT)
+        )
     except Exception as error:  # qhull reports a flat mesh in errors of its own
-        raise ObjectError(f"{name}: is flat, so that nothing can hold it; give it a thickness") from error
+        raise ObjectError(
+            f"{name}: is flat, so that nothing can hold it; give it a thickness"
+        ) from error
 
 
 def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
-    """Directions (3,) that can be up when the object rests on a flat table, with their probabilities, likeliest first."""
+    """Directions (3,) that can be up when the object rests on a flat table, with their
+    probabilities, likeliest first."""
     hull = trimesh.convex.convex_hull(np.concatenate([np.asarray(one.vertices) for one in pieces]))
     volumes = np.array([one.volume() for one in pieces])
-    centres = np.array([trimesh.convex.convex_hull(np.asarray(one.vertices)).center_mass for one in pieces])
+    centres = np.array(
+        [trimesh.convex.convex_hull(np.asarray(one.vertices)).center_mass for one in pieces]
+    )
     # pieces of one density
     poses, shares = compute_stable_poses(hull, center_mass=volumes @ centres / volumes.sum())
-    return [(np.array(matrix[2, :3]), float(share)) for matrix, share in zip(poses, shares, strict=True)]
+    return [
+        (np.array(matrix[2, :3]), float(share)) for matrix, share in zip(poses, shares, strict=True)
+    ]
 
 
 def inside(pieces: Sequence[Collider], points: Floats) -> NDArray[np.bool_]:
@@ -54,12 +64,17 @@ def _in_piece(one: Collider, points: Floats) -> NDArray[np.bool_]:
     radius, half = one.size
     beyond = np.maximum(np.abs(local[:, 2]) - half, 0)
     across = np.linalg.norm(local[:, :2], axis=1)
-    return np.hypot(across, beyond) <= radius if one.kind == "capsule" else (across <= radius) & (beyond == 0)
+    return (
+        np.hypot(across, beyond) <= radius
+        if one.kind == "capsule"
+        else (across <= radius) & (beyond == 0)
+    )
 
 
 @lru_cache(maxsize=128)
 def planes(one: Collider) -> tuple[Floats, Floats]:
-    """Outward normals (K,3) and offsets (K,) of a convex piece: inside is `normals @ point + offsets <= 0`."""
+    """Outward normals (K,3) and offsets (K,) of a convex piece: inside is `normals @ point +
+    offsets <= 0`."""
     equations = ConvexHull(np.asarray(one.vertices)).equations
     return equations[:, :3], equations[:, 3]
 

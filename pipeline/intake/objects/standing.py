@@ -1,7 +1,9 @@
-"""How an object stands, and its frames and kinds of grasps, by likeness to the family that it stands for.
+"""How an object stands, and its frames and kinds of grasps, by likeness to the family that it
+stands for.
 
-A frame lies where the family's first instance has it in its bounding box, moved along its normal to the object's surface where the
-family's lies on a surface. A grasp is of the kind of the family's grasp that is nearest to it.
+A frame lies where the family's first instance has it in its bounding box, moved along its normal to
+the object's surface where the family's lies on a surface. A grasp is of the kind of the family's
+grasp that is nearest to it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,9 +20,12 @@ from pipeline.world.objects.from_files import ObjectError
 from pipeline.world.shapes import Collider
 
 AXES = {
-    f"{sign}{axis}": value * row for sign, value in (("", 1.0), ("-", -1.0)) for axis, row in zip("xyz", np.eye(3), strict=True)
+    f"{sign}{axis}": value * row
+    for sign, value in (("", 1.0), ("-", -1.0))
+    for axis, row in zip("xyz", np.eye(3), strict=True)
 }
-LEANING = np.radians(20)  # an object that rests on a side stands on the stable one within this of the side that is asked for
+# an object that rests on a side stands on the stable one within this of the side that is asked for
+LEANING = np.radians(20)
 LIKELIEST = 12  # sides tried where none is asked for
 CELLS = 12  # per edge of the box in which two shapes are compared
 PROPORTIONS = 0.5  # how much proportions count beside overlap
@@ -29,11 +34,15 @@ USUAL = 0.15  # advantage of the side that is up in the file
 type Floats = NDArray[np.float64]
 
 
-def stand_up(pieces: Sequence[Collider], family: str, up: str | None, usual: str, name: str) -> Floats:
-    """The 4x4 matrix from the file's frame to one with z up, the origin at the base and the heading of the family.
+def stand_up(
+    pieces: Sequence[Collider], family: str, up: str | None, usual: str, name: str
+) -> Floats:
+    """The 4x4 matrix from the file's frame to one with z up, the origin at the base and the heading
+    of the family.
 
-    `up` is the axis of the file that is up, None to choose the way of standing that is most like the family's first instance;
-    `usual` is the axis that files of this format have up. Raises ObjectError where the object does not stand so.
+    `up` is the axis of the file that is up, None to choose the way of standing that is most like
+    the family's first instance; `usual` is the axis that files of this format have up. Raises
+    ObjectError where the object does not stand so.
     """
     ways = ways_to_stand(pieces)
     if up is None:
@@ -44,7 +53,11 @@ def stand_up(pieces: Sequence[Collider], family: str, up: str | None, usual: str
     else:
         best = max(AXES, key=lambda axis: max((way @ AXES[axis]) + share for way, share in ways))
         raise ObjectError(f"{name}: does not stand with {up} up: it tips over; try --up {best}")
-    choices = [(_likeness(pieces, turn, family) + USUAL * (turn[2] @ AXES[usual] > 0.9), turn) for w in tried for turn in _turns(w)]
+    choices = [
+        (_likeness(pieces, turn, family) + USUAL * (turn[2] @ AXES[usual] > 0.9), turn)
+        for w in tried
+        for turn in _turns(w)
+    ]
     turn = max(choices, key=lambda choice: round(choice[0], 6))[1]
     return _place(pieces, turn, family)
 
@@ -55,17 +68,21 @@ def _nearest(ways: Sequence[tuple[Floats, float]], axis: Floats) -> Floats | Non
 
 
 def _turns(up: Floats) -> list[Floats]:
-    """Rotations (3,3) that put `up` upright: the file's most level axis ahead, and three quarter turns of it."""
+    """Rotations (3,3) that put `up` upright: the file's most level axis ahead, and three quarter
+    turns of it."""
     ahead = np.eye(3)[np.argmin(np.abs(up))]
     x = ahead - up * (ahead @ up)
     x /= np.linalg.norm(x)
     y = np.cross(up, x)
-    return [np.stack([c * x + s * y, c * y - s * x, up]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    return [
+        np.stack([c * x + s * y, c * y - s * x, up]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
+    ]
 
 
 @cache
 def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Bounds (2,3) of the family's first instance, which cells of them it fills, and log proportions."""
+    """Bounds (2,3) of the family's first instance, which cells of them it fills, and log
+    proportions."""
     pieces = first_of(family).shape().collision
     box = bounds(pieces)
     return box, inside(pieces, _cells(box)), _proportions(box)
@@ -77,7 +94,8 @@ def first_of(family: str):
 
 
 def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
-    """How alike the turned pieces and the family are: overlap in a common box, less what their proportions differ by."""
+    """How alike the turned pieces and the family are: overlap in a common box, less what their
+    proportions differ by."""
     _, pattern, proportions = _pattern(family)
     points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
     box = np.stack([points.min(0), points.max(0)])
@@ -88,7 +106,9 @@ def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
 
 def _cells(box: Floats) -> Floats:
     steps = (np.arange(CELLS) + 0.5) / CELLS
-    return box[0] + np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3) * (box[1] - box[0])
+    return box[0] + np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3) * (
+        box[1] - box[0]
+    )
 
 
 def _proportions(box: Floats) -> Floats:
@@ -108,9 +128,11 @@ def _place(pieces: Sequence[Collider], turn: Floats, family: str) -> Floats:
     return out
 
 
-STEP, NEAR = 0.0005, 0.004  # m between tested points; m from its surface at which a family's frame lies on it
+# m between tested points; m from its surface at which a family's frame lies on it
+STEP, NEAR = 0.0005, 0.004
 SHIFT = 0.35  # of the object's size: a surface farther from where the family has it is another one
-TURNED = 0.15  # m that a quarter turn of approach or opening counts beside the distance of two grasps
+# m that a quarter turn of approach or opening counts beside the distance of two grasps
+TURNED = 0.15
 WHOLE = {"base", "top"}
 
 
@@ -141,19 +163,28 @@ def _surfaces(pieces: Sequence[Collider], at: Floats, normal: Floats, reach: flo
     return [float(steps[i]) for i in np.flatnonzero(solid[:-1] & ~solid[1:])]
 
 
-def kinds_like(grasps: Sequence[Grasp], pieces: Sequence[Collider], family: str) -> tuple[Grasp, ...]:
-    """The grasps with the kinds of the family's; those of a family without grasps stay as they are."""
+def kinds_like(
+    grasps: Sequence[Grasp], pieces: Sequence[Collider], family: str
+) -> tuple[Grasp, ...]:
+    """The grasps with the kinds of the family's; those of a family without grasps stay as they
+    are."""
     model = first_of(family)
     known = model.frames().grasps
     if not known or not grasps:
         return tuple(grasps)
-    theirs, ours = (_places(some, bounds(solid)) for some, solid in ((known, model.shape().collision), (grasps, pieces)))
+    theirs, ours = (
+        _places(some, bounds(solid))
+        for some, solid in ((known, model.shape().collision), (grasps, pieces))
+    )
     nearest = [int(np.argmin(np.linalg.norm(theirs - row, axis=1))) for row in ours]
-    return tuple(replace(grasp, kind=known[i].kind) for grasp, i in zip(grasps, nearest, strict=True))
+    return tuple(
+        replace(grasp, kind=known[i].kind) for grasp, i in zip(grasps, nearest, strict=True)
+    )
 
 
 def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
-    """Grasps as rows: the place in the bounding box, the approach, and the opening without its sense."""
+    """Grasps as rows: the place in the bounding box, the approach, and the opening without its
+    sense."""
     at = np.array([g.pose for g in grasps])
     share = (at[:, :3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
     x, y = (quat_rotate(at[:, 3:], np.eye(3)[k]) for k in (0, 1))

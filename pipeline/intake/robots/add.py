@@ -1,4 +1,5 @@
-"""`domino-data robots add`: a vendor's URDF or MJCF, or an embodiment of RoboTwin, becomes a robot's directory."""
+"""`domino-data robots add`: a vendor's URDF or MJCF, or an embodiment of RoboTwin, becomes a
+robot's directory."""
 
 import re
 import tempfile
@@ -33,32 +34,44 @@ CONFIG = "config.yml"
 
 
 def read_config(directory: Path, base: str | None = None) -> tuple[Path, Hints]:
-    """The URDF and the hints of a directory with a `config.yml`; of two arms in one file, the first. Raises UrdfError."""
+    """The URDF and the hints of a directory with a `config.yml`; of two arms in one file, the
+    first. Raises UrdfError."""
     path = directory / CONFIG
     try:
         values: dict[str, Any] = read_yaml(path)
         urdf = (directory / str(values["urdf_path"])).resolve()
         joints = [str(name) for name in values["arm_joints_name"][0]]
         jaw = values["gripper_name"][0]
-        mimics = {str(m[0]): Mimic(str(jaw["base"]), float(m[1]), float(m[2])) for m in jaw.get("mimic", ())}
+        mimics = {
+            str(m[0]): Mimic(str(jaw["base"]), float(m[1]), float(m[2]))
+            for m in jaw.get("mimic", ())
+        }
         closed, opened = (float(v) for v in values["gripper_scale"])
     except ParseError as error:
         raise UrdfError(f"{path}: {error}") from error
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise UrdfError(f"{path}: is no configuration of an embodiment of RoboTwin ({type(error).__name__}: {error})") from error
+        raise UrdfError(
+            f"{path}: is no configuration of an embodiment of RoboTwin ({type(error).__name__}:"
+            f" {error})"
+        ) from error
     if not urdf.is_relative_to(directory.resolve()) or not urdf.is_file():
-        raise UrdfError(f"{path}: urdf_path names {values['urdf_path']!r}, which is no file of the directory")
+        raise UrdfError(
+            f"{path}: urdf_path names {values['urdf_path']!r}, which is no file of the directory"
+        )
     robot = read_urdf(urdf, directory)
     first = next((j for j in robot.parent_joint.values() if j.name == joints[0]), None)
     if first is None:
-        raise UrdfError(f"{path}: arm_joints_name names {joints[0]!r}, which the URDF does not have")
+        raise UrdfError(
+            f"{path}: arm_joints_name names {joints[0]!r}, which the URDF does not have"
+        )
     return urdf, Hints(base or first.parent, str(jaw["base"]), mimics, (closed, opened))
 
 
 FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
 SPEED, EFFORT = 2.0, 50.0  # what is used for a joint whose limits are missing or placeholders
 TURN = 2 * np.pi
-LIGHTEST, SMALLEST = 0.005, 1e-5  # kg and kg m2: lighter links and smaller inertias make joints ring
+# kg and kg m2: lighter links and smaller inertias make joints ring
+LIGHTEST, SMALLEST = 0.005, 1e-5
 DENSITY = 1000.0  # kg/m3, of a link whose inertia is missing
 JAW_FORCE, JAW_SPEED, JAW_TORQUE = 60.0, 0.2, 10.0  # N, m/s and N m of a jaw
 OVERLAPPING = 0.6  # share of configurations in which a pair of links that always touches does
@@ -66,10 +79,11 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 @dataclass(frozen=True)
 class Options:
-    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence.
+    """What the user says: name, where robots are kept, the root link of the arm, the gripper's
+    driving joint, the licence.
 
-    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it. `packages` are directories of
-    packages by name.
+    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries
+    it. `packages` are directories of packages by name.
     """
 
     name: str
@@ -90,9 +104,11 @@ class Added(NamedTuple):
 
 
 def add_robot(source: Path, options: Options) -> Added:
-    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
+    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment
+    directory of RoboTwin.
 
-    The files are read in a child process with limits. Raises DominoError, one line; nothing is written then.
+    The files are read in a child process with limits. Raises DominoError, one line; nothing is
+    written then.
     """
     directory = options.to / "robots" / options.name
     check_name(options.name, directory)
@@ -130,7 +146,9 @@ def draft_robot(source: Path, options: Options) -> Draft:
         return draft_of(robot, anatomy(robot, hints), options)
 
 
-def _read(source: Path, root: Path | None = None, *, packages: Mapping[str, Path], scratch: Path) -> UrdfRobot:
+def _read(
+    source: Path, root: Path | None = None, *, packages: Mapping[str, Path], scratch: Path
+) -> UrdfRobot:
     if source.suffix in MJCF and source.is_file():
         meshes = scratch / str(len(list(scratch.iterdir())))
         meshes.mkdir()
@@ -139,23 +157,28 @@ def _read(source: Path, root: Path | None = None, *, packages: Mapping[str, Path
 
 
 def _find_urdf(given: Path) -> Path:
-    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
+    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is
+    none or more than one."""
     if given.is_file():
         return given
     found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
     if len(found) != 1:
         names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
-        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
+        raise UrdfError(
+            f"{given}: expected one .urdf, found {names}; give the path of the file to use"
+        )
     return found[0]
 
 
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
-    """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
+    """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest
+    configuration for it."""
     pieces, notes = Pieces(), list[str]()
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(
-        _joint(joint, robot.path, parts) if joint.name in driven else replace(joint, kind="fixed") for joint in parts.joints
+        _joint(joint, robot.path, parts) if joint.name in driven else replace(joint, kind="fixed")
+        for joint in parts.joints
     )
     guessed = [
         a.name
@@ -163,7 +186,10 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
         if a.kind != "fixed" and (a.velocity, a.effort) != (b.velocity, b.effort)
     ]
     if guessed:
-        notes.append(f"limits of speed or effort are missing or placeholders, and guessed: {', '.join(guessed)}")
+        notes.append(
+            "limits of speed or effort are missing or placeholders, and guessed:"
+            f" {', '.join(guessed)}"
+        )
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
     tcp = frame(position, approach, opening)
     first = next(j for j in joints if j.name in parts.jaws)
@@ -176,7 +202,11 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
         tuple(b for _, b in parts.jaws.values()),
         parts.opening,
         JAW_TORQUE if hinged else JAW_FORCE,
-        round(min(FASTEST, JAW_SPEED * travel / max(parts.opening / 2, 0.01)), 4) if hinged else JAW_SPEED,
+        (
+            round(min(FASTEST, JAW_SPEED * travel / max(parts.opening / 2, 0.01)), 4)
+            if hinged
+            else JAW_SPEED
+        ),
         *((120.0, 5.0) if hinged else (1500.0, 60.0)),
     )
     middle = tuple((j.lower + j.upper) / 2 for j in joints if j.name in parts.arm_joints)
@@ -189,7 +219,8 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
     site = find_site(arm)
     if site is None:
         raise UrdfError(
-            f"{robot.path}: finds no place behind the table from which the arm {options.name!r} reaches over it without touching"
+            f"{robot.path}: finds no place behind the table from which the arm {options.name!r}"
+            " reaches over it without touching"
         )
     return Draft(
         arm,
@@ -210,7 +241,8 @@ def _upright(arm: Arm, opening: np.ndarray) -> np.ndarray:
 
 
 def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
-    """The joint with limits that can be used. Raises UrdfError for one of the arm that cannot move."""
+    """The joint with limits that can be used. Raises UrdfError for one of the arm that cannot
+    move."""
     velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
     effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
     lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)
@@ -219,7 +251,8 @@ def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
         lower, upper = min(ends) - 1e-3, max(ends) + 1e-3
     elif not lower < upper:
         raise UrdfError(
-            f"{path}: joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}, so that it cannot move: give it a "
+            f"{path}: joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}, so that"
+            " it cannot move: give it a "
             f'<limit lower="" upper="">, or make it continuous or fixed'
         )
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
@@ -231,16 +264,32 @@ def _link(robot: UrdfRobot, name: str, pieces: Pieces, notes: list[str]) -> Link
     mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
     x, y, z = com.tolist()
-    return Link(name, mass, (x, y, z), (ixx, iyy, izz), load_visual(link.visuals, notes), solids, (ixy, ixz, iyz))
+    return Link(
+        name,
+        mass,
+        (x, y, z),
+        (ixx, iyy, izz),
+        load_visual(link.visuals, notes),
+        solids,
+        (ixy, ixz, iyz),
+    )
 
 
-def _inertial(robot: UrdfRobot, name: str, link: UrdfLink, volume: float) -> tuple[float, np.ndarray, np.ndarray]:
+def _inertial(
+    robot: UrdfRobot, name: str, link: UrdfLink, volume: float
+) -> tuple[float, np.ndarray, np.ndarray]:
     if link.mass < 0 or (link.mass == 0 and link.inertia.any()):
-        raise UrdfError(f"{robot.path}: link {name!r} has mass {link.mass:g}: give it a mass above 0, or remove its <inertial>")
+        raise UrdfError(
+            f"{robot.path}: link {name!r} has mass {link.mass:g}: give it a mass above 0, or remove"
+            " its <inertial>"
+        )
     mass, com, inertia = link.mass, link.com, link.inertia
     if mass == 0:
         points = cloud(robot, name)
-        mass, com = max(DENSITY * volume / 2, LIGHTEST), points.mean(0) if len(points) else np.zeros(3)
+        mass, com = (
+            max(DENSITY * volume / 2, LIGHTEST),
+            points.mean(0) if len(points) else np.zeros(3),
+        )
         size = np.ptp(points, axis=0) if len(points) else np.full(3, 0.01)
         inertia = np.diag(mass / 12 * (np.sum(size**2) - size**2))
     values, axes = np.linalg.eigh(inertia)

@@ -1,4 +1,5 @@
-"""`domino-data check-robot NAME`: can a robot do its work? A line and an image for each clause, and the tasks that it can do."""
+"""`domino-data check-robot NAME`: can a robot do its work? A line and an image for each clause, and
+the tasks that it can do."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -35,7 +36,8 @@ from pipeline.world.shapes import Material, Mesh
 MOST_REACH = 0.5  # of the own half, below which most layouts are out of reach
 CAN = 0.04  # m, diameter
 GRIP_SECONDS, HZ = 1.5, 240
-FASTEST, STRONGEST, HEAVIEST = 10.0, 1000.0, 200.0  # rad/s or m/s, N m or N, kg: beyond these a file has placeholders
+# rad/s or m/s, N m or N, kg: beyond these a file has placeholders
+FASTEST, STRONGEST, HEAVIEST = 10.0, 1000.0, 200.0
 MIRRORED = 0.08  # m between one tool and the mirror image of the other
 SEEDS = 3  # of a task, until one is accepted at level 0
 SIZE = CameraType(480, 360, 33.0)
@@ -49,7 +51,8 @@ type Checked = tuple[Finding, Callable[[], Image] | None]
 
 
 def check_robot(name: str, tasks: Sequence[str], images: Path | None) -> Iterator[Finding]:
-    """Check a robot, and try `tasks` on it at level 0; images go to the directory `images`, None for none.
+    """Check a robot, and try `tasks` on it at level 0; images go to the directory `images`, None
+    for none.
 
     Raises UnknownEmbodiment, and RobotError for one that is not sound.
     """
@@ -73,13 +76,23 @@ def _limits(robot: Embodiment) -> Checked:
         if joint.kind != "fixed" and (joint.velocity > FASTEST or joint.effort > STRONGEST)
     ]
     wrong = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
-    return Finding("limits", not odd, wrong if odd else "velocity and effort of every joint are plausible"), None
+    return (
+        Finding(
+            "limits", not odd, wrong if odd else "velocity and effort of every joint are plausible"
+        ),
+        None,
+    )
 
 
 def _masses(robot: Embodiment) -> Checked:
     masses = {side: sum(link.mass for link in arm.links) for side, arm in robot.arms.items()}
     good = all(0.1 < mass < HEAVIEST for mass in masses.values())
-    return Finding("mass", good, ", ".join(f"{side} arm {mass:.2f} kg" for side, mass in masses.items())), None
+    return (
+        Finding(
+            "mass", good, ", ".join(f"{side} arm {mass:.2f} kg" for side, mass in masses.items())
+        ),
+        None,
+    )
 
 
 def _pair(robot: Embodiment) -> Checked:
@@ -87,41 +100,67 @@ def _pair(robot: Embodiment) -> Checked:
     apart = float(np.linalg.norm(left * (-1, 1, 1) - right))
     detail = f"at home the right tool is {100 * apart:.1f} cm from the mirror image of the left one"
     good = apart < MIRRORED or len({a.model for a in robot.arms.values()}) > 1
-    return Finding("pair", good, detail), lambda: _scene(robot, {s: (robot.arms[s].home, 1.0) for s in SIDES})
+    return Finding("pair", good, detail), lambda: _scene(
+        robot, {s: (robot.arms[s].home, 1.0) for s in SIDES}
+    )
 
 
 def _home(robot: Embodiment) -> Checked:
     free = CollisionWorld(robot).with_objects(margin=0.0)
     touching = [
-        v for v in (0.0, 0.5, 1.0) if free.first_blocked(robot.arms["left"].home, robot.arms["right"].home, (v, v)) is not None
+        v
+        for v in (0.0, 0.5, 1.0)
+        if free.first_blocked(robot.arms["left"].home, robot.arms["right"].home, (v, v)) is not None
     ]
     good = "touches nothing with jaws closed, half open and open"
-    return Finding("home", not touching, f"touches something with jaws at {touching}" if touching else good), None
+    return (
+        Finding(
+            "home", not touching, f"touches something with jaws at {touching}" if touching else good
+        ),
+        None,
+    )
 
 
 def _reach(robot: Embodiment) -> Checked:
     arm = robot.arms["left"]
     if len(arm.arm_joints) < 6:
-        said = f"{len(arm.arm_joints)} joints: the hand cannot take every orientation, so that only some poses can be reached"
+        said = (
+            f"{len(arm.arm_joints)} joints: the hand cannot take every orientation, so that only"
+            " some poses can be reached"
+        )
         return Finding("reach", False, said), None
     found = measure(robot, COARSE)
     share = {f"{p:.0f}": float(v) for p, v in zip(COARSE.pitches, found.own[0], strict=True)}
     detail = ", ".join(f"{100 * v:.0f} % at {p} degrees" for p, v in share.items())
     good = max(share.values()) >= MOST_REACH
-    return Finding("reach", good, f"of its own half 5 cm above the table: {detail}"), partial(_columns, share)
+    return Finding("reach", good, f"of its own half 5 cm above the table: {detail}"), partial(
+        _columns, share
+    )
 
 
 def _columns(share: Mapping[str, float]) -> Image:
     """A column for each share, named below it."""
     image = np.full((200, 60 * len(share) + 20, 3), 255, np.uint8)
     for i, (name, value) in enumerate(share.items()):
-        cv2.rectangle(image, (20 + 60 * i, 170), (60 + 60 * i, 170 - int(150 * value)), (70, 120, 200), -1)
-        cv2.putText(image, name, (28 + 60 * i, 190), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+        cv2.rectangle(
+            image, (20 + 60 * i, 170), (60 + 60 * i, 170 - int(150 * value)), (70, 120, 200), -1
+        )
+        cv2.putText(
+            image,
+            name,
+            (28 + 60 * i, 190),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.45,
+            (0, 0, 0),
+            1,
+            cv2.LINE_AA,
+        )
     return image
 
 
 def _grip(robot: Embodiment) -> Checked:
-    """Closes the jaws on an upright can that nothing else holds; it must stay between the pads, and the jaws must stop at it."""
+    """Closes the jaws on an upright can that nothing else holds; it must stay between the pads, and
+    the jaws must stop at it."""
     arm = robot.arms["left"]
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / HZ)
@@ -130,7 +169,9 @@ def _grip(robot: Embodiment) -> Checked:
     tcp = compose(poses[arm.hand], arm.tcp)
     builder = scene.create_actor_builder()
     # a cylinder of SAPIEN lies along x: its axis is the tool's z
-    builder.add_cylinder_collision(sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0]), CAN / 2, 0.03, density=400)
+    builder.add_cylinder_collision(
+        sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0]), CAN / 2, 0.03, density=400
+    )
     can = builder.build(name="can")
     can.set_pose(to_sapien(tcp))
     body = can.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
@@ -147,10 +188,15 @@ def _grip(robot: Embodiment) -> Checked:
         scene.step()
     width = float(np.clip(jaw_value(grip, built.jaw_positions()), 0, 1)) * grip.max_opening
     moved = float(np.linalg.norm(np.asarray(can.pose.p) - tcp[:3]))
-    held = {c.bodies[0].entity.name for c in scene.get_contacts()} | {c.bodies[1].entity.name for c in scene.get_contacts()}
+    held = {c.bodies[0].entity.name for c in scene.get_contacts()} | {
+        c.bodies[1].entity.name for c in scene.get_contacts()
+    }
     touching = [finger for finger in grip.fingers if f"left_{finger}" in held]
     good = moved < 0.03 and len(touching) == 2 and 0.4 * CAN < width < 1.8 * CAN
-    said = f"a can of {100 * CAN:.0f} cm stops the jaws at {100 * width:.1f} cm and moves by {100 * moved:.1f} cm"
+    said = (
+        f"a can of {100 * CAN:.0f} cm stops the jaws at {100 * width:.1f} cm and moves by"
+        f" {100 * moved:.1f} cm"
+    )
     detail = f"{said}; touched by {len(touching)} of 2 fingers"
 
     def draw() -> Image:
@@ -170,11 +216,24 @@ def _camera(robot: Embodiment) -> Checked:
         eye = compose(poses[arm.hand], camera.pose)
         tool = compose(poses[arm.hand], arm.tcp)
         half = value * arm.gripper.max_opening / 2
-        pixels, depth = project(camera.type, eye, transform(tool, np.array([[0, half, 0], [0, -half, 0]])))
-        inside = (pixels >= 0).all() and (pixels < (camera.type.width, camera.type.height)).all() and (depth > 0).all()
+        pixels, depth = project(
+            camera.type, eye, transform(tool, np.array([[0, half, 0], [0, -half, 0]]))
+        )
+        inside = (
+            (pixels >= 0).all()
+            and (pixels < (camera.type.width, camera.type.height)).all()
+            and (depth > 0).all()
+        )
         seen.append(bool(inside))
     wrong = "the wrist camera misses a pad: move it under [camera]"
-    return Finding("camera", all(seen), "the wrist camera sees both pads, open and closed" if all(seen) else wrong), None
+    return (
+        Finding(
+            "camera",
+            all(seen),
+            "the wrist camera sees both pads, open and closed" if all(seen) else wrong,
+        ),
+        None,
+    )
 
 
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
@@ -189,7 +248,9 @@ def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
             done.append(task)
             break
     missing = [task for task in tasks if task not in done]
-    detail = f"{len(done)} of {len(tasks)} at level 0" + (f"; not: {', '.join(missing)}" if missing else "")
+    detail = f"{len(done)} of {len(tasks)} at level 0" + (
+        f"; not: {', '.join(missing)}" if missing else ""
+    )
     return Finding("tasks", bool(done), detail)
 
 
@@ -205,7 +266,9 @@ def _hand(robot: Embodiment, value: float, body: Sequence[tuple[Mesh, Material]]
     tool = compose(arm_poses(arm, arm.home)[arm.hand], arm.tcp)
     eye = transform(tool, np.array([-0.05, 0.0, 0.45]))
     camera = look(eye, tool[:3] - eye, transform(tool, np.array([0, -1.0, 0])) - tool[:3])
-    home: dict[str, tuple[Sequence[float], float]] = {side: (robot.arms[side].home, value) for side in SIDES}
+    home: dict[str, tuple[Sequence[float], float]] = {
+        side: (robot.arms[side].home, value) for side in SIDES
+    }
     return _draw(robot, home, camera, {"can": (body, tool)} if value else {})
 
 
@@ -215,10 +278,18 @@ def _draw(
     eye: Pose,
     bodies: dict[str, tuple[Sequence[tuple[Mesh, Material]], Pose]],
 ) -> Image:
-    looks = {f"{side}_{link.name}": link.visual for side in SIDES for link in robot.arms[side].links} | {
-        name: tuple(parts) for name, (parts, _) in bodies.items()
+    looks = {
+        f"{side}_{link.name}": link.visual for side in SIDES for link in robot.arms[side].links
+    } | {name: tuple(parts) for name, (parts, _) in bodies.items()}
+    poses = {
+        f"{side}_{name}": p
+        for side, (q, value) in at.items()
+        for name, p in arm_poses(robot.arms[side], q, value).items()
     }
-    poses = {f"{side}_{name}": p for side, (q, value) in at.items() for name, p in arm_poses(robot.arms[side], q, value).items()}
     poses |= {name: place for name, (_, place) in bodies.items()}
-    with Renderer(looks, robot.furniture, [Camera("side", SIZE, None, eye)], CLEAN, PRESET) as renderer:
-        return renderer.render({name: np.asarray(p)[None] for name, p in poses.items() if name in looks})[0].rgb[0]
+    with Renderer(
+        looks, robot.furniture, [Camera("side", SIZE, None, eye)], CLEAN, PRESET
+    ) as renderer:
+        return renderer.render(
+            {name: np.asarray(p)[None] for name, p in poses.items() if name in looks}
+        )[0].rgb[0]

@@ -1,4 +1,5 @@
-"""How the joints of a gripper follow each other in MuJoCo: the driving joint is moved and the others are watched."""
+"""How the joints of a gripper follow each other in MuJoCo: the driving joint is moved and the
+others are watched."""
 
 from collections.abc import Iterable, Iterator
 from copy import copy
@@ -8,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-STOPS, SETTLE, STEP = 5, 1.0, 1e-3  # positions of the driving joint, seconds at each, seconds of a step of simulation
+# positions of the driving joint, seconds at each, seconds of a step of simulation
+STOPS, SETTLE, STEP = 5, 1.0, 1e-3
 DAMPING = 2e-4  # N m s/rad or N s/m: little, so that weak springs win within SETTLE
 HARD = 0.999  # impedance of the constraints, from 0 to 1
 RATE = 1.0  # rad/s or m/s of the driving joint
@@ -26,7 +28,8 @@ class CouplingError(ValueError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint follows joint `leader`: position = `multiplier` x that of the leader + `offset`; a multiplier of 0 means fixed."""
+    """A joint follows joint `leader`: position = `multiplier` x that of the leader + `offset`; a
+    multiplier of 0 means fixed."""
 
     leader: int
     multiplier: float
@@ -34,10 +37,12 @@ class Coupling:
 
 
 def couplings(model: Any) -> dict[int, Coupling]:
-    """How each coupled joint of a compiled MuJoCo model follows a driving one. Joints that nothing couples are left out.
+    """How each coupled joint of a compiled MuJoCo model follows a driving one. Joints that nothing
+    couples are left out.
 
-    Equality constraints, tendons and springs act; gravity, contacts and actuators do not. Raises CouplingError for a driving joint
-    without limits, and for one that others do not follow in proportion.
+    Equality constraints, tendons and springs act; gravity, contacts and actuators do not. Raises
+    CouplingError for a driving joint without limits, and for one that others do not follow in
+    proportion.
     """
     found: dict[int, Coupling] = {}
     driven = _driven(model)
@@ -50,18 +55,25 @@ def couplings(model: Any) -> dict[int, Coupling]:
         rows = _swept(model, leader, at, group)
         for joint in sorted(group - {leader}):
             moved = rows[:, joint]
-            slope, offset = np.polyfit(at, moved, 1).tolist() if np.isfinite(moved).all() else (np.nan, np.nan)
+            slope, offset = (
+                np.polyfit(at, moved, 1).tolist() if np.isfinite(moved).all() else (np.nan, np.nan)
+            )
             travel, bent = float(np.ptp(moved)), float(np.abs(slope * at + offset - moved).max())
             if travel < STILL * (upper - lower):
                 slope, offset = 0.0, float(moved.mean())
             elif not bent < BENT * travel:
-                raise CouplingError(joint, "is coupled to a driving joint, but does not follow it in proportion")
+                raise CouplingError(
+                    joint, "is coupled to a driving joint, but does not follow it in proportion"
+                )
             found[joint] = Coupling(leader, slope, offset)
     return found
 
 
-def _swept(model: Any, leader: int, at: NDArray[np.float64], group: set[int]) -> NDArray[np.float64]:
-    """Positions (len(at), joints) of all joints after one of them has come to each place and the rest of its group to rest."""
+def _swept(
+    model: Any, leader: int, at: NDArray[np.float64], group: set[int]
+) -> NDArray[np.float64]:
+    """Positions (len(at), joints) of all joints after one of them has come to each place and the
+    rest of its group to rest."""
     import mujoco
 
     off = mujoco.mjtDisableBit
@@ -79,7 +91,9 @@ def _swept(model: Any, leader: int, at: NDArray[np.float64], group: set[int]) ->
     for target in at:
         for _ in range(round((SETTLE + np.ptp(at) / RATE / len(at)) / STEP)):
             data.qpos[place[held]], data.qvel[speed[held]] = rest, 0
-            data.qpos[place[leader]] += np.clip(target - data.qpos[place[leader]], -RATE * STEP, RATE * STEP)
+            data.qpos[place[leader]] += np.clip(
+                target - data.qpos[place[leader]], -RATE * STEP, RATE * STEP
+            )
             data.qvel[speed[leader]] = 0
             mujoco.mj_step(model, data)
         rows.append(data.qpos[place].copy())
@@ -96,9 +110,12 @@ def _groups(model: Any) -> list[set[int]]:
 
 
 def _tied(model: Any) -> Iterator[set[int]]:
-    """The joints of each constraint: of an equality, of the loop that two joined bodies close, of a fixed tendon."""
+    """The joints of each constraint: of an equality, of the loop that two joined bodies close, of a
+    fixed tendon."""
     connect, weld, joint, tendon = 0, 1, 2, 3  # of mjtEq
-    for kind, a, b in zip(model.eq_type.tolist(), model.eq_obj1id.tolist(), model.eq_obj2id.tolist(), strict=True):
+    for kind, a, b in zip(
+        model.eq_type.tolist(), model.eq_obj1id.tolist(), model.eq_obj2id.tolist(), strict=True
+    ):
         if kind == joint and b >= 0:
             yield {a, b}
         elif kind in (connect, weld):
@@ -128,6 +145,8 @@ def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
 def _driven(model: Any) -> set[int]:
     """Joints that an actuator moves, itself or by a tendon."""
     found = set[int]()
-    for kind, target in zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True):
+    for kind, target in zip(
+        model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True
+    ):
         found |= {target} if kind == 0 else set(_of_tendon(model, target)) if kind == 3 else set()
     return found

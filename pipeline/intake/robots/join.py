@@ -13,18 +13,31 @@ FLANGE = "attach"  # in the name of the frame that the arms of MuJoCo Menagerie 
 def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
     """The gripper's root link on the arm's link `flange`, by default the last link of the only arm.
 
-    Raises UrdfError where the flange is missing or not clear, where something moves beyond it, and for a gripper of several roots.
+    Raises UrdfError where the flange is missing or not clear, where something moves beyond it, and
+    for a gripper of several roots.
     """
     roots = gripper.roots()
     if len(roots) != 1:
-        raise UrdfError(f"{gripper.path}: a gripper has one root link, this file has {len(roots)} ({', '.join(roots[:6])})")
+        raise UrdfError(
+            f"{gripper.path}: a gripper has one root link, this file has {len(roots)}"
+            f" ({', '.join(roots[:6])})"
+        )
     at = flange or _flange(arm)
     if at not in arm.links:
-        raise UrdfError(f"{arm.path}: --flange {at!r}: has no such link; the last ones are {', '.join([*arm.links][-8:])}")
-    if moving := [j.name for link in arm.below(at)[1:] if (j := arm.parent_joint[link]).kind != "fixed"]:
-        raise UrdfError(f"{arm.path}: joint {moving[0]!r} moves beyond the flange {at!r}: leave --gripper away")
+        raise UrdfError(
+            f"{arm.path}: --flange {at!r}: has no such link; the last ones are"
+            f" {', '.join([*arm.links][-8:])}"
+        )
+    if moving := [
+        j.name for link in arm.below(at)[1:] if (j := arm.parent_joint[link]).kind != "fixed"
+    ]:
+        raise UrdfError(
+            f"{arm.path}: joint {moving[0]!r} moves beyond the flange {at!r}: leave --gripper away"
+        )
     above = {
-        PREFIX + link: replace(j, name=PREFIX + j.name, parent=PREFIX + j.parent, child=PREFIX + j.child)
+        PREFIX + link: replace(
+            j, name=PREFIX + j.name, parent=PREFIX + j.parent, child=PREFIX + j.child
+        )
         for link, j in gripper.parent_joint.items()
     }
     at_flange = Joint(PREFIX + "mount", "fixed", at, PREFIX + roots[0], pose())
@@ -32,19 +45,31 @@ def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
         arm.path,
         arm.links | {PREFIX + name: link for name, link in gripper.links.items()},
         arm.parent_joint | {at_flange.child: at_flange} | above,
-        arm.mimics | {PREFIX + n: Mimic(PREFIX + m.joint, m.multiplier, m.offset) for n, m in gripper.mimics.items()},
+        arm.mimics
+        | {
+            PREFIX + n: Mimic(PREFIX + m.joint, m.multiplier, m.offset)
+            for n, m in gripper.mimics.items()
+        },
     )
 
 
 def _flange(arm: UrdfRobot) -> str:
-    """The frame for a gripper: the one named so, or the only link that ends the chain of moving joints."""
+    """The frame for a gripper: the one named so, or the only link that ends the chain of moving
+    joints."""
     named = [link for link in arm.links if FLANGE in link]
     parents = {joint.parent for joint in arm.parent_joint.values()}
     moved = [joint.child for joint in arm.parent_joint.values() if joint.kind != "fixed"]
-    last = [link for link in moved if not any(arm.parent_joint[x].kind != "fixed" for x in arm.below(link)[1:])]
+    last = [
+        link
+        for link in moved
+        if not any(arm.parent_joint[x].kind != "fixed" for x in arm.below(link)[1:])
+    ]
     ends = [link for tip in last for link in arm.below(tip) if link not in parents]
     found = named if len(named) == 1 else ends
     if len(found) != 1:
         said = ", ".join(found[:8]) or "none"
-        raise UrdfError(f"{arm.path}: which link carries the gripper is not clear (found {said}); give --flange LINK")
+        raise UrdfError(
+            f"{arm.path}: which link carries the gripper is not clear (found {said}); give --flange"
+            " LINK"
+        )
     return found[0]

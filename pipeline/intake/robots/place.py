@@ -1,7 +1,9 @@
-"""Where an arm should stand: how much of the table it reaches from a place, and the rest configuration it takes there.
+"""Where an arm should stand: how much of the table it reaches from a place, and the rest
+configuration it takes there.
 
-Reach is measured for the left arm (the right one mirrors it) over a grid on the table, with the tool at some heights above it and
-the approach pitched by some angles below the horizontal at any of several azimuths.
+Reach is measured for the left arm (the right one mirrors it) over a grid on the table, with the
+tool at some heights above it and the approach pitched by some angles below the horizontal at any of
+several azimuths.
 """
 
 from collections.abc import Iterable
@@ -29,14 +31,17 @@ FAR = 6.0  # m: an arm there is in nobody's way
 ROOM = 0.04  # m between the arms at rest
 PLACES = tuple(product((0.25, 0.3, 0.38, 0.45), (-0.55, -0.45, -0.38), (0.55, 0.75, 0.85)))
 TRIED = 4  # of the places, measured by inverse kinematics
-HOMES = tuple(product((0.0, 0.06, -0.06), (-0.2, -0.12, -0.28), (1.0, 1.08, 0.94), (60.0, 75.0, 45.0)))
+HOMES = tuple(
+    product((0.0, 0.06, -0.06), (-0.2, -0.12, -0.28), (1.0, 1.08, 0.94), (60.0, 75.0, 45.0))
+)
 
 type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """What is looked at: heights above the table (m), pitches and azimuths (degrees), grid lines x and y (m)."""
+    """What is looked at: heights above the table (m), pitches and azimuths (degrees), grid lines x
+    and y (m)."""
 
     heights: tuple[float, ...]
     pitches: tuple[float, ...]
@@ -50,12 +55,15 @@ def lines(first: float, last: float, spacing: float) -> Floats:
     return np.arange(first, last + 1e-4, spacing, dtype=np.float64)
 
 
-COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), lines(-0.4, 0.1, 0.1), lines(-0.25, 0.25, 0.1))
+COARSE = Scan(
+    (0.05,), (30, 45, 60, 90), (0, 40, -40), lines(-0.4, 0.1, 0.1), lines(-0.25, 0.25, 0.1)
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Shares by (height, pitch) of own half and centre strip (H,P); hidden and close shares of cells reached below 90 degrees."""
+    """Shares by (height, pitch) of own half and centre strip (H,P); hidden and close shares of
+    cells reached below 90 degrees."""
 
     own: Floats
     mid: Floats
@@ -64,32 +72,51 @@ class Reach:
 
     @property
     def score(self) -> float:
-        """Mean reach at 30-60 degrees, the strip counting half, a tenth for 90 degrees, less what the arm hides."""
+        """Mean reach at 30-60 degrees, the strip counting half, a tenth for 90 degrees, less what
+        the arm hides."""
         tilted = self.own[:, :3].mean() + 0.5 * self.mid[:, :3].mean() + 0.1 * self.own[:, 3].mean()
         return float(tilted / 1.6 - 0.15 * self.hidden - 0.15 * self.close)
 
 
-def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: Iterable[float] | None = None) -> Embodiment:
-    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned from the world's axes by `yaw` rad; no furniture."""
+def stood(
+    arm: Arm,
+    place: tuple[float, float, float],
+    yaw: float = 0.0,
+    home: Iterable[float] | None = None,
+) -> Embodiment:
+    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned from the world's axes by `yaw`
+    rad; no furniture."""
     x, y, z = place
     q = quat_about((0, 0, 1), yaw)
     rest = arm.home if home is None else tuple(home)
-    arms = {side: replace(arm, base=pose((s * x, y, z), q), home=rest) for side, s in (("left", -1), ("right", 1))}
+    arms = {
+        side: replace(arm, base=pose((s * x, y, z), q), home=rest)
+        for side, s in (("left", -1), ("right", 1))
+    }
     return Embodiment(arm.model, arms, HEAD_CAMERA)
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Floats:
-    """Tool poses (2N,7) over `cells` (N,2): approach tilted `pitch` degrees down, turned `azimuth` degrees from +y, fingers level.
+    """Tool poses (2N,7) over `cells` (N,2): approach tilted `pitch` degrees down, turned `azimuth`
+    degrees from +y, fingers level.
 
     Both rolls are listed, N each: the gripper is symmetric.
     """
     p, a = np.radians(pitch), np.radians(azimuth)
     approach = np.array([np.sin(a) * np.cos(p), np.cos(a) * np.cos(p), -np.sin(p)])
     opening = np.array([-np.cos(a), np.sin(a), 0.0])
-    return np.array([frame((x, y, TABLE_TOP + height), approach, s * opening) for s in (1, -1) for x, y in cells])
+    return np.array(
+        [
+            frame((x, y, TABLE_TOP + height), approach, s * opening)
+            for s in (1, -1)
+            for x, y in cells
+        ]
+    )
 
 
-def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan) -> tuple[Floats, NDArray[np.bool_]]:
+def solve(
+    robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Left arm joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
     arm = robot.arms["left"]
     chain = chain_of(arm)
@@ -120,13 +147,16 @@ def measure(robot: Embodiment, scan: Scan) -> Reach:
         q, ok = solve(robot, scan.heights[i], scan.pitches[j], cells, scan)
         share["own"][i, j], share["mid"][i, j] = ok[own].mean(), ok[mid].mean()
         for k in np.flatnonzero(ok)[::8] if scan.pitches[j] < 90 else ():
-            covers, near = blocks_view(arm, q[k], np.array([*cells[k], TABLE_TOP + scan.heights[i]]))
+            covers, near = blocks_view(
+                arm, q[k], np.array([*cells[k], TABLE_TOP + scan.heights[i]])
+            )
             hidden, close, n = hidden + covers, close + near, n + 1
     return Reach(share["own"], share["mid"], hidden / max(n, 1), close / max(n, 1))
 
 
 def blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
-    """Whether links before the hand cover `point` (3,) from the head camera, and whether one comes near that camera."""
+    """Whether links before the hand cover `point` (3,) from the head camera, and whether one comes
+    near that camera."""
     poses = arm_poses(arm, q)
     eye = HEAD_CAMERA[:3]
     ray = point - eye
@@ -140,7 +170,9 @@ def blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
             corners = piece.support_points()
             half = np.sort(np.ptp(corners, axis=0) / 2)
             axis = np.linalg.svd(corners - corners.mean(0))[2][0]
-            ends = transform(poses[link.name], corners.mean(0) + np.outer(np.linspace(-1, 1, 7) * half[-1], axis))
+            ends = transform(
+                poses[link.name], corners.mean(0) + np.outer(np.linspace(-1, 1, 7) * half[-1], axis)
+            )
             offset = ends - eye
             along = offset @ ray
             across = np.linalg.norm(offset - np.outer(along, ray), axis=1)
@@ -150,10 +182,12 @@ def blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
 
 
 def find_site(arm: Arm) -> Embodiment | None:
-    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there; None where there is none.
+    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there;
+    None where there is none.
 
-    `arm.base` and `arm.home` are not looked at. The places are ranked by a sample of configurations, and the best of them measured
-    by inverse kinematics where the arm has six joints or more.
+    `arm.base` and `arm.home` are not looked at. The places are ranked by a sample of
+    configurations, and the best of them measured by inverse kinematics where the arm has six joints
+    or more.
     """
     chain = chain_of(replace(arm, base=pose()))
     q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
@@ -166,7 +200,10 @@ def find_site(arm: Arm) -> Embodiment | None:
         homes = _homes(robot, q, tools)
         if homes is None:
             continue
-        robot = replace(robot, arms={s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()})
+        robot = replace(
+            robot,
+            arms={s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()},
+        )
         score = measure(robot, COARSE).score if chain.dof >= 6 else _sample_reach(tools, place, yaw)
         if best is None or score > best[0]:
             best = score, robot
@@ -174,7 +211,8 @@ def find_site(arm: Arm) -> Embodiment | None:
 
 
 def _forward(tools: Floats) -> float:
-    """The direction (rad, a multiple of a quarter turn) in which the tool is on average; 0 where it is all around."""
+    """The direction (rad, a multiple of a quarter turn) in which the tool is on average; 0 where it
+    is all around."""
     x, y = tools[:, :2].mean(0).tolist()
     if np.hypot(x, y) < 0.1 * np.linalg.norm(tools[:, :2], axis=1).mean():
         return 0.0
@@ -182,7 +220,8 @@ def _forward(tools: Floats) -> float:
 
 
 def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
-    """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down, from a place."""
+    """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down,
+    from a place."""
     at = compose(pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)), tools)
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     low = (at[:, 2] > TABLE_TOP + 0.01) & (at[:, 2] < TABLE_TOP + 0.2)
@@ -193,7 +232,8 @@ def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) 
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
-    """A configuration of each arm with the tool over its own side of the table, pointing down, that touch nothing; or None.
+    """A configuration of each arm with the tool over its own side of the table, pointing down, that
+    touch nothing; or None.
 
     Of those found, the two farthest from their joint limits between which there is room.
     """
@@ -211,23 +251,39 @@ def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[
     chain = chain_of(arm)
     x = float(arm.base[0])
     away = replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))
-    free = CollisionWorld(replace(robot, arms={s: arm if s == side else away for s in SIDES})).with_objects(margin=0.0)
-    found = [row for row in _home_candidates(chain, x, q, compose(arm.base, tools)) if free.free(side, chain.home)(row)]
+    free = CollisionWorld(
+        replace(robot, arms={s: arm if s == side else away for s in SIDES})
+    ).with_objects(margin=0.0)
+    found = [
+        row
+        for row in _home_candidates(chain, x, q, compose(arm.base, tools))
+        if free.free(side, chain.home)(row)
+    ]
     return sorted(found, key=lambda row: -float(limit_margin(chain, row)))
 
 
 def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats:
     if chain.dof >= 6:
-        poses = [targets(z - TABLE_TOP, pitch, 0.0, np.array([[x * 0.85 + dx, y]])) for dx, y, z, pitch in HOMES]
-        found, ok = ik_many(chain, np.concatenate(poses), [(chain.lower + chain.upper) / 2], HOME_IK)
+        poses = [
+            targets(z - TABLE_TOP, pitch, 0.0, np.array([[x * 0.85 + dx, y]]))
+            for dx, y, z, pitch in HOMES
+        ]
+        found, ok = ik_many(
+            chain, np.concatenate(poses), [(chain.lower + chain.upper) / 2], HOME_IK
+        )
         return found[ok]
-    near = (np.abs(tools[:, 0] - x) < 0.12) & (np.abs(tools[:, 1] + 0.2) < 0.15) & (np.abs(tools[:, 2] - 0.95) < 0.12)
+    near = (
+        (np.abs(tools[:, 0] - x) < 0.12)
+        & (np.abs(tools[:, 1] + 0.2) < 0.15)
+        & (np.abs(tools[:, 2] - 0.95) < 0.12)
+    )
     down = quat_rotate(tools[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     return q[near & down]
 
 
 def overlaps(arm: Arm, samples: int = 40) -> dict[tuple[str, str], float]:
-    """Share of random configurations in which two links of an arm touch, for the pairs that do; joined links are not looked at."""
+    """Share of random configurations in which two links of an arm touch, for the pairs that do;
+    joined links are not looked at."""
     robot = stood(arm, (FAR, 0.0, 0.0))
     chain = chain_of(robot.arms["left"])
     rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (samples, chain.dof))

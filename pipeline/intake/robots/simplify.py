@@ -1,4 +1,5 @@
-"""Convex collision pieces of a link's meshes: few, and with few corners, so that planning and physics stay fast."""
+"""Convex collision pieces of a link's meshes: few, and with few corners, so that planning and
+physics stay fast."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,9 +22,11 @@ type Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Cut:
-    """How a mesh is cut by coacd: its threshold of concavity, the most pieces, its resolution and iterations.
+    """How a mesh is cut by coacd: its threshold of concavity, the most pieces, its resolution and
+    iterations.
 
-    A closed mesh is cut where its hull is `hollow` times larger; with `tidy` open ones are closed and cut, too.
+    A closed mesh is cut where its hull is `hollow` times larger; with `tidy` open ones are closed
+    and cut, too.
     """
 
     threshold: float = 0.1
@@ -38,13 +41,15 @@ LINK = Cut()
 
 
 class Pieces:
-    """Convex pieces of shapes. A mesh far from convex is cut by coacd where that is installed, once for all links that have it."""
+    """Convex pieces of shapes. A mesh far from convex is cut by coacd where that is installed, once
+    for all links that have it."""
 
     def __init__(self) -> None:
         self._cut: dict[tuple[object, ...], list[Floats]] = {}
 
     def of(self, shapes: Sequence[UrdfShape]) -> tuple[Collider, ...]:
-        """The shapes of a link as convex pieces in its frame. Raises UrdfError for a mesh that cannot be used."""
+        """The shapes of a link as convex pieces in its frame. Raises UrdfError for a mesh that
+        cannot be used."""
         found = []
         for shape in shapes:
             if shape.kind != "mesh":
@@ -54,7 +59,10 @@ class Pieces:
             if key not in self._cut:
                 points, faces = surface(replace(shape, origin=pose()))
                 self._cut[key] = [corners(part) for part in _convex(shape, points, faces)]
-            found += [Collider("convex", (), vertices=transform(shape.origin, part)) for part in self._cut[key]]
+            found += [
+                Collider("convex", (), vertices=transform(shape.origin, part))
+                for part in self._cut[key]
+            ]
         return tuple(found)
 
 
@@ -71,11 +79,14 @@ def _convex(shape: UrdfShape, points: Floats, faces: NDArray[np.int64]) -> list[
     try:
         return convex_parts(trimesh.Trimesh(points, faces), LINK)
     except Exception as error:  # qhull reports a flat mesh in errors of its own
-        raise UrdfError(f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness") from error
+        raise UrdfError(
+            f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness"
+        ) from error
 
 
 def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
-    """Point sets whose hulls fill the mesh: several where it is far from convex and coacd is installed. Raises qhull's errors."""
+    """Point sets whose hulls fill the mesh: several where it is far from convex and coacd is
+    installed. Raises qhull's errors."""
     whole = trimesh.convex.convex_hull(mesh.vertices)
     one = [np.asarray(whole.vertices, float)]
     if mesh.is_watertight and whole.volume < how.hollow * abs(mesh.volume):
@@ -94,7 +105,9 @@ def _coacd():
 
     def cut(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
         coacd.set_log_level("error")
-        given = coacd.Mesh(np.asarray(mesh.vertices).reshape(-1, 3), np.asarray(mesh.faces).reshape(-1, 3))
+        given = coacd.Mesh(
+            np.asarray(mesh.vertices).reshape(-1, 3), np.asarray(mesh.faces).reshape(-1, 3)
+        )
         options: dict[str, Any] = {
             "threshold": how.threshold,
             "max_convex_hull": how.pieces,
@@ -104,7 +117,9 @@ def _coacd():
             "mcts_nodes": 8,
             "mcts_max_depth": 2,
         }
-        return [np.asarray(vertices, float) for vertices, _ in coacd.run_coacd(given, seed=0, **options)]
+        return [
+            np.asarray(vertices, float) for vertices, _ in coacd.run_coacd(given, seed=0, **options)
+        ]
 
     return cut
 
@@ -114,5 +129,7 @@ def _directions() -> Floats:
     """CORNERS directions: the six axes first, then points spread over the sphere."""
     k = np.arange(CORNERS - 6) + 0.5
     polar, turn = np.arccos(1 - 2 * k / len(k)), np.pi * (1 + 5**0.5) * k
-    spread = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], 1)
+    spread = np.stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], 1
+    )
     return np.concatenate([np.eye(3), -np.eye(3), spread])

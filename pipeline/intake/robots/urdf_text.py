@@ -1,4 +1,5 @@
-"""An arm as URDF text: kinematics, inertials and collision primitives, and the names of the meshes in a robot's directory."""
+"""An arm as URDF text: kinematics, inertials and collision primitives, and the names of the meshes
+in a robot's directory."""
 
 from xml.etree import ElementTree as ET
 
@@ -11,11 +12,13 @@ from pipeline.world.shapes import Collider
 
 
 def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
-    """URDF of one arm; its root link is the arm's own (place it at `arm.base`). Every name starts with `prefix`.
+    """URDF of one arm; its root link is the arm's own (place it at `arm.base`). Every name starts
+    with `prefix`.
 
-    The joints of the gripper have no `<mimic>`: all are driven. Collision elements are boxes, cylinders and spheres (a capsule is
-    written as a cylinder and two spheres, because URDF has none). With `meshes`, visuals and convex pieces are named as `mesh_file`
-    names them; without, whoever uses the text attaches them in memory.
+    The joints of the gripper have no `<mimic>`: all are driven. Collision elements are boxes,
+    cylinders and spheres (a capsule is written as a cylinder and two spheres, because URDF has
+    none). With `meshes`, visuals and convex pieces are named as `mesh_file` names them; without,
+    whoever uses the text attaches them in memory.
     """
     robot = ET.Element("robot", name=f"{prefix}{arm.model}")
     for link in arm.links:
@@ -27,7 +30,8 @@ def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
 
 
 def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
-    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz: the inverse of `poses.quat_from_rpy`, roll 0 at the pitch poles."""
+    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz: the inverse of `poses.quat_from_rpy`,
+    roll 0 at the pitch poles."""
     m = quat_to_matrix(q)
     pitch = float(np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0])))
     if np.hypot(m[0, 0], m[1, 0]) < 1e-9:
@@ -67,7 +71,10 @@ def _geometry(c: Collider) -> list[tuple[Pose, str, dict[str, str]]]:
     if c.kind in ("cylinder", "capsule"):
         radius, half = c.size
         tube = (c.pose, "cylinder", {"radius": _number(radius), "length": _number(2 * half)})
-        ends = [(compose(c.pose, pose((0, 0, z))), "sphere", {"radius": _number(radius)}) for z in (-half, half)]
+        ends = [
+            (compose(c.pose, pose((0, 0, z))), "sphere", {"radius": _number(radius)})
+            for z in (-half, half)
+        ]
         return [tube, *ends] if c.kind == "capsule" else [tube]
     return []
 
@@ -83,7 +90,12 @@ def _add_joint(robot: ET.Element, joint: Joint, prefix: str) -> None:
     ET.SubElement(e, "child", link=prefix + joint.child)
     if joint.kind != "fixed":
         ET.SubElement(e, "axis", xyz=_row(joint.axis))
-        limits = {"lower": joint.lower, "upper": joint.upper, "velocity": joint.velocity, "effort": joint.effort}
+        limits = {
+            "lower": joint.lower,
+            "upper": joint.upper,
+            "velocity": joint.velocity,
+            "effort": joint.effort,
+        }
         ET.SubElement(e, "limit", {k: _number(v) for k, v in limits.items()})
 
 
@@ -96,5 +108,6 @@ def _row(values: ArrayLike) -> str:
 
 
 def _number(value: float) -> str:
-    # 17 digits and no negative zero: the text carries the spec's doubles exactly and is the same on every run
+    # 17 digits and no negative zero: the text carries the spec's doubles exactly and is the same on
+    # every run
     return repr(float(value) + 0.0)

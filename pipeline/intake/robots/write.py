@@ -19,9 +19,11 @@ from pipeline.world.robots.directory import TOML, URDF
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m), licence, source.
+    """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m),
+    licence, source.
 
-    `notes` has a line for what was guessed or left out. `tcp` holds position, approach and opening direction in the hand's frame.
+    `notes` has a line for what was guessed or left out. `tcp` holds position, approach and opening
+    direction in the hand's frame.
     """
 
     arm: Arm
@@ -42,7 +44,9 @@ def write_robot(draft: Draft, directory: Path) -> None:
         for i, piece in enumerate(link.collision):
             if piece.kind == "convex":
                 written = io.BytesIO()
-                trimesh.convex.convex_hull(np.asarray(piece.vertices)).export(written, file_type="stl")
+                trimesh.convex.convex_hull(np.asarray(piece.vertices)).export(
+                    written, file_type="stl"
+                )
                 write_atomic(directory / mesh_file(link.name, i), written.getvalue())
     write_atomic(directory / URDF, (arm_urdf(arm, meshes=True) + "\n").encode())
     write_atomic(directory / TOML, toml_of(draft).encode())
@@ -61,20 +65,31 @@ def toml_of(draft: Draft) -> str:
         "]",
         "",
         "[tcp]",
-        *(f"{name} = {_row(values)}" for name, values in zip(("position", "approach", "opening"), draft.tcp, strict=True)),
+        *(
+            f"{name} = {_row(values)}"
+            for name, values in zip(("position", "approach", "opening"), draft.tcp, strict=True)
+        ),
         "",
         "[gripper]",
         *(f"{name} = {json.dumps(list(getattr(grip, name)))}" for name in ("joints", "fingers")),
         *(f"{name} = {_row(getattr(grip, name))}" for name in ("closed", "opened")),
         f"opening = {grip.max_opening:.4f}",
-        *(f"{name} = {getattr(grip, name):g}" for name in ("force", "speed", "stiffness", "damping")),
+        *(
+            f"{name} = {getattr(grip, name):g}"
+            for name in ("force", "speed", "stiffness", "damping")
+        ),
         "",
         "[home]",
         *(f"{side} = {_row(draft.site.arms[side].home)}" for side in SIDES),
     ]
     for side in SIDES:
         base = draft.site.arms[side].base
-        lines += ["", f"[place.{side}]", f"position = {_row(base[:3])}", f"quaternion = {_row(base[3:], 15)}"]
+        lines += [
+            "",
+            f"[place.{side}]",
+            f"position = {_row(base[:3])}",
+            f"quaternion = {_row(base[3:], 15)}",
+        ]
     return "\n".join(lines) + "\n"
 
 

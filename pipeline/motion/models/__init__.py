@@ -15,14 +15,21 @@ STILL = Level("the target stands still", "#6b7280")
 
 _MODULES = {"drop": "ballistic", "toss": "ballistic"}
 _NAMES = "drop toss circle conveyor handed pendulum planar pushed ramp rolling sinusoid turntable"
-MODELS: Registry[MotionModel] = Registry("motion", {n: f"{__name__}.{_MODULES.get(n, n)}" for n in _NAMES.split()})
-"""Models by name. A module of this folder is imported, and registers its model, when that is asked for."""
+MODELS: Registry[MotionModel] = Registry(
+    "motion", {n: f"{__name__}.{_MODULES.get(n, n)}" for n in _NAMES.split()}
+)
+"""Models by name. A module of this folder is imported, and registers its model, when that is asked
+for."""
 
 
 def register(model: MotionModel) -> MotionModel:
-    """Enter a model under its name. Raises ValueError if the name is taken, or if it describes level 0."""
+    """Enter a model under its name. Raises ValueError if the name is taken, or if it describes
+    level 0."""
     if 0 in model.levels:
-        raise ValueError(f"motion {model.name!r}: level 0 stands still in every model, so it must not be among its levels")
+        raise ValueError(
+            f"motion {model.name!r}: level 0 stands still in every model, so it must not be among"
+            " its levels"
+        )
     place_in(sys._getframemodulename(1), type(model))
     return MODELS.add(model.name, model)
 
@@ -43,14 +50,17 @@ def level_of(name: str, level: int) -> Level:
 
 
 def level_name(name: str, level: int) -> str:
-    """A level in tables and plots: its number, after the name of a model that is not the paper's."""
+    """A level in tables and plots: its number, after the name of a model that is not the
+    paper's."""
     return f"level {level}" if name == PLANAR or level == 0 else f"{name} level {level}"
 
 
 def motion_from_json(text: str) -> TargetMotion:
-    """Inverse of `TargetMotion.to_json`, of any model: text without a `model` is of the model `planar`.
+    """Inverse of `TargetMotion.to_json`, of any model: text without a `model` is of the model
+    `planar`.
 
-    Raises ValueError, naming what is wrong, for text that is no motion, UnknownMotion for that of a model that is not installed.
+    Raises ValueError, naming what is wrong, for text that is no motion, UnknownMotion for that of a
+    model that is not installed.
     """
     values: Any = json.loads(text)
     if not isinstance(values, dict):
@@ -58,9 +68,14 @@ def motion_from_json(text: str) -> TargetMotion:
     name = values.get("model", PLANAR)
     if name not in MODELS:
         raise UnknownMotion(
-            f"an episode needs the motion {str(name)[:80]!r}, which is not installed: give --plugins with its directory"
+            f"an episode needs the motion {str(name)[:80]!r}, which is not installed: give"
+            " --plugins with its directory"
         )
     if not isinstance(others := values.pop("others", {}), dict):
         raise ValueError("this is not a target motion: its others are no JSON object")
     target = MODELS[name].read(values)
-    return Company(target, {who: motion_from_json(json.dumps(found)) for who, found in others.items()}) if others else target
+    return (
+        Company(target, {who: motion_from_json(json.dumps(found)) for who, found in others.items()})
+        if others
+        else target
+    )

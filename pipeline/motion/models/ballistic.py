@@ -1,4 +1,5 @@
-"""The target flies: it is dropped by a carrier, or tossed up by a plate, and meets the robot above the table."""
+"""The target flies: it is dropped by a carrier, or tossed up by a plate, and meets the robot above
+the table."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -23,10 +24,12 @@ STEEL, RUBBER = (0.55, 0.56, 0.60), (0.16, 0.17, 0.19)
 
 @dataclass(frozen=True)
 class Ballistic(ClosedForm):
-    """Carried along `heading` (rad) at a `pace` that ends at the release, `flight` s before the meeting; then free flight.
+    """Carried along `heading` (rad) at a `pace` that ends at the release, `flight` s before the
+    meeting; then free flight.
 
-    In flight the velocity along the heading is constant, and the height is z(T) + w (t - T) - g (t - T)^2 / 2. Where it comes down
-    to `floor` (m) it lies still. It is `top` m high. alpha bounds the speed along the heading.
+    In flight the velocity along the heading is constant, and the height is z(T) + w (t - T) - g (t
+    - T)^2 / 2. Where it comes down to `floor` (m) it lies still. It is `top` m high. alpha bounds
+    the speed along the heading.
     """
 
     heading: float
@@ -108,12 +111,19 @@ class Drop(Ballistic):
     def scenery(self) -> tuple[Prop, ...]:
         """The rod and the cup of a suction gripper that holds it from above."""
         cup = rod((0, 0, self.top), (0, 0, self.top + 0.015), 0.012, RUBBER)
-        return (Prop("carrier", (cup, rod((0, 0, self.top + 0.015), (0, 0, self.top + 0.20), 0.006, STEEL)), self.bearer),)
+        return (
+            Prop(
+                "carrier",
+                (cup, rod((0, 0, self.top + 0.015), (0, 0, self.top + 0.20), 0.006, STEEL)),
+                self.bearer,
+            ),
+        )
 
 
 @dataclass(frozen=True)
 class Toss(Ballistic):
-    """A plate flings it up with the acceleration 2 g, so that it stands still at the meeting, at the top of its flight: w = 0."""
+    """A plate flings it up with the acceleration 2 g, so that it stands still at the meeting, at
+    the top of its flight: w = 0."""
 
     kind: ClassVar[str] = "toss"
 
@@ -127,14 +137,18 @@ class Toss(Ballistic):
         return (
             Prop(
                 "launcher",
-                (flat("cylinder", (0.03,), -0.006, RUBBER), rod((0, 0, -0.006), (0, 0, -0.12), 0.008, STEEL)),
+                (
+                    flat("cylinder", (0.03,), -0.006, RUBBER),
+                    rod((0, 0, -0.006), (0, 0, -0.12), 0.008, STEEL),
+                ),
                 self.bearer,
             ),
         )
 
 
 class BallisticModel[M: Ballistic](ClosedFormModel[M]):
-    """One height of fall or rise, which keeps the plate over the floor, and one heading after another."""
+    """One height of fall or rise, which keeps the plate over the floor, and one heading after
+    another."""
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[M]:
         rng, z = streams.shape, float(np.asarray(asked.end_pose, float)[2])
@@ -144,15 +158,28 @@ class BallisticModel[M: Ballistic](ClosedFormModel[M]):
         flight = float(np.sqrt(2 * height / GRAVITY)) if asked.level else 0.0
         pace = _slowed(draw_pace(replace(asked, duration=asked.duration - flight), rng), flight)
         for heading in headings(streams):
-            shape: dict[str, Any] = {"heading": heading, "flight": flight, "floor": asked.floor, "top": asked.height}
+            shape: dict[str, Any] = {
+                "heading": heading,
+                "flight": flight,
+                "floor": asked.floor,
+                "top": asked.height,
+            }
             yield self._motion(**common(asked), pace=pace, **shape)
 
 
 def _slowed(pace: Pace, flight: float) -> Pace:
-    """The pace with its mean speed kept over a further `flight` (s) at its last speed, where that is faster."""
-    spans, last = np.diff([pace.start, *pace.edges]), abs(float(pace.rate(np.array(pace.edges[-1]))))
+    """The pace with its mean speed kept over a further `flight` (s) at its last speed, where that
+    is faster."""
+    spans, last = (
+        np.diff([pace.start, *pace.edges]),
+        abs(float(pace.rate(np.array(pace.edges[-1])))),
+    )
     way = float(np.abs(pace.speeds) @ spans)
-    share = min(1.0, (way / spans.sum()) * (spans.sum() + flight) / (way + last * flight)) if way else 1.0
+    share = (
+        min(1.0, (way / spans.sum()) * (spans.sum() + flight) / (way + last * flight))
+        if way
+        else 1.0
+    )
     return replace(pace, speeds=tuple(speed * share for speed in pace.speeds))
 
 

@@ -16,8 +16,8 @@ RADIUS = (0.04, 0.10)  # m
 
 @dataclass(frozen=True)
 class Circle(Along):
-    """A circle of `radius` m through the end, its centre in the direction `inward` (rad) from there; `sense` is +1 against the
-    clock."""
+    """A circle of `radius` m through the end, its centre in the direction `inward` (rad) from
+    there; `sense` is +1 against the clock."""
 
     kind: ClassVar[str] = "circle"
     radius: float

@@ -25,7 +25,8 @@ RUNOUT = 0.14  # m of belt beyond both ends of the path
 
 @dataclass(frozen=True)
 class Conveyor(Along):
-    """The end pose moved back by the advance along `heading` (rad in the table's plane); the belt is `width` m wide."""
+    """The end pose moved back by the advance along `heading` (rad in the table's plane); the belt
+    is `width` m wide."""
 
     kind: ClassVar[str] = "conveyor"
     heading: float
@@ -51,15 +52,21 @@ class Conveyor(Along):
         half, side = (ends[1] - ends[0]) / 2, self.width / 2 + 0.004
         middle = yawed(np.array(self.end[:3]) + sum(ends) / 2 * self._forward, self.heading)
         band = flat("box", (half, self.width / 2), SHEET, RUBBER)
-        rails = [Piece("box", (half, 0.004, 0.002), pose((0, y, 0.002)), RAIL) for y in (side, -side)]
+        rails = [
+            Piece("box", (half, 0.004, 0.002), pose((0, y, 0.002)), RAIL) for y in (side, -side)
+        ]
         slat = flat("box", (0.003, self.width / 2), SHEET + 0.0008, SLAT)
         last = max(last, float(self.pace.advance(np.array(self.duration + AFTER))))
         places = np.arange(ends[0] - last, ends[1] - first, GAP).tolist()
-        moving = [Prop(f"slat_{k + 1}", (slat,), partial(self._slat, ends, place)) for k, place in enumerate(places)]
+        moving = [
+            Prop(f"slat_{k + 1}", (slat,), partial(self._slat, ends, place))
+            for k, place in enumerate(places)
+        ]
         return (Prop("belt", (band, *rails), standing(middle)), *moving)
 
     def _slat(self, ends: tuple[float, float], place: float, t: ArrayLike) -> Array:
-        """Poses of the slat that is at `place` (m along the belt) at the meeting; beyond the belt it runs below the table top."""
+        """Poses of the slat that is at `place` (m along the belt) at the meeting; beyond the belt
+        it runs below the table top."""
         along = place + self.pace.advance(np.maximum(np.asarray(t, float), -self.lead))
         found = self.at(along)
         found[..., 3:] = yawed((0, 0, 0), self.heading)[3:]
@@ -73,7 +80,9 @@ class ConveyorModel(ClosedFormModel[Conveyor]):
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Conveyor]:
         pace = draw_pace(asked, streams.shape)
         for heading in sorted(headings(streams), key=lambda a: abs(np.sin(a)) > 0.4):
-            yield Conveyor(**common(asked), pace=pace, heading=heading, width=2 * (asked.radius + MARGIN))
+            yield Conveyor(
+                **common(asked), pace=pace, heading=heading, width=2 * (asked.radius + MARGIN)
+            )
 
 
 register(ConveyorModel(Conveyor))

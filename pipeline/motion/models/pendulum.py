@@ -7,7 +7,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turned_about, turns
+from pipeline.motion.closed_form import (
+    ClosedForm,
+    ClosedFormModel,
+    common,
+    headings,
+    turned_about,
+    turns,
+)
 from pipeline.motion.contract import Array, Request, Streams, described
 from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, rod, standing
@@ -22,11 +29,13 @@ STEEL, CORD = (0.55, 0.56, 0.60), (0.85, 0.83, 0.78)
 
 @dataclass(frozen=True)
 class Pendulum(ClosedForm):
-    """The angle from the vertical is A(t) sin(w (t - T)), w = sqrt(g / length), in the vertical plane along `heading` (rad).
+    """The angle from the vertical is A(t) sin(w (t - T)), w = sqrt(g / length), in the vertical
+    plane along `heading` (rad).
 
-    The pivot is `length` m above the end: the body hangs straight at the meeting T, when it is fastest. Its top is `top` m above
-    its origin. A(t) = `amplitude` exp(`decay` (T - t)) (rad). At the times `knocks`, when it hangs straight, A jumps: before each
-    it was `share` of what it is after it.
+    The pivot is `length` m above the end: the body hangs straight at the meeting T, when it is
+    fastest. Its top is `top` m above its origin. A(t) = `amplitude` exp(`decay` (T - t)) (rad). At
+    the times `knocks`, when it hangs straight, A jumps: before each it was `share` of what it is
+    after it.
     """
 
     kind: ClassVar[str] = "pendulum"
@@ -53,7 +62,9 @@ class Pendulum(ClosedForm):
 
     def _amplitude(self, t: Array) -> Array:
         before = np.sum(np.asarray(t)[..., None] < np.array(self.knocks), -1)
-        return np.asarray(self.amplitude * self.share**before * np.exp(self.decay * (self.duration - t)), float)
+        return np.asarray(
+            self.amplitude * self.share**before * np.exp(self.decay * (self.duration - t)), float
+        )
 
     def _angle(self, t: Array) -> Array:
         return np.asarray(self._amplitude(t) * np.sin(self._rate * (t - self.duration)), float)
@@ -89,7 +100,9 @@ class Pendulum(ClosedForm):
 class PendulumModel(ClosedFormModel[Pendulum]):
     """The greatest speed is alpha, at level 2 and 3 at the strongest swing."""
 
-    levels = described("a swing that keeps its width", "a swing that dies away", "a swing that is knocked")
+    levels = described(
+        "a swing that keeps its width", "a swing that dies away", "a swing that is knocked"
+    )
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Pendulum]:
         rng = streams.shape
@@ -98,9 +111,18 @@ class PendulumModel(ClosedFormModel[Pendulum]):
         half_swings = int((asked.duration + asked.lead) * rate / np.pi)
         knock = asked.duration - np.pi / rate * int(rng.integers(1, max(half_swings, 1) + 1))
         first = decay * (asked.duration + asked.lead) if asked.level == 2 else 0.0
-        amplitude = asked.alpha * rng.uniform(0.6, 0.95) / (rate * length) * np.exp(-first) if asked.level else 0.0
+        amplitude = (
+            asked.alpha * rng.uniform(0.6, 0.95) / (rate * length) * np.exp(-first)
+            if asked.level
+            else 0.0
+        )
         for heading in headings(streams):
-            shape: dict[str, Any] = {"heading": heading, "length": length, "top": asked.height, "amplitude": float(amplitude)}
+            shape: dict[str, Any] = {
+                "heading": heading,
+                "length": length,
+                "top": asked.height,
+                "amplitude": float(amplitude),
+            }
             if asked.level == 2:
                 shape |= {"decay": decay}
             if asked.level == 3:

@@ -1,11 +1,20 @@
-"""The paper's motions: constant velocity, polynomials, and abrupt pieces, in x and y at constant height and orientation."""
+"""The paper's motions: constant velocity, polynomials, and abrupt pieces, in x and y at constant
+height and orientation."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from pipeline.motion.contract import Request, SpeedBound, Streams, TargetMotion, Verdict, bounded, described
+from pipeline.motion.contract import (
+    Request,
+    SpeedBound,
+    Streams,
+    TargetMotion,
+    Verdict,
+    bounded,
+    described,
+)
 from pipeline.motion.models import register
 from pipeline.motion.planar.draw import draw_motion
 from pipeline.motion.planar.motion import PlanarMotion

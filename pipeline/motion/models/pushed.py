@@ -1,4 +1,5 @@
-"""The target is pushed and then left to friction and cushions: a sliding disc, simulated forward."""
+"""The target is pushed and then left to friction and cushions: a sliding disc, simulated
+forward."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import pose, quat_multiply, quat_rotate, yawed
 
 PUSH = 0.12  # share of the time for which it is pushed
-KEPT = {1: (0.75, 0.95), 2: (0.15, 0.50), 3: (0.45, 0.80)}  # share of its speed that friction leaves it at the meeting
+# share of its speed that friction leaves it at the meeting
+KEPT = {1: (0.75, 0.95), 2: (0.15, 0.50), 3: (0.45, 0.80)}
 RESTITUTION, CUSHION_FRICTION = (0.5, 0.9), (0.05, 0.3)
 GLANCE = (0.5, 1.2)  # rad between its path and the normal of a cushion
 SLOWEST, LEAST_END = 0.5, 0.05  # shares of alpha: mean speed, and speed at the meeting
@@ -24,9 +26,11 @@ HIGH = 0.012  # m, half height of paddle and cushions
 
 
 class Slide(NamedTuple):
-    """A piece of a path from time `t` (s): place (m), yaw and direction (rad), speed (m/s), spin (rad/s) and their decrease.
+    """A piece of a path from time `t` (s): place (m), yaw and direction (rad), speed (m/s), spin
+    (rad/s) and their decrease.
 
-    Friction decreases speed (m/s2) and spin (rad/s2) until they are zero; both are negative during the push."""
+    Friction decreases speed (m/s2) and spin (rad/s2) until they are zero; both are negative during
+    the push."""
 
     t: float
     x: float
@@ -42,7 +46,9 @@ class Slide(NamedTuple):
         """Distance (m), speed, turned angle (rad), and spin, at times t >= self.t."""
         gone = np.asarray(t, float) - self.t
         moving = gone if self.slowing <= 0 else np.minimum(gone, self.speed / self.slowing)
-        turning = np.minimum(gone, abs(self.spin) / self.spin_slowing) if self.spin_slowing > 0 else gone
+        turning = (
+            np.minimum(gone, abs(self.spin) / self.spin_slowing) if self.spin_slowing > 0 else gone
+        )
         sense = np.sign(self.spin)
         return (
             self.speed * moving - self.slowing * moving**2 / 2,
@@ -54,16 +60,26 @@ class Slide(NamedTuple):
     def later(self, t: float) -> "Slide":
         """The same slide from a later time on."""
         distance, speed, turned, spin = (float(value) for value in self.at(t))
-        x, y = self.x + distance * np.cos(self.direction), self.y + distance * np.sin(self.direction)
-        return self._replace(t=t, x=float(x), y=float(y), yaw=self.yaw + turned, speed=speed, spin=spin)
+        x, y = (
+            self.x + distance * np.cos(self.direction),
+            self.y + distance * np.sin(self.direction),
+        )
+        return self._replace(
+            t=t, x=float(x), y=float(y), yaw=self.yaw + turned, speed=speed, spin=spin
+        )
 
     def bounced(self, normal: float, restitution: float, friction: float, radius: float) -> "Slide":
-        """After a cushion whose normal points in direction `normal` (rad) has struck a disc: the velocity into the cushion is
-        returned by `restitution`, and Coulomb friction acts on the surface of the disc (moment of inertia m r^2 / 2)."""
+        """After a cushion whose normal points in direction `normal` (rad) has struck a disc: the
+        velocity into the cushion is returned by `restitution`, and Coulomb friction acts on the
+        surface of the disc (moment of inertia m r^2 / 2)."""
         into = -self.speed * np.cos(self.direction - normal)
         along = self.speed * np.sin(self.direction - normal)
         slip = along - radius * self.spin
-        rubbed = float(np.clip(slip / 3, -friction * (1 + restitution) * into, friction * (1 + restitution) * into))
+        rubbed = float(
+            np.clip(
+                slip / 3, -friction * (1 + restitution) * into, friction * (1 + restitution) * into
+            )
+        )
         along -= rubbed
         direction = normal + np.arctan2(along, restitution * into)
         speed, spin = float(np.hypot(along, restitution * into)), self.spin + 2 * rubbed / radius
@@ -72,8 +88,9 @@ class Slide(NamedTuple):
 
 @dataclass(frozen=True)
 class Pushed(ClosedForm):
-    """Pieces of a slide in the world; the yaw is relative to that of the end pose. `normals` (rad) are those of the cushions struck
-    at the start of the last pieces. The target counts as a disc of `radius` m. `friction` and `restitution` are those it met."""
+    """Pieces of a slide in the world; the yaw is relative to that of the end pose. `normals` (rad)
+    are those of the cushions struck at the start of the last pieces. The target counts as a disc of
+    `radius` m. `friction` and `restitution` are those it met."""
 
     kind: ClassVar[str] = "pushed"
     pieces: tuple[Slide, ...]
@@ -90,18 +107,26 @@ class Pushed(ClosedForm):
         return np.moveaxis(picked, 0, -1), origin
 
     def place(self, t: Array) -> Array:
-        (distance, _, turned, _, direction), origin = np.moveaxis(self._located(t)[0], -1, 0), self._located(t)[1]
+        (distance, _, turned, _, direction), origin = (
+            np.moveaxis(self._located(t)[0], -1, 0),
+            self._located(t)[1],
+        )
         found = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
         found[..., 0] = origin[..., 0] + distance * np.cos(direction)
         found[..., 1] = origin[..., 1] + distance * np.sin(direction)
         half = (origin[..., 2] + turned)[..., None] / 2
-        found[..., 3:] = quat_multiply(np.concatenate([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1), np.array(self.end[3:]))
+        found[..., 3:] = quat_multiply(
+            np.concatenate([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1),
+            np.array(self.end[3:]),
+        )
         return found
 
     def rates(self, t: Array) -> Array:
         _, speed, _, spin, direction = np.moveaxis(self._located(t)[0], -1, 0)
         zero = np.zeros(np.shape(t))
-        return np.stack([speed * np.cos(direction), speed * np.sin(direction), zero, zero, zero, spin], -1)
+        return np.stack(
+            [speed * np.cos(direction), speed * np.sin(direction), zero, zero, zero, spin], -1
+        )
 
     def breakpoints(self) -> Array:
         return np.array([p.t for p in self.pieces[len(self.pieces) - len(self.normals) :]])
@@ -126,19 +151,30 @@ class Pushed(ClosedForm):
 
 
 class PushedModel(ClosedFormModel[Pushed]):
-    """One slide is simulated from its push on, then laid into the world so that it ends at the meeting, in one direction after
-    another: laws of friction and impact know no direction, so its start is found without a search."""
+    """One slide is simulated from its push on, then laid into the world so that it ends at the
+    meeting, in one direction after
+    another: laws of friction and impact know no direction, so its start is found without a
+    search."""
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Pushed]:
         slides, normals, restitution = _simulated(asked, streams.shape)
         while asked.level and slides[-1].later(asked.duration).speed < LEAST_END * asked.alpha:
             slides, normals, restitution = _simulated(asked, streams.shape)
-        end, (x, y, *_) = slides[-1].later(asked.duration), np.asarray(asked.end_pose, float).tolist()
+        end, (x, y, *_) = (
+            slides[-1].later(asked.duration),
+            np.asarray(asked.end_pose, float).tolist(),
+        )
         for heading in headings(streams):
             turn, placed = yawed((0, 0, 0), heading)[3:], list[Slide]()
             for one in slides:
-                dx, dy, _ = quat_rotate(turn, np.array([one.x - end.x, one.y - end.y, 0.0])).tolist()
-                placed.append(one._replace(x=x + dx, y=y + dy, yaw=one.yaw - end.yaw, direction=one.direction + heading))
+                dx, dy, _ = quat_rotate(
+                    turn, np.array([one.x - end.x, one.y - end.y, 0.0])
+                ).tolist()
+                placed.append(
+                    one._replace(
+                        x=x + dx, y=y + dy, yaw=one.yaw - end.yaw, direction=one.direction + heading
+                    )
+                )
             turned = tuple(normal + heading for normal in normals)
             friction = slides[-1].slowing / 9.81
             yield Pushed(
@@ -152,22 +188,39 @@ class PushedModel(ClosedFormModel[Pushed]):
 
 
 def _simulated(asked: Request, rng: np.random.Generator) -> tuple[list[Slide], list[float], float]:
-    """The slides of a level in a frame of their own, normals of the cushions, and their restitution.
+    """The slides of a level in a frame of their own, normals of the cushions, and their
+    restitution.
 
-    Simulated with a first speed of 1 m/s, then scaled: all laws are linear in the speeds where friction is scaled along.
+    Simulated with a first speed of 1 m/s, then scaled: all laws are linear in the speeds where
+    friction is scaled along.
     """
     total, kept = asked.lead + asked.duration, float(rng.uniform(*KEPT[max(asked.level, 1)]))
-    pushed, restitution, friction = PUSH * total, float(rng.uniform(*RESTITUTION)), float(rng.uniform(*CUSHION_FRICTION))
+    pushed, restitution, friction = (
+        PUSH * total,
+        float(rng.uniform(*RESTITUTION)),
+        float(rng.uniform(*CUSHION_FRICTION)),
+    )
     slowing = (1 - kept) / (total - pushed)
     first = Slide(-asked.lead, 0.0, 0.0, 0.0, 0.0, 0.0, -1 / pushed, 0.0, 0.0)
-    slides, normals = [first, first.later(pushed - asked.lead)._replace(slowing=slowing)], list[float]()
+    slides, normals = (
+        [first, first.later(pushed - asked.lead)._replace(slowing=slowing)],
+        list[float](),
+    )
     if asked.level == 3:
         bounces = int(rng.integers(1, 3))
-        for at in np.sort(rng.uniform(0.4, 0.85, bounces)) if bounces == 1 else (rng.uniform(0.35, 0.5), rng.uniform(0.65, 0.85)):
+        for at in (
+            np.sort(rng.uniform(0.4, 0.85, bounces))
+            if bounces == 1
+            else (rng.uniform(0.35, 0.5), rng.uniform(0.65, 0.85))
+        ):
             struck = slides[-1].later(float(at) * total - asked.lead)
             normal = struck.direction + np.pi + float(rng.uniform(*GLANCE) * rng.choice([-1, 1]))
             spin_slowing = 4 / 3 * slowing / asked.radius
-            slides.append(struck.bounced(normal, restitution, friction, asked.radius)._replace(spin_slowing=spin_slowing))
+            slides.append(
+                struck.bounced(normal, restitution, friction, asked.radius)._replace(
+                    spin_slowing=spin_slowing
+                )
+            )
             normals.append(float(normal))
     ends = [one.t for one in slides[1:]] + [asked.duration]
     way = sum(float(one.at(end)[0]) for one, end in zip(slides, ends, strict=True))
@@ -178,7 +231,14 @@ def _simulated(asked: Request, rng: np.random.Generator) -> tuple[list[Slide], l
 
 def _scaled(one: Slide, by: float) -> Slide:
     """The slide at `by` times all its speeds."""
-    return Slide(one.t, one.x * by, one.y * by, one.yaw * by, one.direction, *(by * value for value in one[5:]))
+    return Slide(
+        one.t,
+        one.x * by,
+        one.y * by,
+        one.yaw * by,
+        one.direction,
+        *(by * value for value in one[5:]),
+    )
 
 
 register(PushedModel(Pushed))

@@ -22,8 +22,9 @@ THIN = 0.002  # m, half thickness of the ramp
 
 @dataclass(frozen=True)
 class Ramp(Along):
-    """The advance is arc length: level for the last `foot` m and after the meeting, before it a bend of radius 15 cm, before that
-    straight down at `slope` rad. The body tilts with its path. The ramp is `width` m wide and `length` m long."""
+    """The advance is arc length: level for the last `foot` m and after the meeting, before it a
+    bend of radius 15 cm, before that straight down at `slope` rad. The body tilts with its path.
+    The ramp is `width` m wide and `length` m long."""
 
     kind: ClassVar[str] = "ramp"
     heading: float
@@ -33,13 +34,17 @@ class Ramp(Along):
     length: float
 
     def _bend(self, s: Array) -> tuple[Array, Array, Array]:
-        """The pitch (rad), and the way back from the foot (m) along the bend and along the straight, at advances s."""
+        """The pitch (rad), and the way back from the foot (m) along the bend and along the
+        straight, at advances s."""
         back = np.maximum(-np.asarray(s) - self.foot, 0.0)
         pitch = np.minimum(back / FILLET, self.slope_angle)
         return pitch, FILLET * pitch, back - FILLET * pitch
 
     def _turn(self, pitch: Array) -> Array:
-        axis, half = np.array([-np.sin(self.heading), np.cos(self.heading), 0.0]), np.asarray(pitch)[..., None] / 2
+        axis, half = (
+            np.array([-np.sin(self.heading), np.cos(self.heading), 0.0]),
+            np.asarray(pitch)[..., None] / 2,
+        )
         return np.concatenate([np.cos(half), np.sin(half) * axis], -1)
 
     def at(self, s: Array) -> Array:
@@ -47,7 +52,9 @@ class Ramp(Along):
         pitch, _, straight = self._bend(s)
         ahead = np.maximum(s, -self.foot) - FILLET * np.sin(pitch) - straight * np.cos(pitch)
         up = FILLET * (1 - np.cos(pitch)) + straight * np.sin(pitch)
-        place = np.array(self.end[:3]) + np.stack([ahead * np.cos(self.heading), ahead * np.sin(self.heading), up], -1)
+        place = np.array(self.end[:3]) + np.stack(
+            [ahead * np.cos(self.heading), ahead * np.sin(self.heading), up], -1
+        )
         return np.concatenate([place, quat_multiply(self._turn(pitch), np.array(self.end[3:]))], -1)
 
     def slope(self, s: Array) -> Array:
@@ -68,7 +75,14 @@ class Ramp(Along):
             pitch = float(self._bend(middle)[0])
             tilt = quat_multiply(turn, quat_about((0, 1, 0), pitch))
             place = self.at(middle)[:3] - quat_rotate(tilt, np.array([0.0, 0.0, THIN]))
-            boards.append(Piece("box", ((far - near) / 2 + 0.001, self.width / 2, THIN), pose(place, tilt), STEEL))
+            boards.append(
+                Piece(
+                    "box",
+                    ((far - near) / 2 + 0.001, self.width / 2, THIN),
+                    pose(place, tilt),
+                    STEEL,
+                )
+            )
         return (Prop("ramp", tuple(boards), standing(pose()), solid=True),)
 
 
@@ -81,7 +95,12 @@ class RampModel(ClosedFormModel[Ramp]):
         farthest = -float(pace.advance(np.linspace(-asked.lead, asked.duration, 200)).min())
         length = max(0.05, farthest - foot - FILLET * slope) + asked.radius + 0.02
         for heading in headings(streams):
-            size: dict[str, Any] = {"slope_angle": slope, "foot": foot, "width": 2 * asked.radius + 0.02, "length": length}
+            size: dict[str, Any] = {
+                "slope_angle": slope,
+                "foot": foot,
+                "width": 2 * asked.radius + 0.02,
+                "length": length,
+            }
             yield Ramp(**common(asked), pace=pace, heading=heading, **size)
 
 

@@ -16,10 +16,11 @@ from pipeline.poses import quat_multiply, quat_rotate
 
 @dataclass(frozen=True)
 class Rolling(Along):
-    """A roll without slipping: the centre moves along `heading` (rad) by the advance s while the body turns by s / radius.
+    """A roll without slipping: the centre moves along `heading` (rad) by the advance s while the
+    body turns by s / radius.
 
-    The turn is about the level axis to the left of the heading, so that the lowest point is at rest. The centre is `radius` m above
-    the end pose's origin. Speeds are the centre's."""
+    The turn is about the level axis to the left of the heading, so that the lowest point is at
+    rest. The centre is `radius` m above the end pose's origin. Speeds are the centre's."""
 
     kind: ClassVar[str] = "rolling"
     heading: float
@@ -35,7 +36,11 @@ class Rolling(Along):
 
     def centre(self, s: Array) -> Array:
         """World position (..., 3) of the body's centre at advances s (...,)."""
-        return np.array(self.end[:3]) + [0.0, 0.0, self.radius] + np.asarray(s)[..., None] * self._forward
+        return (
+            np.array(self.end[:3])
+            + [0.0, 0.0, self.radius]
+            + np.asarray(s)[..., None] * self._forward
+        )
 
     def at(self, s: Array) -> Array:
         turn = turns(self._axis, np.asarray(s) / self.radius)
@@ -52,7 +57,8 @@ class Rolling(Along):
 
 
 class RollingModel(ClosedFormModel[Rolling]):
-    """A straight line. Half the target's height is taken as its radius, so that it must be a ball, or a cylinder that lies."""
+    """A straight line. Half the target's height is taken as its radius, so that it must be a ball,
+    or a cylinder that lies."""
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Rolling]:
         pace = draw_pace(asked, streams.shape)

@@ -16,7 +16,8 @@ AMPLITUDE, WAVELENGTH = (0.015, 0.04), (0.10, 0.20)  # m
 
 @dataclass(frozen=True)
 class Sinusoid(Along):
-    """By the advance s along `heading` (rad), and aside by amplitude (sin(2 pi s / wavelength + phase) - sin(phase))."""
+    """By the advance s along `heading` (rad), and aside by amplitude (sin(2 pi s / wavelength +
+    phase) - sin(phase))."""
 
     kind: ClassVar[str] = "sinusoid"
     heading: float
@@ -26,13 +27,17 @@ class Sinusoid(Along):
 
     def at(self, s: Array) -> Array:
         found, s = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(), np.asarray(s)
-        aside = self.amplitude * (np.sin(2 * np.pi * s / self.wavelength + self.phase) - np.sin(self.phase))
+        aside = self.amplitude * (
+            np.sin(2 * np.pi * s / self.wavelength + self.phase) - np.sin(self.phase)
+        )
         found[..., :2] += self._world(s, aside)
         return found
 
     def slope(self, s: Array) -> Array:
         wave, found = 2 * np.pi / self.wavelength, np.zeros((*np.shape(s), 6))
-        found[..., :2] = self._world(np.ones(np.shape(s)), self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase))
+        found[..., :2] = self._world(
+            np.ones(np.shape(s)), self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase)
+        )
         return found
 
     def _world(self, ahead: Array, aside: Array) -> Array:
@@ -45,11 +50,17 @@ class SinusoidModel(ClosedFormModel[Sinusoid]):
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Sinusoid]:
         rng = streams.shape
-        amplitude, wavelength, phase = (float(rng.uniform(*r)) for r in (AMPLITUDE, WAVELENGTH, (-np.pi, np.pi)))
+        amplitude, wavelength, phase = (
+            float(rng.uniform(*r)) for r in (AMPLITUDE, WAVELENGTH, (-np.pi, np.pi))
+        )
         steepest = float(np.hypot(1.0, 2 * np.pi * amplitude / wavelength))
         pace = draw_pace(asked, rng, steepest)
         for heading in headings(streams):
-            shape: dict[str, Any] = {"amplitude": amplitude, "wavelength": wavelength, "phase": phase}
+            shape: dict[str, Any] = {
+                "amplitude": amplitude,
+                "wavelength": wavelength,
+                "phase": phase,
+            }
             yield Sinusoid(**common(asked), pace=pace, heading=heading, **shape)
 
 

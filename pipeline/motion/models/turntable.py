@@ -7,7 +7,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, turned_about, turns
+from pipeline.motion.closed_form import (
+    Along,
+    ClosedFormModel,
+    common,
+    headings,
+    turned_about,
+    turns,
+)
 from pipeline.motion.contract import Array, Request, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
@@ -41,31 +48,49 @@ class Turntable(Along):
         return np.array([*self.centre, self.end[2]])
 
     def at(self, s: Array) -> Array:
-        return turned_about(self.end, self._pivot, turns(UP, self.sense * np.asarray(s) / self.radius))
+        return turned_about(
+            self.end, self._pivot, turns(UP, self.sense * np.asarray(s) / self.radius)
+        )
 
     def slope(self, s: Array) -> Array:
         rate = self.sense / self.radius
         from_axis = self.at(s)[..., :3] - self._pivot
         found = np.zeros((*np.shape(s), 6))
-        found[..., 0], found[..., 1], found[..., 5] = -rate * from_axis[..., 1], rate * from_axis[..., 0], rate
+        found[..., 0], found[..., 1], found[..., 5] = (
+            -rate * from_axis[..., 1],
+            rate * from_axis[..., 0],
+            rate,
+        )
         return found
 
     def scenery(self) -> tuple[Prop, ...]:
         """The disc, with spokes by which its turning is seen."""
         spokes = [
-            Piece("box", (0.45 * self.disc, 0.004, SHEET / 2 + 0.0004), pose((0, 0, SHEET / 2), quat_about(UP, a)), INLAY)
+            Piece(
+                "box",
+                (0.45 * self.disc, 0.004, SHEET / 2 + 0.0004),
+                pose((0, 0, SHEET / 2), quat_about(UP, a)),
+                INLAY,
+            )
             for a in (0.0, np.pi / 3, 2 * np.pi / 3)
         ]
         hub = flat("cylinder", (0.012,), 0.004, HUB)
-        return (Prop("disc", (flat("cylinder", (self.disc,), SHEET, SLATE), *spokes, hub), self._turned),)
+        return (
+            Prop(
+                "disc", (flat("cylinder", (self.disc,), SHEET, SLATE), *spokes, hub), self._turned
+            ),
+        )
 
     def _turned(self, t: ArrayLike) -> Array:
         advance = self.pace.advance(np.maximum(np.asarray(t, float), -self.lead))
-        return turned_about(pose(self._pivot), self._pivot, turns(UP, self.sense * advance / self.radius))
+        return turned_about(
+            pose(self._pivot), self._pivot, turns(UP, self.sense * advance / self.radius)
+        )
 
 
 class TurntableModel(ClosedFormModel[Turntable]):
-    """One radius; the axis lies in one direction after another from the meeting place, with either sense of turning."""
+    """One radius; the axis lies in one direction after another from the meeting place, with either
+    sense of turning."""
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Turntable]:
         pace, radius = draw_pace(asked, streams.shape), streams.shape.uniform(*RADIUS)
@@ -73,7 +98,13 @@ class TurntableModel(ClosedFormModel[Turntable]):
         for angle in headings(streams):
             centre = (float(x + radius * np.cos(angle)), float(y + radius * np.sin(angle)))
             sense = int(streams.direction.choice([-1, 1]))
-            motion = Turntable(**common(asked), pace=pace, centre=centre, sense=sense, disc=float(radius + asked.radius + RIM))
+            motion = Turntable(
+                **common(asked),
+                pace=pace,
+                centre=centre,
+                sense=sense,
+                disc=float(radius + asked.radius + RIM),
+            )
             yield motion
 
 

@@ -1,4 +1,5 @@
-"""Which candidates of a batch are acceptable, and the first reason why each of the others is not."""
+"""Which candidates of a batch are acceptable, and the first reason why each of the others is
+not."""
 
 from dataclasses import dataclass
 from typing import get_args
@@ -12,21 +13,35 @@ from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.motion.planar.polynomials import derivative, evaluate, quadrature
 from pipeline.motion.workspace import Workspace
 
-# Level 3 must turn or change pace by a fifth of alpha at one breakpoint at least: a turn of 11 degrees at full speed, and at
-# alpha 0.1 m/s about one pixel per frame in the head camera. A smaller step looks like level 2 and would be mislabelled.
+# Level 3 must turn or change pace by a fifth of alpha at one breakpoint at least: a turn of 11
+# degrees at full speed, and at alpha 0.1 m/s about one pixel per frame in the head camera. A
+# smaller step looks like level 2 and would be mislabelled.
 ABRUPT = 0.2
-# Level 1 is often clipped to exactly alpha, which its arithmetic then returns give or take some 1e-16.
+# Level 1 is often clipped to exactly alpha, which its arithmetic then returns give or take some
+# 1e-16.
 SPEED_ROUNDING = 1e-9
 NODES = 24
-REASONS = ("end_outside", "miss", "smooth", "jump", "speed", "end_speed", "workspace", "tail", "visibility", "blocked")
+REASONS = (
+    "end_outside",
+    "miss",
+    "smooth",
+    "jump",
+    "speed",
+    "end_speed",
+    "workspace",
+    "tail",
+    "visibility",
+    "blocked",
+)
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a path must keep to: see `Request`. `end` (3,) in m; `total` is lead + duration in s. Raises ValueError for an
-    unknown speed bound and a tail or end speed limit that is negative or not finite."""
+    """What a path must keep to: see `Request`. `end` (3,) in m; `total` is lead + duration in s.
+    Raises ValueError for an unknown speed bound and a tail or end speed limit that is negative or
+    not finite."""
 
     workspace: Workspace
     end: Array
@@ -41,25 +56,36 @@ class Limits:
 
     def __post_init__(self) -> None:
         if self.speed_bound not in get_args(SpeedBound):
-            raise ValueError(f"speed_bound {self.speed_bound!r} is unknown: use {' or '.join(get_args(SpeedBound))}")
-        limits = {"tail": self.tail, "end_speed_limit": self.end_speed_limit or 0.0, "jump_limit": self.jump_limit or 0.0}
+            raise ValueError(
+                f"speed_bound {self.speed_bound!r} is unknown: use"
+                f" {' or '.join(get_args(SpeedBound))}"
+            )
+        limits = {
+            "tail": self.tail,
+            "end_speed_limit": self.end_speed_limit or 0.0,
+            "jump_limit": self.jump_limit or 0.0,
+        }
         for name, value in limits.items():
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be finite and not negative: {value}")
 
 
 def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
-    """First reason (N,) against each path as the law draws it, wherever it may be turned later; "" for none.
+    """First reason (N,) against each path as the law draws it, wherever it may be turned later; ""
+    for none.
 
-    Judged are miss, smooth, jump, speed and end_speed, which no turn can change, and "workspace": the paper draws a curved path
-    inside the workspace, but a straight one in any direction, so that this one is refused only where no direction has room for it.
+    Judged are miss, smooth, jump, speed and end_speed, which no turn can change, and "workspace":
+    the paper draws a curved path inside the workspace, but a straight one in any direction, so that
+    this one is refused only where no direction has room for it.
     """
     speeds = _speeds(paths, limits.total)
     speed = speeds.average if limits.speed_bound == "average" else speeds.maximum
     checks = {"miss": ~paths.missed, "speed": speed <= limits.alpha * (1 + SPEED_ROUNDING)}
     if limits.level == 1:
         room = np.linalg.norm(_corners(limits) - limits.end[:2], axis=-1).max()
-        checks["workspace"] = np.linalg.norm(paths.coefficients[:, 0, :, 0] - limits.end[:2], axis=-1) <= room
+        checks["workspace"] = (
+            np.linalg.norm(paths.coefficients[:, 0, :, 0] - limits.end[:2], axis=-1) <= room
+        )
     else:
         inside = limits.workspace.guarded(limits.end[:2]).contains(_samples(paths))
         checks["workspace"] = np.asarray(inside.all(-1))
@@ -73,8 +99,8 @@ def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
 
 
 def judge_places(paths: Paths, limits: Limits) -> NDArray[np.object_]:
-    """First reason (N,) against each path where it lies, "" for none: workspace, tail, visibility. `limits.visible` is asked only
-    about the paths that the others leave."""
+    """First reason (N,) against each path where it lies, "" for none: workspace, tail, visibility.
+    `limits.visible` is asked only about the paths that the others leave."""
     points = _samples(paths)
     last = limits.end[:2] + _speeds(paths, limits.total).end_velocity * limits.tail
     checks = {
@@ -85,19 +111,23 @@ def judge_places(paths: Paths, limits: Limits) -> NDArray[np.object_]:
     left = np.flatnonzero(reasons == "")
     if limits.visible is not None and len(left):
         xy = np.concatenate([points[left], last[left, None]], axis=1)
-        seen = limits.visible(np.concatenate([xy, np.full((*xy.shape[:2], 1), limits.end[2])], axis=-1))
+        seen = limits.visible(
+            np.concatenate([xy, np.full((*xy.shape[:2], 1), limits.end[2])], axis=-1)
+        )
         reasons[left[~np.asarray(seen, bool)]] = "visibility"
     return reasons
 
 
 def exact_speed(motion: PlanarMotion, limits: Limits) -> bool:
-    """Whether a motion keeps the speed bound by its closed form, which the samples of `judge_shapes` may miss by a hair."""
+    """Whether a motion keeps the speed bound by its closed form, which the samples of
+    `judge_shapes` may miss by a hair."""
     speed = motion.average_speed() if limits.speed_bound == "average" else motion.maximum_speed()
     return speed <= limits.alpha * (1 + SPEED_ROUNDING)
 
 
 def exact_place(motion: PlanarMotion, limits: Limits) -> bool:
-    """Whether a motion stays in the workspace by its closed form, which the samples of `judge_places` may miss by a hair."""
+    """Whether a motion stays in the workspace by its closed form, which the samples of
+    `judge_places` may miss by a hair."""
     return bool(limits.workspace.guarded(limits.end[:2]).contains(np.stack(motion.extent())).all())
 
 
@@ -117,7 +147,8 @@ def _corners(limits: Limits) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Speeds:
-    """Of N paths in m/s: average (N,), maximum (N,), greatest jump at a breakpoint (N,), velocity at the end (N, 2)."""
+    """Of N paths in m/s: average (N,), maximum (N,), greatest jump at a breakpoint (N,), velocity
+    at the end (N, 2)."""
 
     average: Array
     maximum: Array
@@ -134,7 +165,12 @@ def _speeds(paths: Paths, total: float) -> _Speeds:
     leaving, entering = evaluate(slopes, 1.0) / spans, evaluate(slopes, 0.0) / spans
     jumps = np.where(used[:, 1:], np.linalg.norm(entering[:, 1:] - leaving[:, :-1], axis=-1), 0.0)
     rows = np.arange(len(used))
-    return _Speeds(average, (speed / spans).max((-1, -2)), jumps.max(-1, initial=0.0), leaving[rows, used.sum(-1) - 1])
+    return _Speeds(
+        average,
+        (speed / spans).max((-1, -2)),
+        jumps.max(-1, initial=0.0),
+        leaving[rows, used.sum(-1) - 1],
+    )
 
 
 def _samples(paths: Paths) -> Array:

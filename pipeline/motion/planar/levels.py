@@ -1,13 +1,15 @@
 """Candidates for the motion of levels 1, 2 and 3, drawn in batches after appendix D.3 of the paper.
 
-Each function draws `n` paths that end at `end` and last `total` seconds. Nothing is judged here except whether a path misses its
-end; `back_calculate` rejects.
+Each function draws `n` paths that end at `end` and last `total` seconds. Nothing is judged here
+except whether a path misses its end; `back_calculate` rejects.
 
-The paper draws start and intermediate points uniformly over the workspace and then rejects paths longer than alpha * total. A
-point further than that from the end can never be accepted, so these points are drawn uniformly over the part of the workspace
-within that distance: the paper's distribution conditioned on what acceptance needs anyway (for level 3 given the number and kinds
-of its pieces). In a workspace of 0.7 x 0.4 m the plain draw accepts one level 3 candidate in 400 at alpha 0.1 m/s and 1.5 s and
-one in 2000 at 0.05 m/s, which is too rare for 1000 tries; drawn within reach it is one in 80 and one in 130.
+The paper draws start and intermediate points uniformly over the workspace and then rejects paths
+longer than alpha * total. A point further than that from the end can never be accepted, so these
+points are drawn uniformly over the part of the workspace within that distance: the paper's
+distribution conditioned on what acceptance needs anyway (for level 3 given the number and kinds of
+its pieces). In a workspace of 0.7 x 0.4 m the plain draw accepts one level 3 candidate in 400 at
+alpha 0.1 m/s and 1.5 s and one in 2000 at 0.05 m/s, which is too rare for 1000 tries; drawn within
+reach it is one in 80 and one in 130.
 """
 
 from collections.abc import Callable
@@ -22,7 +24,8 @@ from pipeline.motion.workspace import Workspace, draw_within_reach
 
 TERMS = 5
 MAX_PIECES = 3
-# A piece of Dirichlet length near zero is a teleport that no frame shows. 0.1 s is one and a half recorded frames.
+# A piece of Dirichlet length near zero is a teleport that no frame shows. 0.1 s is one and a half
+# recorded frames.
 SHORTEST_PIECE = 0.1
 MISS = 1e-9
 QUANTILES = 10_000
@@ -32,8 +35,9 @@ QUANTILES = 10_000
 class Paths:
     """A batch of N candidate paths with up to S pieces.
 
-    `durations` (N, S) in s, 0 for pieces that a path does not use (always its last ones); `coefficients` (N, S, 2, 5) ascending, of
-    x and y in m over each piece's normalised time; `missed` (N,) says that a path does not end at the wanted end.
+    `durations` (N, S) in s, 0 for pieces that a path does not use (always its last ones);
+    `coefficients` (N, S, 2, 5) ascending, of x and y in m over each piece's normalised time;
+    `missed` (N,) says that a path does not end at the wanted end.
     """
 
     durations: NDArray[np.float64]
@@ -42,25 +46,38 @@ class Paths:
 
     def only(self, i: int) -> "Paths":
         """The batch of path `i` alone."""
-        return Paths(self.durations[i : i + 1], self.coefficients[i : i + 1], self.missed[i : i + 1])
+        return Paths(
+            self.durations[i : i + 1], self.coefficients[i : i + 1], self.missed[i : i + 1]
+        )
 
 
-def turned(path: Paths, angles: NDArray[np.float64], mirrored: NDArray[np.bool_], end: ArrayLike) -> Paths:
-    """One path (a batch of 1) turned about its `end` (2,) by each of `angles` (N,) rad, after a reflection where `mirrored` (N,):
-    N paths with the same speeds."""
+def turned(
+    path: Paths, angles: NDArray[np.float64], mirrored: NDArray[np.bool_], end: ArrayLike
+) -> Paths:
+    """One path (a batch of 1) turned about its `end` (2,) by each of `angles` (N,) rad, after a
+    reflection where `mirrored` (N,): N paths with the same speeds."""
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
     flip = np.where(mirrored, -1.0, 1.0)
     turn = np.stack([np.stack([c, -s * flip], -1), np.stack([s, c * flip], -1)], 1)
     origin = np.zeros((2, TERMS))
     origin[:, 0] = np.asarray(end, float)
     used = (path.durations[0] > 0)[:, None, None]
-    coefficients = np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used) + origin * used
+    coefficients = (
+        np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used) + origin * used
+    )
     return Paths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
 
 
-def draw_level_1(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
-    """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s (to alpha where alpha < 0.01), any direction;
-    the start is end - velocity * total."""
+def draw_level_1(
+    rng: np.random.Generator,
+    n: int,
+    alpha: float,
+    total: float,
+    end: ArrayLike,
+    workspace: Workspace,
+) -> Paths:
+    """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s (to alpha where
+    alpha < 0.01), any direction; the start is end - velocity * total."""
     end = np.asarray(end, float)
     speed = np.clip(np.abs(rng.normal(0.8 * alpha, alpha / 3, n)), min(0.01, alpha), alpha)
     angle = rng.uniform(0.0, 2 * np.pi, n)
@@ -76,23 +93,39 @@ def mean_speed(alpha: float) -> float:
     return float(np.clip(np.abs(0.8 * alpha + z * alpha / 3), min(0.01, alpha), alpha).mean())
 
 
-def draw_level_2(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
-    """One polynomial of degree 2-4 through 3-5 control points; inner ones lie beside the chord by up to 0.1 m per axis."""
+def draw_level_2(
+    rng: np.random.Generator,
+    n: int,
+    alpha: float,
+    total: float,
+    end: ArrayLike,
+    workspace: Workspace,
+) -> Paths:
+    """One polynomial of degree 2-4 through 3-5 control points; inner ones lie beside the chord by
+    up to 0.1 m per axis."""
     end = np.asarray(end, float)
     start = draw_within_reach(rng, n, workspace, end, alpha * total)
     c = _curve(rng, start, np.broadcast_to(end, (n, 2)), (3, 4, 5), 0.1, workspace)
     return Paths(np.full((n, 1), total), c[:, None], np.zeros(n, bool))
 
 
-def draw_level_3(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
+def draw_level_3(
+    rng: np.random.Generator,
+    n: int,
+    alpha: float,
+    total: float,
+    end: ArrayLike,
+    workspace: Workspace,
+) -> Paths:
     """Draw `n` paths of two or three pieces with Dirichlet(1) durations.
 
-    A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree 2-3 (0.8, inner points beside the
-    chord by up to 0.08 m per axis).
+    A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
+    2-3 (0.8, inner points beside the chord by up to 0.08 m per axis).
 
-    No piece is shorter than 0.1 s (total/6 for very short motions): a uniform draw on the smaller simplex, which is Dirichlet(1)
-    conditioned on it. A clamped intermediate piece ends short of its target and the next one starts there; a clamped last piece
-    has missed. Since a clamped piece may aim at any point, its target is drawn over the whole workspace.
+    No piece is shorter than 0.1 s (total/6 for very short motions): a uniform draw on the smaller
+    simplex, which is Dirichlet(1) conditioned on it. A clamped intermediate piece ends short of its
+    target and the next one starts there; a clamped last piece has missed. Since a clamped piece may
+    aim at any point, its target is drawn over the whole workspace.
     """
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)
@@ -125,9 +158,15 @@ DRAW: dict[int, Callable[..., Paths]] = {1: draw_level_1, 2: draw_level_2, 3: dr
 
 
 def _curve(
-    rng: np.random.Generator, start: NDArray, end: NDArray, sizes: tuple[int, ...], noise: float, workspace: Workspace
+    rng: np.random.Generator,
+    start: NDArray,
+    end: NDArray,
+    sizes: tuple[int, ...],
+    noise: float,
+    workspace: Workspace,
 ) -> NDArray[np.float64]:
-    """Coefficients (n, 2, 5) of curves from `start` to `end` (n, 2) through a number of control points drawn from `sizes`."""
+    """Coefficients (n, 2, 5) of curves from `start` to `end` (n, 2) through a number of control
+    points drawn from `sizes`."""
     n = len(start)
     size = rng.choice(sizes, n)
     offsets = rng.uniform(-noise, noise, (n, max(sizes) - 2, 2))
@@ -142,7 +181,9 @@ def _curve(
     return c
 
 
-def _durations(rng: np.random.Generator, count: NDArray[np.int64], total: float) -> NDArray[np.float64]:
+def _durations(
+    rng: np.random.Generator, count: NDArray[np.int64], total: float
+) -> NDArray[np.float64]:
     """Durations (n, 3) in s with sum `total`; pieces beyond a row's `count` get 0."""
     used = np.arange(MAX_PIECES) < count[:, None]
     # independent exponentials over their sum are Dirichlet(1)

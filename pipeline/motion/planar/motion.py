@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.motion.contract import Features
-from pipeline.motion.planar.polynomials import arc_length, derivative, evaluate, greatest_speed, stationary
+from pipeline.motion.planar.polynomials import (
+    arc_length,
+    derivative,
+    evaluate,
+    greatest_speed,
+    stationary,
+)
 from pipeline.motion.scenery import Prop
 from pipeline.poses import Pose
 
@@ -19,7 +25,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One polynomial piece: `coefficients` (2, d+1) ascending, in m, of x and y over s = (t - start) / (end - start) in [0, 1]."""
+    """One polynomial piece: `coefficients` (2, d+1) ascending, in m, of x and y over s = (t -
+    start) / (end - start) in [0, 1]."""
 
     start: float
     end: float
@@ -28,7 +35,9 @@ class Segment:
     def __post_init__(self) -> None:
         c = np.array(self.coefficients, float)
         if c.ndim != 2 or c.shape[0] != 2 or c.shape[1] < 1 or not np.isfinite(c).all():
-            raise ValueError(f"segment coefficients must be finite with shape (2, d+1), not {c.shape}")
+            raise ValueError(
+                f"segment coefficients must be finite with shape (2, d+1), not {c.shape}"
+            )
         if not self.end > self.start:
             raise ValueError(f"a segment must end after it starts: {self.start} to {self.end} s")
         c.setflags(write=False)
@@ -39,9 +48,10 @@ class Segment:
 class PlanarMotion:
     """Where the target is at any time t (s) of the episode's clock, on which the robot starts at 0.
 
-    The target stands until -`lead`, follows its segments until `duration` (the meeting, T_meet), and then goes on in a straight
-    line at its last velocity, until somebody releases it. Height `z` (m) and `orientation` (4,) wxyz stay constant. `level` and
-    `alpha` (m/s) say what it was drawn for. Raises ValueError if the segments do not cover [-lead, duration] without a gap.
+    The target stands until -`lead`, follows its segments until `duration` (the meeting, T_meet),
+    and then goes on in a straight line at its last velocity, until somebody releases it. Height `z`
+    (m) and `orientation` (4,) wxyz stay constant. `level` and `alpha` (m/s) say what it was drawn
+    for. Raises ValueError if the segments do not cover [-lead, duration] without a gap.
     """
 
     level: int
@@ -55,13 +65,19 @@ class PlanarMotion:
     def __post_init__(self) -> None:
         q = np.array(self.orientation, float)
         if q.shape != (4,):
-            raise ValueError(f"orientation must be a quaternion wxyz, not an array of shape {q.shape}")
+            raise ValueError(
+                f"orientation must be a quaternion wxyz, not an array of shape {q.shape}"
+            )
         if not (np.isfinite(self.duration) and self.duration > 0 and np.isfinite(self.lead)):
-            raise ValueError(f"duration must be positive and lead finite: {self.duration} s, {self.lead} s")
+            raise ValueError(
+                f"duration must be positive and lead finite: {self.duration} s, {self.lead} s"
+            )
         if not self.segments:
             raise ValueError("a motion needs at least one segment")
         edges = [-self.lead, *(s.end for s in self.segments)]
-        if edges[-1] != self.duration or any(s.start != e for s, e in zip(self.segments, edges, strict=False)):
+        if edges[-1] != self.duration or any(
+            s.start != e for s, e in zip(self.segments, edges, strict=False)
+        ):
             raise ValueError("segments must cover the time from -lead to duration without a gap")
         q.setflags(write=False)
         object.__setattr__(self, "orientation", q)
@@ -76,7 +92,15 @@ class PlanarMotion:
     def still(cls, pose: ArrayLike, duration: float, lead: float = 0.0) -> "PlanarMotion":
         """A target that stands at `pose` (7,) all the time: level 0, alpha 0."""
         p = np.asarray(pose, float)
-        return cls(0, 0.0, duration, lead, float(p[2]), p[3:], (Segment(0.0 - lead, duration, p[:2, None]),))
+        return cls(
+            0,
+            0.0,
+            duration,
+            lead,
+            float(p[2]),
+            p[3:],
+            (Segment(0.0 - lead, duration, p[:2, None]),),
+        )
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array, Array]:
@@ -99,17 +123,21 @@ class PlanarMotion:
         i, s = self._locate(t)
         xy = evaluate(self._table[2][i], s[..., None])
         late = np.maximum(t - self.duration, 0.0)[..., None]
-        return np.concatenate([xy + late * self.end_velocity[:2], np.full((*t.shape, 1), self.z)], -1)
+        return np.concatenate(
+            [xy + late * self.end_velocity[:2], np.full((*t.shape, 1), self.z)], -1
+        )
 
     def velocity(self, t: ArrayLike) -> Array:
-        """World velocity (..., 3) in m/s at times t (...,) in s; at a breakpoint the one after it, zero before the start."""
+        """World velocity (..., 3) in m/s at times t (...,) in s; at a breakpoint the one after it,
+        zero before the start."""
         t = np.asarray(t, float)
         i, s = self._locate(t)
         xy = evaluate(self._table[3][i], s[..., None]) * (t >= -self.lead)[..., None]
         return np.concatenate([xy, np.zeros((*t.shape, 1))], -1)
 
     def twist(self, t: ArrayLike) -> Array:
-        """Linear and angular velocity (..., 6), m/s and rad/s, at times t (...,); it never turns."""
+        """Linear and angular velocity (..., 6), m/s and rad/s, at times t (...,); it never
+        turns."""
         v = self.velocity(t)
         return np.concatenate([v, np.zeros_like(v)], -1)
 
@@ -126,7 +154,8 @@ class PlanarMotion:
         return v
 
     def breakpoints(self) -> Array:
-        """Times (k,) in s strictly between start and meeting at which one piece follows another; empty for levels 0-2."""
+        """Times (k,) in s strictly between start and meeting at which one piece follows another;
+        empty for levels 0-2."""
         return np.array([s.start for s in self.segments[1:]])
 
     def velocity_jumps(self) -> Array:
@@ -135,7 +164,8 @@ class PlanarMotion:
         return np.linalg.norm(evaluate(slopes[:-1], 1.0) - evaluate(slopes[1:], 0.0), axis=-1)
 
     def average_speed(self) -> float:
-        """Arc length over [-lead, duration] divided by its time, m/s (the speed that appendix D.3 bounds by alpha)."""
+        """Arc length over [-lead, duration] divided by its time, m/s (the speed that appendix D.3
+        bounds by alpha)."""
         return sum(arc_length(s.coefficients) for s in self.segments) / (self.duration + self.lead)
 
     def maximum_speed(self) -> float:
@@ -145,11 +175,15 @@ class PlanarMotion:
     def features(self) -> Features:
         """Its speeds and its displacement."""
         moved = self.position(self.duration) - self.position(-self.lead)
-        end_speed, displacement = float(np.linalg.norm(self.end_velocity)), float(np.linalg.norm(moved))
+        end_speed, displacement = (
+            float(np.linalg.norm(self.end_velocity)),
+            float(np.linalg.norm(moved)),
+        )
         return Features(self.average_speed(), self.maximum_speed(), end_speed, displacement)
 
     def extent(self) -> tuple[Array, Array]:
-        """Smallest and largest x, y, (2,) each in m, over [-lead, duration], exact up to rounding."""
+        """Smallest and largest x, y, (2,) each in m, over [-lead, duration], exact up to
+        rounding."""
         extremes = [[evaluate(c, stationary(c)) for c in s.coefficients] for s in self.segments]
         low = np.array([[axis.min() for axis in pair] for pair in extremes]).min(0)
         return low, np.array([[axis.max() for axis in pair] for pair in extremes]).max(0)
@@ -160,16 +194,34 @@ class PlanarMotion:
 
     def to_json(self) -> str:
         """JSON text from which `from_values` restores every float exactly."""
-        pieces = [{"start": s.start, "end": s.end, "coefficients": s.coefficients.tolist()} for s in self.segments]
-        scalars = {"level": self.level, "alpha": self.alpha, "duration": self.duration, "lead": self.lead, "z": self.z}
-        return json.dumps({**scalars, "orientation": self.orientation.tolist(), "segments": pieces}, allow_nan=False)
+        pieces = [
+            {"start": s.start, "end": s.end, "coefficients": s.coefficients.tolist()}
+            for s in self.segments
+        ]
+        scalars = {
+            "level": self.level,
+            "alpha": self.alpha,
+            "duration": self.duration,
+            "lead": self.lead,
+            "z": self.z,
+        }
+        return json.dumps(
+            {**scalars, "orientation": self.orientation.tolist(), "segments": pieces},
+            allow_nan=False,
+        )
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> "PlanarMotion":
-        """The motion of what `to_json` wrote. Raises ValueError, naming what is wrong, for values that are no motion."""
+        """The motion of what `to_json` wrote. Raises ValueError, naming what is wrong, for values
+        that are no motion."""
         try:
-            pieces = tuple(Segment(p["start"], p["end"], np.array(p["coefficients"], float)) for p in values["segments"])
-            given: dict[str, Any] = {key: value for key, value in values.items() if key not in ("model", "segments")}
+            pieces = tuple(
+                Segment(p["start"], p["end"], np.array(p["coefficients"], float))
+                for p in values["segments"]
+            )
+            given: dict[str, Any] = {
+                key: value for key, value in values.items() if key not in ("model", "segments")
+            }
             given["orientation"] = np.array(values["orientation"], float)
             return cls(**given, segments=pieces)
         except (KeyError, TypeError, AttributeError) as error:

@@ -11,10 +11,11 @@ Array = NDArray[np.float64]
 
 @cache
 def interpolation(n: int) -> Array:
-    """Matrix (n, n) that maps values at the times 0, 1/(n-1), ..., 1 to the ascending coefficients of the polynomial through them.
+    """Matrix (n, n) that maps values at the times 0, 1/(n-1), ..., 1 to the ascending coefficients
+    of the polynomial through them.
 
-    With as many coefficients as points the least-squares fit of appendix D.3 is the interpolation; Lagrange's form needs no linear
-    solver, so its digits do not depend on the LAPACK at hand.
+    With as many coefficients as points the least-squares fit of appendix D.3 is the interpolation;
+    Lagrange's form needs no linear solver, so its digits do not depend on the LAPACK at hand.
     """
     nodes = np.arange(n) / (n - 1)
     columns = []
@@ -37,7 +38,8 @@ def quadrature(n: int) -> tuple[Array, Array]:
 
 
 def evaluate(coefficients: ArrayLike, s: Array | float) -> Array:
-    """Horner's scheme: coefficients (..., d+1) at `s`, broadcast against their leading dimensions."""
+    """Horner's scheme: coefficients (..., d+1) at `s`, broadcast against their leading
+    dimensions."""
     c = np.asarray(coefficients, float)
     value = c[..., -1] + np.zeros_like(s)
     for k in range(c.shape[-1] - 2, -1, -1):
@@ -54,13 +56,15 @@ def derivative(coefficients: ArrayLike) -> Array:
 
 
 def stationary(coefficients: ArrayLike) -> Array:
-    """Sorted times in [0, 1] at which one polynomial (d+1,) can be extreme: both ends and the real roots of its derivative."""
+    """Sorted times in [0, 1] at which one polynomial (d+1,) can be extreme: both ends and the real
+    roots of its derivative."""
     slope = derivative(coefficients)
     # leading terms of this size cannot move an extreme, but send roots to infinity
     kept = np.flatnonzero(np.abs(slope) > 1e-14 * np.abs(slope).max())
     slope = slope[: kept.max(initial=0) + 1]
     roots = polynomial.polyroots(slope) if len(slope) > 1 else np.zeros(0)
-    # a double root splits into a pair beside the real axis; taking its real part adds a harmless point
+    # a double root splits into a pair beside the real axis; taking its real part adds a harmless
+    # point
     inside = roots.real[(np.abs(roots.imag) < 1e-6) & (roots.real > 0) & (roots.real < 1)]
     return np.concatenate([[0.0], np.sort(inside), [1.0]])
 
@@ -74,7 +78,8 @@ def squared_speed(coefficients: ArrayLike) -> Array:
 def arc_length(coefficients: ArrayLike) -> float:
     """Length of a planar curve (2, d+1) over [0, 1], same unit as its coefficients.
 
-    Gauss-Legendre between the extremes of the speed: the speed has its kinks, or nearly so, only at its minima.
+    Gauss-Legendre between the extremes of the speed: the speed has its kinks, or nearly so, only at
+    its minima.
     """
     slope = derivative(coefficients)
     cuts = stationary(squared_speed(coefficients))

@@ -1,7 +1,8 @@
-"""The arrays of the group `interception` of an episode file: what its physics says about the meeting, by key below the group.
+"""The arrays of the group `interception` of an episode file: what its physics says about the
+meeting, by key below the group.
 
-First contacts stand in the group, too; the state log carries them (StateLog.touches). Tracks of the objects in the images are added
-where the images are drawn (stages/drawing/tracks.py).
+First contacts stand in the group, too; the state log carries them (StateLog.touches). Tracks of the
+objects in the images are added where the images are drawn (stages/drawing/tracks.py).
 """
 
 from collections.abc import Mapping
@@ -16,9 +17,11 @@ CONDITIONS = "conditions/"
 TRACKS = "tracks/"
 
 
-def physics_arrays(derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]) -> dict[str, NDArray[Any]]:
-    """Arrays by key: clock, planned and real meeting, contacts, holding, speed (docs/formats.md has each), and the success
-    conditions (T,) by name."""
+def physics_arrays(
+    derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
+) -> dict[str, NDArray[Any]]:
+    """Arrays by key: clock, planned and real meeting, contacts, holding, speed (docs/formats.md has
+    each), and the success conditions (T,) by name."""
     log, rate = derived.log, derived.rate
     planned = derived.meta.meeting_time
     values: dict[str, NDArray[Any]] = {
@@ -41,10 +44,20 @@ def physics_arrays(derived: Interception, conditions: Mapping[str, NDArray[np.bo
     if real is not None:
         place = pose_at(log.times, derived.target, real)[:3]
         step = round(real * rate)
-        values |= {"meeting_time": np.array(real), "meeting_step": np.array(step), "meeting_position": place}
-    return values | {f"{CONDITIONS}{name}": np.asarray(holds, bool) for name, holds in conditions.items()}
+        values |= {
+            "meeting_time": np.array(real),
+            "meeting_step": np.array(step),
+            "meeting_position": place,
+        }
+    return values | {
+        f"{CONDITIONS}{name}": np.asarray(holds, bool) for name, holds in conditions.items()
+    }
 
 
 def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
     """The success conditions (T,) by name from the arrays of the group."""
-    return {key.removeprefix(CONDITIONS): values for key, values in arrays.items() if key.startswith(CONDITIONS)}
+    return {
+        key.removeprefix(CONDITIONS): values
+        for key, values in arrays.items()
+        if key.startswith(CONDITIONS)
+    }

@@ -1,7 +1,9 @@
-"""What a simulator knows about a meeting and a recording does not say, computed from the state log and the target's motion.
+"""What a simulator knows about a meeting and a recording does not say, computed from the state log
+and the target's motion.
 
-Nothing is measured again: times, contacts and poses are those of the episode file. First contacts are known to the physics step;
-poses between frames are interpolated: positions linearly, orientations along the shorter arc.
+Nothing is measured again: times, contacts and poses are those of the episode file. First contacts
+are known to the physics step; poses between frames are interpolated: positions linearly,
+orientations along the shorter arc.
 """
 
 from dataclasses import dataclass
@@ -28,8 +30,9 @@ GRASP_TRAVEL = 0.02  # m
 class FirstContact:
     """The first contact of an arm or its hand with the target.
 
-    `step` is the physics step and `time` (s) its end. `centroid` (3,) is the mean contact point (m), `points` the number of contact
-    points of that step; `tcp` and `target` (7,) are the world poses at that time.
+    `step` is the physics step and `time` (s) its end. `centroid` (3,) is the mean contact point
+    (m), `points` the number of contact points of that step; `tcp` and `target` (7,) are the world
+    poses at that time.
     """
 
     side: str
@@ -43,7 +46,8 @@ class FirstContact:
 
 @dataclass(frozen=True, eq=False)
 class Interception:
-    """Derived data of one episode; `log` is its state log, `motion` that of the target, `target` (T,7) its world poses."""
+    """Derived data of one episode; `log` is its state log, `motion` that of the target, `target`
+    (T,7) its world poses."""
 
     meta: EpisodeMeta
     log: StateLog
@@ -62,7 +66,8 @@ class Interception:
 
     @property
     def motion_start(self) -> float:
-        """Time (s) at which the target begins to move; negative where it leads the robot, whose clock starts at 0."""
+        """Time (s) at which the target begins to move; negative where it leads the robot, whose
+        clock starts at 0."""
         return -self.motion.lead
 
     @property
@@ -72,21 +77,30 @@ class Interception:
 
     @cached_property
     def arm_links(self) -> tuple[NDArray[np.int64], ...]:
-        """Indices into `log.bodies` of the links of each arm, left and right; none of one that is not there."""
+        """Indices into `log.bodies` of the links of each arm, left and right; none of one that is
+        not there."""
         names = list(enumerate(self.log.bodies))
         return tuple(
-            np.array([i for i, n in names if n.startswith(f"{side}_") and n not in self.meta.objects], np.int64) for side in SIDES
+            np.array(
+                [i for i, n in names if n.startswith(f"{side}_") and n not in self.meta.objects],
+                np.int64,
+            )
+            for side in SIDES
         )
 
     def contact_rows(self, side: int) -> NDArray[np.void]:
         """Rows of the contact table between the target and one arm."""
         rows, body = self.log.contacts, self.log.bodies.index(self.meta.target)
         links = self.arm_links[side]
-        return rows[((rows["a"] == body) & np.isin(rows["b"], links)) | ((rows["b"] == body) & np.isin(rows["a"], links))]
+        return rows[
+            ((rows["a"] == body) & np.isin(rows["b"], links))
+            | ((rows["b"] == body) & np.isin(rows["a"], links))
+        ]
 
     @cached_property
     def contact_pairs(self) -> NDArray[np.int64]:
-        """(T,2) how many links of each arm touched the target in the interval that ends at the frame."""
+        """(T,2) how many links of each arm touched the target in the interval that ends at the
+        frame."""
         counts = np.zeros((len(self.log), len(SIDES)), np.int64)
         for side in range(len(SIDES)):
             np.add.at(counts[:, side], self.contact_rows(side)["frame"], 1)
@@ -94,11 +108,14 @@ class Interception:
 
     @cached_property
     def contact_centroids(self) -> Array:
-        """(T,2,3) mean contact point of each arm with the target (m, world); zeros where there is none."""
+        """(T,2,3) mean contact point of each arm with the target (m, world); zeros where there is
+        none."""
         sums = np.zeros((len(self.log), len(SIDES), 3))
         for side in range(len(SIDES)):
             rows = self.contact_rows(side)
-            np.add.at(sums[:, side], rows["frame"], rows["points"][:, None] * rows["point"].astype(float))
+            np.add.at(
+                sums[:, side], rows["frame"], rows["points"][:, None] * rows["point"].astype(float)
+            )
         return sums / np.maximum(self.contact_points, 1)[..., None]
 
     @cached_property
@@ -124,8 +141,9 @@ class Interception:
     def held(self) -> NDArray[np.bool_]:
         """(T,2) whether each arm holds the target.
 
-        An arm holds it from the time on when it has touched it in every interval of GRASP_SECONDS, during which the target has not
-        moved by more than GRASP_DRIFT in the frame of the tool centre point, provided that the two then travel GRASP_TRAVEL
+        An arm holds it from the time on when it has touched it in every interval of GRASP_SECONDS,
+        during which the target has not moved by more than GRASP_DRIFT in the frame of the tool
+        centre point, provided that the two then travel GRASP_TRAVEL
         together: a press on a body that stands still is no grasp.
         """
         out = np.zeros((len(self.log), len(SIDES)), bool)
@@ -134,14 +152,19 @@ class Interception:
             steady = self._steady(side)
             edges = np.flatnonzero(np.diff(np.concatenate([[0], steady, [0]])))
             for start, end in edges.reshape(-1, 2):
-                travel = np.linalg.norm(self.target[start:end, :3] - self.target[start, :3], axis=1).max()
+                travel = np.linalg.norm(
+                    self.target[start:end, :3] - self.target[start, :3], axis=1
+                ).max()
                 out[start:end, side] = travel >= GRASP_TRAVEL
         return out
 
     def _steady(self, side: int) -> NDArray[np.int64]:
-        """(T,) 1 where an arm has touched the target all through the window before and the target kept its place in the hand."""
+        """(T,) 1 where an arm has touched the target all through the window before and the target
+        kept its place in the hand."""
         window = max(1, round(GRASP_SECONDS * self.meta.fps))
-        local = compose(inverse(self.log.tcp[:, self.log.sides.index(SIDES[side])]), self.target)[:, :3]
+        local = compose(inverse(self.log.tcp[:, self.log.sides.index(SIDES[side])]), self.target)[
+            :, :3
+        ]
         touched = self.contact_pairs[:, side] > 0
         out = np.zeros(len(self.log), np.int64)
         for t in range(window, len(self.log)):
@@ -150,7 +173,8 @@ class Interception:
         return out
 
     def grasp_pose(self) -> Array:
-        """(T,7) the tcp pose of the first contact, carried along with the target; the target's own poses if no arm touched it.
+        """(T,7) the tcp pose of the first contact, carried along with the target; the target's own
+        poses if no arm touched it.
 
         The tool centre point is that of the arm which touched the target first."""
         contacts = sorted(self.first_contacts.values(), key=lambda c: (c.time, c.side))
@@ -160,7 +184,8 @@ class Interception:
 
 
 def pose_at(times: Array, poses: Array, time: float) -> Pose:
-    """Pose (7,) at a time (s) between frames at `times` (T,), from `poses` (T,7); the nearest one outside of them."""
+    """Pose (7,) at a time (s) between frames at `times` (T,), from `poses` (T,7); the nearest one
+    outside of them."""
     after = int(np.clip(np.searchsorted(times, time), 1, max(len(times) - 1, 1)))
     if len(times) == 1:
         return poses[0].copy()
@@ -171,10 +196,13 @@ def pose_at(times: Array, poses: Array, time: float) -> Pose:
 
 
 def track(camera: CameraType, camera_poses: Array, points: Array) -> Array:
-    """(T,4) of a point (T,3) in a camera at `camera_poses` (T,7): column, row (pixels), depth (m), 1 where it is in the image."""
+    """(T,4) of a point (T,3) in a camera at `camera_poses` (T,7): column, row (pixels), depth (m),
+    1 where it is in the image."""
     e = extrinsics_cv(camera_poses)
     seen = np.einsum("tij,tj->ti", e[..., :3], points) + e[..., 3]
     depth = seen[:, 2]
     uv = (seen @ intrinsics(camera).T)[:, :2] / np.where(np.abs(depth) < 1e-9, 1e-9, depth)[:, None]
-    inside = (depth > 0) & (uv >= 0).all(1) & (uv[:, 0] <= camera.width) & (uv[:, 1] <= camera.height)
+    inside = (
+        (depth > 0) & (uv >= 0).all(1) & (uv[:, 0] <= camera.width) & (uv[:, 1] <= camera.height)
+    )
     return np.column_stack([uv, depth, inside])

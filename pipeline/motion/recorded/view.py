@@ -1,4 +1,5 @@
-"""How well a camera sees the target just before it is met: the share of its silhouette that is in the image and not occluded."""
+"""How well a camera sees the target just before it is met: the share of its silhouette that is in
+the image and not occluded."""
 
 from typing import Any
 
@@ -15,17 +16,20 @@ LEAST = 0.25
 
 
 def before_meeting(log: StateLog, shares: NDArray[Any]) -> NDArray[Any]:
-    """Rows of `shares` (T,) in the last half second until the first touch of the target, of the whole log without one."""
+    """Rows of `shares` (T,) in the last half second until the first touch of the target, of the
+    whole log without one."""
     met = log.time_of("meeting")
     end = float(log.times[-1]) if met is None else met
     return shares[(log.times > end - SECONDS + 1e-9) & (log.times <= end + 1e-9)]
 
 
 def is_hidden(last: NDArray[Any]) -> bool:
-    """Whether a target is seen in none of the frames before the meeting, of which `last` (F,) are the shares."""
+    """Whether a target is seen in none of the frames before the meeting, of which `last` (F,) are
+    the shares."""
     return bool((last < LEAST).all())
 
 
 def is_unoccluded(last: NDArray[Any]) -> bool:
-    """Whether a target is seen in at least half of the frames before the meeting: the rule of `view: unoccluded`."""
+    """Whether a target is seen in at least half of the frames before the meeting: the rule of
+    `view: unoccluded`."""
     return bool(np.mean(last >= LEAST) >= 0.5)

@@ -1,7 +1,9 @@
-"""croissant.json: what an export is and where its records are, in the Croissant vocabulary of MLCommons with its RAI extension.
+"""croissant.json: what an export is and where its records are, in the Croissant vocabulary of
+MLCommons with its RAI extension.
 
-Specifications: https://docs.mlcommons.org/croissant/docs/croissant-spec.html (1.0) and croissant-rai-spec.html (1.0). Paths are
-relative to the file, so that it is right on the disk and in a repository of the hub alike.
+Specifications: https://docs.mlcommons.org/croissant/docs/croissant-spec.html (1.0) and
+croissant-rai-spec.html (1.0). Paths are relative to the file, so that it is right on the disk and
+in a repository of the hub alike.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +14,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.report.card.survey import Seen
-from pipeline.report.card.words import BIASES, LICENSE_URL, PAPER, citation, identifier, is_failures, kind_of, limits, title, uses
+from pipeline.report.card.words import (
+    BIASES,
+    LICENSE_URL,
+    PAPER,
+    citation,
+    identifier,
+    is_failures,
+    kind_of,
+    limits,
+    title,
+    uses,
+)
 
 FILE = "croissant.json"
 SPLITS = {"train": "training", "validation": "validation", "test": "test"}
@@ -43,7 +56,7 @@ TERMS = """
     @language @vocab citeAs column conformsTo cr rai data dataType dct equivalentProperty examples extract field
     fileProperty fileObject fileSet format includes isLiveDataset jsonPath key md5 parentField path recordSet references
     regex repeated replace samplingRate sc separator source subField transform
-"""
+"""  # noqa: E501
 CONTEXT = {term: OTHER_TERMS.get(term, f"cr:{term}") for term in TERMS.split()}
 """Terms of the vocabulary in the order of the specification; most are those of Croissant itself."""
 
@@ -56,15 +69,26 @@ def croissant(folder: Path, summary: Mapping[str, Any], seen: Sequence[Seen]) ->
     return {
         "@context": CONTEXT,
         "@type": "sc:Dataset",
-        "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
+        "conformsTo": [
+            "http://mlcommons.org/croissant/1.0",
+            "http://mlcommons.org/croissant/RAI/1.0",
+        ],
         "name": f"domino-data-{identifier(seen)}-{summary['format']}",
-        "description": f"{title(seen, summary)}. {len(seen)} {kind_of(summary)} of robots that handle moving objects.",
+        "description": (
+            f"{title(seen, summary)}. {len(seen)} {kind_of(summary)} of robots that handle moving"
+            " objects."
+        ),
         "identifier": identifier(seen),
         "version": VERSION,
         "license": LICENSE_URL,
         "url": PAPER,
         "creator": {"@type": "sc:Organization", "name": "The domino-data authors"},
-        "keywords": ["robotics", "simulation", "dynamic manipulation", *sorted({one.spec.task for one in seen})],
+        "keywords": [
+            "robotics",
+            "simulation",
+            "dynamic manipulation",
+            *sorted({one.spec.task for one in seen}),
+        ],
         "citeAs": citation(seen, summary),
         "isLiveDataset": False,
         **_rai(seen, summary),
@@ -75,25 +99,45 @@ def croissant(folder: Path, summary: Mapping[str, Any], seen: Sequence[Seen]) ->
 
 def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
     intended, unintended = uses(seen, summary)
-    made = "A scripted expert acts on a target whose motion is computed backwards from the moment of the meeting (SAPIEN physics)."
+    made = (
+        "A scripted expert acts on a target whose motion is computed backwards from the moment of"
+        " the meeting (SAPIEN physics)."
+    )
     if policy := seen[0].meta.corrects:
         made += f" The policy {policy} acts until the expert takes over."
-    judged = "failed the named conditions of its task" if is_failures(summary) else "met the named conditions of its task"
+    judged = (
+        "failed the named conditions of its task"
+        if is_failures(summary)
+        else "met the named conditions of its task"
+    )
     return {
         "rai:dataCollection": f"{made} Each attempt was judged from its state log and {judged}.",
         "rai:dataCollectionType": ["Software Collection"],
-        "rai:dataCollectionRawData": "State logs: poses, joints, contacts and events; images are drawn from them.",
-        "rai:dataCollectionMissingData": "Failed attempts are left out of the episodes; no frame or value is imputed.",
-        "rai:dataPreprocessingProtocol": ["State is measured at a frame; action is the joint target of the interval after it."],
-        "rai:dataAnnotationProtocol": "Instructions are made from templates and descriptions of the objects.",
+        "rai:dataCollectionRawData": (
+            "State logs: poses, joints, contacts and events; images are drawn from them."
+        ),
+        "rai:dataCollectionMissingData": (
+            "Failed attempts are left out of the episodes; no frame or value is imputed."
+        ),
+        "rai:dataPreprocessingProtocol": [
+            "State is measured at a frame; action is the joint target of the interval after it."
+        ],
+        "rai:dataAnnotationProtocol": (
+            "Instructions are made from templates and descriptions of the objects."
+        ),
         "rai:machineAnnotationTools": ["domino-data"],
         "rai:annotationsPerItem": f"{sum(map(len, seen[0].instructions))} instructions an episode",
         "rai:dataUseCases": [*intended, *(f"Not intended: {text}" for text in unintended)],
         "rai:dataLimitations": list(limits(seen, summary)),
         "rai:dataBiases": list(BIASES),
-        "rai:dataSocialImpact": "Better handling of moving objects may replace manual work; the data themselves concern no person.",
+        "rai:dataSocialImpact": (
+            "Better handling of moving objects may replace manual work; the data themselves concern"
+            " no person."
+        ),
         "rai:personalSensitiveInformation": ["None: the data are simulated and show no person."],
-        "rai:dataReleaseMaintenancePlan": "The recipe and the versions on the card make the same dataset again.",
+        "rai:dataReleaseMaintenancePlan": (
+            "The recipe and the versions on the card make the same dataset again."
+        ),
     }
 
 
@@ -102,29 +146,41 @@ def _groups(folder: Path) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if path.is_file() and _ending(name) in MEDIA and not name.startswith("card/") and (group := _group(path, name)):
+        if (
+            path.is_file()
+            and _ending(name) in MEDIA
+            and not name.startswith("card/")
+            and (group := _group(path, name))
+        ):
             groups.setdefault(group, []).append(name)
     return groups
 
 
 def _ending(name: str) -> str:
-    """What tells the kind of a file: that of the zarr store it lies in, that before the numbers of a shard, or its own."""
+    """What tells the kind of a file: that of the zarr store it lies in, that before the numbers of
+    a shard, or its own."""
     if any(part.endswith(".zarr") for part in Path(name).parts[:-1]):
         return ".zarr"
     return ".tfrecord" if ".tfrecord-" in name else Path(name).suffix
 
 
 def _group(path: Path, name: str) -> str:
-    """The file set of a file; "" for tables that only the library of a format reads, and for group metadata of a zarr store."""
+    """The file set of a file; "" for tables that only the library of a format reads, and for group
+    metadata of a zarr store."""
     if path.name in ("episodes.parquet", "domino_episodes.parquet"):
         return TABLE
-    if path.suffix == ".parquet" and (path.name.startswith("data-") or "data" in Path(name).parts[:-1]):
+    if path.suffix == ".parquet" and (
+        path.name.startswith("data-") or "data" in Path(name).parts[:-1]
+    ):
         return FRAMES
-    return "" if path.suffix == ".parquet" or path.name == ".zgroup" else f"{_ending(name)[1:]}-files"
+    return (
+        "" if path.suffix == ".parquet" or path.name == ".zgroup" else f"{_ending(name)[1:]}-files"
+    )
 
 
 def _file_set(name: str, files: Sequence[str]) -> dict[str, Any]:
-    """Where the files of a set are: a glob that leaves numbers and the directories of several datasets open."""
+    """Where the files of a set are: a glob that leaves numbers and the directories of several
+    datasets open."""
     first, ending = Path(files[0]), _ending(files[0])
     tail = f"*{first.suffix}"
     if name == TABLE:
@@ -151,7 +207,10 @@ def _splits() -> dict[str, Any]:
         "name": "splits",
         "dataType": "cr:Split",
         "key": {"@id": "splits/name"},
-        "field": [{"@type": "cr:Field", "@id": f"splits/{name}", "name": name, "dataType": kind} for name, kind in fields],
+        "field": [
+            {"@type": "cr:Field", "@id": f"splits/{name}", "name": name, "dataType": kind}
+            for name, kind in fields
+        ],
         "data": [
             {"splits/name": split, "splits/url": f"https://mlcommons.org/definitions/{said}_split"}
             for split, said in SPLITS.items()
@@ -160,13 +219,23 @@ def _splits() -> dict[str, Any]:
 
 
 def _records(files: str, file: Path) -> dict[str, Any]:
-    """One record a row of a set of Parquet files, with those of its columns that are numbers, words, or lists of them."""
+    """One record a row of a set of Parquet files, with those of its columns that are numbers,
+    words, or lists of them."""
     name, fields = RECORDS[files], list[dict[str, Any]]()
     for column in pq.read_schema(file):
-        inner = column.type.value_type if pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type) else column.type
+        inner = (
+            column.type.value_type
+            if pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)
+            else column.type
+        )
         if (kind := _kind(inner)) is None:
             continue
-        entry: dict[str, Any] = {"@type": "cr:Field", "@id": f"{name}/{column.name}", "name": column.name, "dataType": kind}
+        entry: dict[str, Any] = {
+            "@type": "cr:Field",
+            "@id": f"{name}/{column.name}",
+            "name": column.name,
+            "dataType": kind,
+        }
         entry["source"] = {"fileSet": {"@id": files}, "extract": {"column": column.name}}
         if inner is not column.type:
             entry["repeated"] = True

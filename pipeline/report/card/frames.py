@@ -18,7 +18,8 @@ holds for more than half of these frames of the head camera:
 
 
 def visibility(seen: Sequence[Seen], names: Mapping[str, str]) -> str:
-    """How much of the target the cameras see, by their exported `names`; "" if no episode states it."""
+    """How much of the target the cameras see, by their exported `names`; "" if no episode states
+    it."""
     rows = []
     for camera, name in names.items():
         tracked = [one for one in seen if camera in one.visible]
@@ -42,6 +43,7 @@ def idle(seen: Sequence[Seen]) -> str:
     after = 100 * sum(one.after_success for one in seen) / frames
     still = 100 * sum(one.still for one in seen) / frames
     return (
-        f"{after:.1f} % of the frames come after the success; the option `--after-success` of the "
-        f"LeRobot export leaves them out. In {still:.1f} % no command changes by more than 1 mrad.\n\n"
+        f"{after:.1f} % of the frames come after the success; the option `--after-success` of the"
+        f" LeRobot export leaves them out. In {still:.1f} % no command changes by more than 1"
+        " mrad.\n\n"
     )

@@ -1,4 +1,5 @@
-"""The results of the sanity ladder (training/ladder) as a table and as the section of a dataset's card."""
+"""The results of the sanity ladder (training/ladder) as a table and as the section of a dataset's
+card."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,8 @@ ROUNDS = "`round` counts how often they were corrected and trained again (DAgger
 
 
 class Score(TypedDict):
-    """How many episodes of a cell networks of one kind solved, after how many rounds of corrections."""
+    """How many episodes of a cell networks of one kind solved, after how many rounds of
+    corrections."""
 
     task: str
     embodiment: str
@@ -32,8 +34,8 @@ class Score(TypedDict):
 
 
 class Result(Score):
-    """The score of all networks of a kind, one a seed: their rate, an interval clustered by scene, and each seed's rate, in
-    per cent."""
+    """The score of all networks of a kind, one a seed: their rate, an interval clustered by scene,
+    and each seed's rate, in per cent."""
 
     success_rate: float
     success_interval: list[float]
@@ -47,7 +49,14 @@ class ResultsFileError(DominoError):
 def table(rows: Sequence[Result]) -> str:
     """Markdown: networks down, levels across, per cent solved with its interval."""
     levels, rounds = sorted({row["level"] for row in rows}), any(map(_round, rows))
-    heads = ["task", "input", "chunk", "executed", *(["round"] * rounds), *(f"level {n}" for n in levels)]
+    heads = [
+        "task",
+        "input",
+        "chunk",
+        "executed",
+        *(["round"] * rounds),
+        *(f"level {n}" for n in levels),
+    ]
     lines = [f"| {' | '.join(heads)} |", "|---|---|" + "---:|" * (len(heads) - 2)]
     by_key = dict[tuple[str | int, ...], dict[int, Result]]()
     for row in rows:
@@ -69,8 +78,8 @@ def _cell(row: Result) -> str:
 
 
 def read_results(path: Path) -> tuple[list[Result], str]:
-    """The results in a file, and the version of the program that found them. Raises ResultsFileError in one line for a file that is
-    none."""
+    """The results in a file, and the version of the program that found them. Raises
+    ResultsFileError in one line for a file that is none."""
     try:
         values = read_json(path)
         rows, code = values["results"], str(values["code"])
@@ -78,22 +87,27 @@ def read_results(path: Path) -> tuple[list[Result], str]:
         if not rows:
             raise ValueError("it has no row")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ResultsFileError(f"{path}: is no results file of domino-data ladder ({error}); it is OUT/{RESULTS}") from error
+        raise ResultsFileError(
+            f"{path}: is no results file of domino-data ladder ({error}); it is OUT/{RESULTS}"
+        ) from error
     return rows, code
 
 
 def as_markdown(rows: Sequence[Result], code: str) -> str:
     """Markdown for a dataset's card: what was trained on what, and the table."""
-    robots, alphas = (", ".join(sorted({f"{row[key]}" for row in rows})) for key in ("embodiment", "alpha"))
+    robots, alphas = (
+        ", ".join(sorted({f"{row[key]}" for row in rows})) for key in ("embodiment", "alpha")
+    )
     shown = ", ".join(map(str, sorted({int(row["demonstrations"]) for row in rows})))
     seeds = ", ".join(map(str, sorted({len(row["by_seed"]) for row in rows})))
     tried = ", ".join(map(str, sorted({int(row["episodes"]) for row in rows})))
     robots, alphas, code = map(markdown, (robots, alphas, code[:12]))
     return (
-        "What memory buys on moving targets: small networks on states learn a task at all levels together and differ only in what "
-        "they see: where everything is (`position`), the target's velocity besides (`velocity`), or how bodies moved since the "
-        f"frame before (`two_frames`). {ROUNDS if any(map(_round, rows)) else ''}"
-        f"{robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
-        f"Per cent of episodes ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data ladder`), "
-        f"95 % interval clustered by scene in brackets. Code {code}.\n\n{table(rows)}\n"
+        "What memory buys on moving targets: small networks on states learn a task at all levels"
+        " together and differ only in what they see: where everything is (`position`), the"
+        " target's velocity besides (`velocity`), or how bodies moved since the frame before"
+        f" (`two_frames`). {ROUNDS if any(map(_round, rows)) else ''}{robots}; alpha {alphas} m/s;"
+        f" demonstrations a network: {shown}; networks of each kind: {seeds}. Per cent of episodes"
+        f" ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data"
+        f" ladder`), 95 % interval clustered by scene in brackets. Code {code}.\n\n{table(rows)}\n"
     )

@@ -1,4 +1,5 @@
-"""How to load an export: a few lines for each tool, as the card shows them and a test runs them. DIR is the export's directory."""
+"""How to load an export: a few lines for each tool, as the card shows them and a test runs them.
+DIR is the export's directory."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +10,7 @@ from lerobot.datasets import LeRobotDataset
 # without video_backend lerobot reads with torchcodec, which needs FFmpeg's libraries (apt install ffmpeg)
 data = LeRobotDataset("local", root="ROOT", video_backend="pyav")
 frame = data[0]  # observation.images.cam_high (3, H, W) in 0..1, observation.state, action, task
-"""
+"""  # noqa: E501
 LEROBOT_SPLIT = """
 import pandas as pd
 from lerobot.datasets import LeRobotDataset
@@ -77,7 +78,11 @@ from pathlib import Path
 gt = pickle.loads(sorted(Path("DIR").rglob("gt.pkl"))[0].read_bytes())
 print(gt["pose7_frame_aligned"].shape)
 """
-GLOBS = {"lerobot": "data/*/*.parquet", "lerobot-v2.1": "data/*/*.parquet", "parquet": "data-*.parquet"}
+GLOBS = {
+    "lerobot": "data/*/*.parquet",
+    "lerobot-v2.1": "data/*/*.parquet",
+    "parquet": "data-*.parquet",
+}
 
 
 TRAJECTORY = """
@@ -88,7 +93,7 @@ import h5py
 with h5py.File(sorted(Path("DIR").rglob("episode_*.hdf5"))[0]) as f:
     print(f["state/left_arm_joint_states"].shape, f["action/left_arm_joint_states"].shape, list(f["vision"]))
     print(json.loads(f["instructions"].asstr()[()]))
-"""
+"""  # noqa: E501
 DEMOS = """
 from pathlib import Path
 import h5py
@@ -125,8 +130,8 @@ BY_FORMAT = {
 def loading(summary: Mapping[str, Any], parts: Sequence[str] = ()) -> dict[str, str]:
     """Tool -> Python code, with DIR still in it, for an export of this summary.
 
-    `parts` are the directories of its LeRobot datasets where there are several (one a robot, or one a task): they differ in the
-    width of their vectors, so that the code reads the first one.
+    `parts` are the directories of its LeRobot datasets where there are several (one a robot, or one
+    a task): they differ in the width of their vectors, so that the code reads the first one.
     """
     name = summary["format"]
     if name in GLOBS:
@@ -138,12 +143,18 @@ def loading(summary: Mapping[str, Any], parts: Sequence[str] = ()) -> dict[str, 
         code = {tool: text.replace("SPLIT", split) for tool, text in BY_FORMAT[name].items()}
     else:
         action = "action" if name == "aloha" else "joint_action/vector"
-        code = {"h5py": H5.replace("ACTION", action), "images": H5_ARRAYS if name == "aloha" else JPEG}
+        code = {
+            "h5py": H5.replace("ACTION", action),
+            "images": H5_ARRAYS if name == "aloha" else JPEG,
+        }
     code["the table of episodes"] = EPISODES.replace(
         "EPISODES", "domino_episodes.parquet" if name.startswith("lerobot") else "episodes.parquet"
     )
     first = parts[0] if parts else ""
-    place = {"ROOT": f"DIR/{first}" if first else "DIR", "CONFIG": f', "{first.replace("/", "-")}"' if first else ""}
+    place = {
+        "ROOT": f"DIR/{first}" if first else "DIR",
+        "CONFIG": f', "{first.replace("/", "-")}"' if first else "",
+    }
     place["GLOB"] = GLOBS.get(name, "")
     for word, value in place.items():
         code = {tool: text.replace(word, value) for tool, text in code.items()}

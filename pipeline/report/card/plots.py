@@ -1,4 +1,5 @@
-"""The plots of a card: where targets start and how they move, their speeds, lengths of episodes, ranges of actions."""
+"""The plots of a card: where targets start and how they move, their speeds, lengths of episodes,
+ranges of actions."""
 
 import io
 from collections.abc import Sequence
@@ -13,7 +14,8 @@ PATHS = 400
 
 
 def plots(seen: Sequence[Seen]) -> bytes:
-    """A PNG of five plots; of more than PATHS episodes every n-th path is drawn. The same episodes give the same bytes."""
+    """A PNG of five plots; of more than PATHS episodes every n-th path is drawn. The same episodes
+    give the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -28,14 +30,25 @@ def plots(seen: Sequence[Seen]) -> bytes:
         for one in mine[:: -(-len(seen) // PATHS)]:
             axes["path"].plot(*one.path.T, color=color, lw=0.8, alpha=0.6)
             axes["path"].plot(*one.path[-1], ".", color="#111827", ms=3)
-    speeds = [np.concatenate([one.speeds for one in seen if one.level == level]) for level in levels]
+    speeds = [
+        np.concatenate([one.speeds for one in seen if one.level == level]) for level in levels
+    ]
     lengths = [[one.seconds for one in seen if one.level == level] for level in levels]
     for name, values in (("speed", speeds), ("length", lengths)):
         axes[name].hist(values, bins=_edges(values), stacked=True, color=colors)
     _ranges(axes["range"], seen)
-    titles = {"start": "where targets start", "path": "motions until the meeting (dot)", "speed": "speed until the meeting"}
+    titles = {
+        "start": "where targets start",
+        "path": "motions until the meeting (dot)",
+        "speed": "speed until the meeting",
+    }
     titles |= {"length": "length of episodes", "range": "range of actions (rad; grippers 0 to 1)"}
-    labels = {"start": ("x (m)", "y (m)"), "path": ("x (m)", "y (m)"), "speed": ("m/s", "samples"), "length": ("s", "episodes")}
+    labels = {
+        "start": ("x (m)", "y (m)"),
+        "path": ("x (m)", "y (m)"),
+        "speed": ("m/s", "samples"),
+        "length": ("s", "episodes"),
+    }
     for name, axis in axes.items():
         axis.set_title(titles[name], fontsize=10)
         axis.tick_params(labelsize=8)
@@ -51,7 +64,8 @@ def plots(seen: Sequence[Seen]) -> bytes:
 
 
 def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[float]:
-    """Edges of 20 bins over all values; those that differ by no more than rounding come into the middle ones."""
+    """Edges of 20 bins over all values; those that differ by no more than rounding come into the
+    middle ones."""
     every = np.concatenate([np.asarray(each, float) for each in values])
     low, high = float(every.min()), float(every.max())
     pad = 0.5 * max(abs(high), 1e-3) if high - low <= 1e-6 * abs(high) else 0.0

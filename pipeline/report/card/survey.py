@@ -18,19 +18,22 @@ from pipeline.motion.recorded.group import TRACKS
 from pipeline.motion.recorded.view import before_meeting
 
 STILL = 1e-3
-"""rad, or share of a gripper's opening; frames with smaller changes of the command count as still."""
+"""rad, or share of a gripper's opening; frames with smaller changes of the command count as
+still."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
     """The facts of one episode that a card uses.
 
-    `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that motion in x and y (m) until the
-    meeting, `speeds` (N,) its speed there (m/s); `low` and `high` (A,) bound its actions. `target_in_view` (T,) is true, by fixed
-    camera, in the frames whose image contains the origin of the target, occluded or not. `visible` (T,) is, by camera, the share of
-    the target's silhouette that is in the image and not occluded, `last_visible` that of the frames just before the meeting; both
-    are empty for episodes without tracks. `after_success` counts the frames after the success, `still` those over which no command
-    changes by more than STILL.
+    `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that
+    motion in x and y (m) until the meeting, `speeds` (N,) its speed there (m/s); `low` and `high`
+    (A,) bound its actions. `target_in_view` (T,) is true, by fixed camera, in the frames whose
+    image contains the origin of the target, occluded or not. `visible` (T,) is, by camera, the
+    share of the target's silhouette that is in the image and not occluded, `last_visible` that of
+    the frames just before the meeting; both are empty for episodes without tracks. `after_success`
+    counts the frames after the success, `still` those over which no command changes by more than
+    STILL.
     """
 
     file: Path
@@ -93,12 +96,18 @@ def look(file: Path) -> Seen:
         low=action.min(0),
         high=action.max(0),
         target_in_view={
-            name: visible(CameraType(c.width, c.height, c.fovy), c.pose, episode.log.pose(episode.meta.target)[:, :3])
+            name: visible(
+                CameraType(c.width, c.height, c.fovy),
+                c.pose,
+                episode.log.pose(episode.meta.target)[:, :3],
+            )
             for name, c in infos.items()
             if c.link is None
         },
         visible=visible_shares,
-        last_visible={camera: before_meeting(episode.log, shares) for camera, shares in visible_shares.items()},
+        last_visible={
+            camera: before_meeting(episode.log, shares) for camera, shares in visible_shares.items()
+        },
         after_success=0 if success is None else int((episode.log.times > success + 1e-6).sum()),
         still=int((np.abs(np.diff(action[:-1], axis=0)).max(-1, initial=0.0) < STILL).sum()),
         instructions=(tuple(episode.instructions["seen"]), tuple(episode.instructions["unseen"])),
@@ -106,10 +115,13 @@ def look(file: Path) -> Seen:
 
 
 def _visible(episode: Episode) -> dict[str, NDArray[np.float32]]:
-    """Shares (T,) of the target's silhouette that are seen, by camera; tracks list the objects in the order of `meta`."""
+    """Shares (T,) of the target's silhouette that are seen, by camera; tracks list the objects in
+    the order of `meta`."""
     objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
     column = objects.index(episode.meta.target)
-    stored = {camera: episode.interception.get(f"{TRACKS}{camera}/visible") for camera in episode.cameras}
+    stored = {
+        camera: episode.interception.get(f"{TRACKS}{camera}/visible") for camera in episode.cameras
+    }
     return {camera: shares[:, column] for camera, shares in stored.items() if shares is not None}
 
 

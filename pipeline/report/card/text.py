@@ -29,13 +29,15 @@ from pipeline.report.contact_sheet import save_contact_sheet
 
 SHEET_ROWS, CLIPS, CELLS = 8, 4, 40
 IN_VIEW = 0.95
-"""The card names a task whose target is in a camera's image in a smaller share of frames, or at the end of fewer episodes."""
+"""The card names a task whose target is in a camera's image in a smaller share of frames, or at the
+end of fewer episodes."""
 
 
 def describe(
     dataset: Path, episodes: Sequence[Path], more: Mapping[str, str] | None = None
 ) -> Callable[[Path, Mapping[str, Any]], str]:
-    """A function of an export's directory and summary that gives the text of its card, for these episodes.
+    """A function of an export's directory and summary that gives the text of its card, for these
+    episodes.
 
     `more` are further sections, Markdown by title."""
 
@@ -49,17 +51,28 @@ def describe(
         films = []
         for number, path in enumerate(spread(chosen, CLIPS)):
             (images / f"clip_{number}.mp4").write_bytes(clip(path))
-            films.append(f'<video src="card/clip_{number}.mp4" controls muted loop width="420"></video>')
+            films.append(
+                f'<video src="card/clip_{number}.mp4" controls muted loop width="420"></video>'
+            )
         sections = {
             "": _opening(seen, summary),
             "Intended use": _use(seen, summary),
-            "What is in it": (_reasons(seen) if is_failures(summary) else "") + _cells(dataset, seen) + _speeds(seen) + idle(seen),
-            "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", "", *films]),
+            "What is in it": (
+                (_reasons(seen) if is_failures(summary) else "")
+                + _cells(dataset, seen)
+                + _speeds(seen)
+                + idle(seen)
+            ),
+            "How it looks": "\n".join(
+                ["![one row an episode](card/contact_sheet.jpg)", "", *films]
+            ),
             "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
-            "Cameras and joints": _cameras(seen, summary)
-            + visibility(seen, _camera_names(seen, summary))
-            + _out_of_view(seen, summary)
-            + _joints(seen),
+            "Cameras and joints": (
+                _cameras(seen, summary)
+                + visibility(seen, _camera_names(seen, summary))
+                + _out_of_view(seen, summary)
+                + _joints(seen)
+            ),
             "How to load it": _loading(folder, summary),
             "Splits": _splits(seen, summary.get("validation", VALIDATION)),
             "How it was made": _describe_origin(dataset, summary),
@@ -70,7 +83,8 @@ def describe(
         described = json.dumps(croissant(folder, summary, seen), indent=2, ensure_ascii=False)
         (folder / FILE).write_text(described + "\n")
         return "\n".join(
-            f"{'## ' + head if head else '# ' + title(seen, summary)}\n\n{text.strip()}\n" for head, text in sections.items()
+            f"{'## ' + head if head else '# ' + title(seen, summary)}\n\n{text.strip()}\n"
+            for head, text in sections.items()
         )
 
     return write
@@ -85,30 +99,48 @@ def spread(items: Sequence[Path], count: int) -> list[Path]:
 
 def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     hours = sum(one.seconds for one in seen) / 3600
-    levels = ", ".join(markdown(f"{level_name(*level)} ({level_of(*level).text})") for level in sorted({one.level for one in seen}))
+    levels = ", ".join(
+        markdown(f"{level_name(*level)} ({level_of(*level).text})")
+        for level in sorted({one.level for one in seen})
+    )
     size = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.1f} min"
-    began = f"{len(seen)} {kind_of(summary)}, {sum(one.frames for one in seen)} frames at {seen[0].meta.fps} Hz, {size}"
-    what = "a scripted expert tried to handle an object that moves, and did not meet its task's conditions"
+    began = (
+        f"{len(seen)} {kind_of(summary)}, {sum(one.frames for one in seen)} frames at"
+        f" {seen[0].meta.fps} Hz, {size}"
+    )
+    what = (
+        "a scripted expert tried to handle an object that moves, and did not meet its task's"
+        " conditions"
+    )
     if not is_failures(summary):
         what = "robots manipulate objects that move"
         if policy := seen[0].meta.corrects:
             what = f"the policy {code_span(policy)} acts on objects that move; "
             what += "a scripted expert labels every frame, takes over and finishes"
     return (
-        f"{began}: {what}. Levels of motion: {levels}. Format: {code_span(summary['format'])}. {_timing(summary['format'])} "
-        "Poses are x y z qw qx qy qz in the "
-        "world frame (m): x to the robot's right, y away from it, z up, table top at z = 0.74. `croissant.json` has files, "
-        "records and responsible use in the vocabulary of MLCommons Croissant."
+        f"{began}: {what}. Levels of motion: {levels}. Format: {code_span(summary['format'])}."
+        f" {_timing(summary['format'])} Poses are x y z qw qx qy qz in the world frame (m): x to"
+        " the robot's right, y away from it, z up, table top at z = 0.74. `croissant.json` has"
+        " files, records and responsible use in the vocabulary of MLCommons Croissant."
     )
 
 
 def _timing(format: str) -> str:
     """When states and actions of a format hold."""
     if format in ("robotwin", "dynamicwam"):
-        return "`joint_action[t]` is the joint target in force at frame t, `joint_action[t + 1]` that of the interval after it."
+        return (
+            "`joint_action[t]` is the joint target in force at frame t, `joint_action[t + 1]` that"
+            " of the interval after it."
+        )
     if format == "xpolicylab":
-        return "`state` is the joint target in force at a frame, `action` that of the interval after it."
-    return "`state` is measured at a frame, `action` is the joint target commanded for the interval after it; nothing is shifted."
+        return (
+            "`state` is the joint target in force at a frame, `action` that of the interval"
+            " after it."
+        )
+    return (
+        "`state` is measured at a frame, `action` is the joint target commanded for the interval"
+        " after it; nothing is shifted."
+    )
 
 
 def _use(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
@@ -118,8 +150,13 @@ def _use(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
 
 def _reasons(seen: Sequence[Seen]) -> str:
     """Why the attempts failed, the most frequent reason first."""
-    told = Counter((one.meta.failure.stage, one.meta.failure.reason) for one in seen if one.meta.failure)
-    rows = [[stage, reason, count] for (stage, reason), count in sorted(told.items(), key=lambda item: (-item[1], item[0]))]
+    told = Counter(
+        (one.meta.failure.stage, one.meta.failure.reason) for one in seen if one.meta.failure
+    )
+    rows = [
+        [stage, reason, count]
+        for (stage, reason), count in sorted(told.items(), key=lambda item: (-item[1], item[0]))
+    ]
     return table(["stage", "reason", "attempts"], rows)
 
 
@@ -135,10 +172,34 @@ def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
         lengths = [one.seconds for one in mine]
         found = f"{100 * sum(tried) / len(tried):.0f} % of {len(tried)}" if tried else ""
         said = f"{np.mean(lengths):.1f} ({min(lengths):.1f} to {max(lengths):.1f})"
-        rows.append([cell.task, cell.embodiment, cell.level, f"{cell.alpha:g}", cell.domain, len(mine), found, said])
-    head = ["task", "robot", "level", "alpha (m/s)", "domain", "episodes", "attempts accepted", "length (s)"]
+        rows.append(
+            [
+                cell.task,
+                cell.embodiment,
+                cell.level,
+                f"{cell.alpha:g}",
+                cell.domain,
+                len(mine),
+                found,
+                said,
+            ]
+        )
+    head = [
+        "task",
+        "robot",
+        "level",
+        "alpha (m/s)",
+        "domain",
+        "episodes",
+        "attempts accepted",
+        "length (s)",
+    ]
     text = table(head, rows)
-    return text if len(rows) <= CELLS else f"<details><summary>{len(rows)} cells</summary>\n\n{text}</details>\n\n"
+    return (
+        text
+        if len(rows) <= CELLS
+        else f"<details><summary>{len(rows)} cells</summary>\n\n{text}</details>\n\n"
+    )
 
 
 def _speeds(seen: Sequence[Seen]) -> str:
@@ -190,24 +251,46 @@ def _cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
             info = one.meta.drawing.cameras[camera]
             focal = intrinsics(CameraType(info.width, info.height, info.fovy))[0, 0]
             size, link = f"{info.width} x {info.height}", info.link or "fixed in the world"
-            robots[names.get(camera, camera), size, f"{info.fovy:g}", f"{focal:.1f}", link].append(robot)
-    head = ["camera", "pixels", "vertical field of view (degrees)", "focal length (pixels)", "carried by", "robots"]
+            robots[names.get(camera, camera), size, f"{info.fovy:g}", f"{focal:.1f}", link].append(
+                robot
+            )
+    head = [
+        "camera",
+        "pixels",
+        "vertical field of view (degrees)",
+        "focal length (pixels)",
+        "carried by",
+        "robots",
+    ]
     return table(head, [[*row, ", ".join(found)] for row, found in sorted(robots.items())])
 
 
 def _out_of_view(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
-    """A sentence on the tasks whose target leaves the image of a fixed camera, "" if there are none."""
+    """A sentence on the tasks whose target leaves the image of a fixed camera, "" if there are
+    none."""
     rows = []
     for camera, name in _camera_names(seen, summary).items():
         for task in sorted({one.spec.task for one in seen}):
-            views = [one.target_in_view[camera] for one in seen if one.spec.task == task and camera in one.target_in_view]
+            views = [
+                one.target_in_view[camera]
+                for one in seen
+                if one.spec.task == task and camera in one.target_in_view
+            ]
             if not views:
                 continue
             frames, ends = np.concatenate(views).mean(), np.mean([view[-1] for view in views])
             if min(frames, ends) < IN_VIEW:
                 rows.append([task, name, f"{100 * frames:.0f}", f"{100 * ends:.0f}"])
-    head = ["task", "camera", "frames with the target in the image, %", "episodes with it there at the end, %"]
-    said = "In these tasks a camera does not show the target all the time, so that its images may not show the outcome:\n\n"
+    head = [
+        "task",
+        "camera",
+        "frames with the target in the image, %",
+        "episodes with it there at the end, %",
+    ]
+    said = (
+        "In these tasks a camera does not show the target all the time, so that its images may not"
+        " show the outcome:\n\n"
+    )
     return said + table(head, rows) if rows else ""
 
 
@@ -222,13 +305,23 @@ def _joints(seen: Sequence[Seen]) -> str:
 
 
 def _loading(folder: Path, summary: Mapping[str, Any]) -> str:
-    roots = (path.parent.parent.relative_to(folder).as_posix() for path in folder.rglob("meta/info.json"))
+    roots = (
+        path.parent.parent.relative_to(folder).as_posix() for path in folder.rglob("meta/info.json")
+    )
     parts = sorted(root for root in roots if root != ".")
-    said = "`DIR` is this directory. On the hub, `load_dataset` takes the name of the repository in its place.\n\n"
+    said = (
+        "`DIR` is this directory. On the hub, `load_dataset` takes the name of the repository in"
+        " its place.\n\n"
+    )
     if parts:
         names = bullets(map(code_span, parts))
-        said += f"It holds {len(parts)} LeRobot datasets; the code reads the first of them:\n\n{names}\n"
-    return said + "\n".join(f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary, parts).items())
+        said += (
+            f"It holds {len(parts)} LeRobot datasets; the code reads the first of"
+            f" them:\n\n{names}\n"
+        )
+    return said + "\n".join(
+        f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary, parts).items()
+    )
 
 
 def _splits(seen: Sequence[Seen], validation: float) -> str:
@@ -237,7 +330,10 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
 
     said, unsaid = ({text for one in seen for text in one.instructions[i]} for i in (0, 1))
     rows = [
-        [Markdown("physics (`physics_id`)"), count(one.meta.physics_id or one.file for one in seen)],
+        [
+            Markdown("physics (`physics_id`)"),
+            count(one.meta.physics_id or one.file for one in seen),
+        ],
         ["motions of the target", count(one.path.tolist() for one in seen)],
         ["target objects", count(one.meta.objects[one.meta.target] for one in seen)],
         ["looks (room, lights, textures)", count(one.meta.drawing.visuals for one in seen)],
@@ -245,15 +341,18 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
         ["sentences, unseen", len(unsaid)],
         ["sentences in both", len(said & unsaid)],
     ]
-    counts = Counter(split_of(one.meta.physics_id or one.spec.to_json(), validation) for one in seen)
+    counts = Counter(
+        split_of(one.meta.physics_id or one.spec.to_json(), validation) for one in seen
+    )
     shares = [[split, counts[split]] for split in ("train", "validation", "test")]
     percent = ", ".join(f"{100 * share:g}" for share in (1 - validation - TEST, validation))
     return (
-        f"The column `split` of the table of episodes is `train`, `validation` or `test` ({percent} and 10 % of the physics "
-        "episodes on average), chosen by a hash of `physics_id`: the same in every format and rendering, all looks of one motion "
-        "in one split. `load_dataset(..., split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes, because "
-        "they can name only ranges of rows: select by the column. Seen and unseen sentences have templates and descriptions of "
-        "their own. To hold out textures, split by domain.\n\n"
+        f"The column `split` of the table of episodes is `train`, `validation` or `test` ({percent}"
+        " and 10 % of the physics episodes on average), chosen by a hash of `physics_id`: the same"
+        " in every format and rendering, all looks of one motion in one split. `load_dataset(...,"
+        " split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes, because"
+        " they can name only ranges of rows: select by the column. Seen and unseen sentences have"
+        " templates and descriptions of their own. To hold out textures, split by domain.\n\n"
         + table(["split", "episodes"], shares)
         + table(["distinct", "number"], rows)
     )
@@ -262,11 +361,17 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
 def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
     place = Dataset(dataset)
     made = place.made_by()
-    rows = [[key, made[key]] for key in ("renderer", "processor", "python", "code_version") if key in made]
+    rows = [
+        [key, made[key]]
+        for key in ("renderer", "processor", "python", "code_version")
+        if key in made
+    ]
     rows += [[name, version] for name, version in made.get("packages", {}).items()]
     rows += [[f"licence of {name}", licence] for name, licence in licences_in(made).items()]
     recipe = place.manifest.read_text().strip() if place.manifest.exists() else ""
-    stages = "a dry run, the back-calculation of the target's motion, and a rollout in which it moves"
+    stages = (
+        "a dry run, the back-calculation of the target's motion, and a rollout in which it moves"
+    )
     said = f"every episode went through {stages}, whose success was judged from its state log"
     if is_failures(summary):
         said = f"an attempt goes through {stages}; these failed in one of them"

@@ -1,4 +1,5 @@
-"""What a card and its Croissant file state in words: intended use, limits, biases, and how to cite."""
+"""What a card and its Croissant file state in words: intended use, limits, biases, and how to
+cite."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -11,49 +12,85 @@ PAPER = "https://arxiv.org/abs/2603.15620"
 LICENSE_URL = "https://www.apache.org/licenses/LICENSE-2.0"
 
 USES = (
-    "Training policies that handle moving objects: imitation learning, fine-tuning of vision-language-action models.",
+    (
+        "Training policies that handle moving objects: imitation learning, fine-tuning of"
+        " vision-language-action models."
+    ),
     "Comparing policies and prediction of motion across levels, speeds, robots and looks.",
-    "Studying how much a policy relies on motion, instructions or appearance, which are recorded for every frame.",
+    (
+        "Studying how much a policy relies on motion, instructions or appearance, which are"
+        " recorded for every frame."
+    ),
 )
 USES_OF_FAILURES = (
     "Training detectors of failure, success classifiers and value functions.",
-    "Studying where the scripted experts fail: every attempt carries its stage, reason and unmet conditions.",
+    (
+        "Studying where the scripted experts fail: every attempt carries its stage, reason and"
+        " unmet conditions."
+    ),
 )
 NOT_FOR = (
-    "Running a policy on a real robot without further validation and safety measures: friction, sensing and delays are simulated.",
+    (
+        "Running a policy on a real robot without further validation and safety measures: friction,"
+        " sensing and delays are simulated."
+    ),
     "Conclusions about people: the data contain none.",
 )
 NOT_DEMONSTRATIONS = "Imitation: these attempts are not demonstrations."
 SIMULATED = (
-    "Everything is simulated (SAPIEN 3, rigid bodies): friction, mass and compliance are those of the simulator. Objects are "
-    "generated from parameters; they are not scans of products."
+    "Everything is simulated (SAPIEN 3, rigid bodies): friction, mass and compliance are those of"
+    " the simulator. Objects are generated from parameters; they are not scans of products."
 )
 EXPERTS = {
     "planned": "that know the target's motion in advance",
-    "reactive": "that see the target's poses up to each moment, and know nothing of its future but which arm is to act",
+    "reactive": (
+        "that see the target's poses up to each moment, and know nothing of its future but which"
+        " arm is to act"
+    ),
 }
 CORRECTED = (
-    "A policy acts first in every episode. `intervention` is false (0) until the expert takes over, also while `perturb` "
-    "holds or pushes the robot. From then on it is true (1). "
-    "`expert_action` is the expert's action at every frame."
+    "A policy acts first in every episode. `intervention` is false (0) until the expert takes over,"
+    " also while `perturb` holds or pushes the robot. From then on it is true (1). `expert_action`"
+    " is the expert's action at every frame."
 )
-NOT_POLICY = "Imitating `action` where `intervention` is false: it is not the expert's. The other frames teach, or `expert_action`."
+NOT_POLICY = (
+    "Imitating `action` where `intervention` is false: it is not the expert's. The other frames"
+    " teach, or `expert_action`."
+)
 LIMITS = (
     SIMULATED,
-    "Demonstrations come from scripted experts {knowing}; nobody teleoperated a robot. Failed "
-    "attempts are left out, so motions that the experts cannot meet are rarer than they were drawn.",
-    "Alpha bounds the average speed of levels 2 and 3 unless the recipe sets it otherwise; the table has the speeds observed.",
+    (
+        "Demonstrations come from scripted experts {knowing}; nobody teleoperated a robot. Failed"
+        " attempts are left out, so motions that the experts cannot meet are rarer than they were"
+        " drawn."
+    ),
+    (
+        "Alpha bounds the average speed of levels 2 and 3 unless the recipe sets it otherwise; the"
+        " table has the speeds observed."
+    ),
     "Images are drawn without sensor noise, motion blur or rolling shutter.",
 )
 LIMITS_OF_FAILURES = (
     SIMULATED,
-    "Only as many failed attempts are stored as the recipe sets (`keep_failures`), so their shares are not rates of failure.",
-    "An attempt that failed in the dry run has a target that stands still, and ends where that run ended.",
+    (
+        "Only as many failed attempts are stored as the recipe sets (`keep_failures`), so their"
+        " shares are not rates of failure."
+    ),
+    (
+        "An attempt that failed in the dry run has a target that stands still, and ends where that"
+        " run ended."
+    ),
     "Images are drawn without sensor noise, motion blur or rolling shutter.",
 )
 BIASES = (
-    "Tasks, object families, sizes and colors are those of the generator: household objects of one style, on one table.",
-    "Motions that the scripted experts fail to meet are underrepresented, above all fast ones far from the arms.",
+    (
+        "Tasks, object families, sizes and colors are those of the generator: household objects of"
+        " one style, on one table."
+    ),
+    (
+        "Motions that the scripted experts fail to meet are underrepresented, above all fast ones"
+        " far from the arms."
+    ),
     "Instructions are in English, made from templates.",
 )
 
@@ -90,7 +127,8 @@ def _corrected(seen: Sequence[Seen]) -> bool:
 
 
 def identifier(seen: Sequence[Seen]) -> str:
-    """16 hex digits of the SHA-256 of the sorted physics ids of these episodes: the same for every format and rendering."""
+    """16 hex digits of the SHA-256 of the sorted physics ids of these episodes: the same for every
+    format and rendering."""
     ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
     return sha256("\n".join(ids).encode()).hexdigest()[:16]
 
@@ -99,7 +137,9 @@ def title(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     """The title of an export: its tasks and robots."""
     tasks = sorted({one.spec.task for one in seen})
     what = tasks[0].replace("_", " ") if len(tasks) == 1 else f"{len(tasks)} tasks"
-    begin = "Dynamic manipulation, failed attempts" if is_failures(summary) else "Dynamic manipulation"
+    begin = (
+        "Dynamic manipulation, failed attempts" if is_failures(summary) else "Dynamic manipulation"
+    )
     return f"{begin}: {what}, {', '.join(sorted({one.spec.embodiment for one in seen}))}"
 
 

@@ -1,4 +1,5 @@
-"""Looking through a dataset in a browser: an offline page for some episodes, a local server for all."""
+"""Looking through a dataset in a browser: an offline page for some episodes, a local server for
+all."""
 
 from pipeline.report.viewer.page import choose, write_viewer
 from pipeline.report.viewer.serve import viewer_server

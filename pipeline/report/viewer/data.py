@@ -1,4 +1,5 @@
-"""What the page shows of a dataset and of one episode, as plain JSON data; all images of an episode are one film."""
+"""What the page shows of a dataset and of one episode, as plain JSON data; all images of an episode
+are one film."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,7 +10,13 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
+from pipeline.data.annotations import (
+    CorruptAnnotation,
+    Entry,
+    annotation_path,
+    read_entry,
+    stages_of,
+)
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile, open_episode
 from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
@@ -25,13 +32,15 @@ WIDTH, THUMBNAIL, FLOW = 320, 160, 100
 """Widths (pixels) of a camera's images, of an episode's image on the wall, and of flow maps."""
 
 FILM = {"preset": "medium", "tune": "animation", "g": "30"}
-"""Options of the film: about the error of JPEG at quality 82 in a twelfth of the bytes, and a short way to any frame."""
+"""Options of the film: about the error of JPEG at quality 82 in a twelfth of the bytes, and a short
+way to any frame."""
 
 FAILURES = 2000
 
 
 def listing(path: Path, dataset: Path) -> dict[str, Any]:
-    """One episode, or one failed attempt that is kept, on the wall. Raises EpisodeError if it cannot be read."""
+    """One episode, or one failed attempt that is kept, on the wall. Raises EpisodeError if it
+    cannot be read."""
     with open_episode(path) as e:
         meta, spec, frames = e.meta, e.spec, len(e)
         camera = HEAD if HEAD in e.cameras else e.cameras[0]
@@ -56,13 +65,29 @@ def listing(path: Path, dataset: Path) -> dict[str, Any]:
 
 
 def failures(dataset: Path) -> list[dict[str, Any]]:
-    """The attempts that failed, at most FAILURES of them: their cell, seed, stage, reason and named conditions."""
+    """The attempts that failed, at most FAILURES of them: their cell, seed, stage, reason and named
+    conditions."""
     file = Dataset(dataset).attempts
     if not file.exists():
         return []
-    keys = ("task", "embodiment", "level", "domain", "slot", "attempt", "seed", "stage", "reason", "detail", "conditions")
+    keys = (
+        "task",
+        "embodiment",
+        "level",
+        "domain",
+        "slot",
+        "attempt",
+        "seed",
+        "stage",
+        "reason",
+        "detail",
+        "conditions",
+    )
     rows = [row for row in pq.ParquetFile(file).read().to_pylist() if row["outcome"] != "accepted"]
-    return [{key: str(row[key]) if key == "seed" else row[key] for key in keys} for row in rows[:FAILURES]]
+    return [
+        {key: str(row[key]) if key == "seed" else row[key] for key in keys}
+        for row in rows[:FAILURES]
+    ]
 
 
 def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
@@ -72,10 +97,18 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         log, meta = episode.log, e.meta
         derived = Interception(meta, log, motion_from_json(episode.motion), log.pose(meta.target))
         annotated = {camera: _annotations(camera, dataset, path) for camera in e.cameras}
-        cameras = {camera: _camera(e, camera, derived, annotated[camera][0]) for camera in e.cameras}
+        cameras = {
+            camera: _camera(e, camera, derived, annotated[camera][0]) for camera in e.cameras
+        }
         tracks = {camera: _fitting(list(e.frames(camera)), WIDTH) for camera in e.cameras}
-        flows = {f"{camera} flow": _fitting(flow, FLOW) for camera, (_, flow) in annotated.items() if len(flow)}
-    planned = derived.motion.pose(np.linspace(-derived.motion.lead, derived.motion.duration, 60))[:, :3]
+        flows = {
+            f"{camera} flow": _fitting(flow, FLOW)
+            for camera, (_, flow) in annotated.items()
+            if len(flow)
+        }
+    planned = derived.motion.pose(np.linspace(-derived.motion.lead, derived.motion.duration, 60))[
+        :, :3
+    ]
     return {
         "file": path.relative_to(dataset).as_posix(),
         "fps": meta.fps,
@@ -84,7 +117,9 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         "target": meta.target,
         "instruction": episode.instructions["seen"][:1],
         "meeting": {"planned": meta.meeting_time, "place": derived.planned_position.tolist()},
-        "events": [{"name": event.name, "time": event.time, "by": event.by} for event in log.events],
+        "events": [
+            {"name": event.name, "time": event.time, "by": event.by} for event in log.events
+        ],
         "spans": _spans(derived, meta.fps) + _policy(meta, log),
         "skills": skill_rows(log.skills, meta.physics_hz),
         "joints": list(log.vector_names),
@@ -102,12 +137,14 @@ def _why(failure: FailureInfo | None) -> str:
     """Why an attempt failed, in words; "" for an episode."""
     if failure is None:
         return ""
-    return f"{failure.stage}: {failure.reason}" + (f" ({', '.join(failure.conditions)})" if failure.conditions else "")
+    return f"{failure.stage}: {failure.reason}" + (
+        f" ({', '.join(failure.conditions)})" if failure.conditions else ""
+    )
 
 
 def _film(tracks: Mapping[str, NDArray[np.uint8]], fps: int) -> dict[str, Any]:
-    """All images (T,H,W,3), by name, as one film in which they are beside each other: its data URI, and the box (x, y, width,
-    height) of each in it."""
+    """All images (T,H,W,3), by name, as one film in which they are beside each other: its data URI,
+    and the box (x, y, width, height) of each in it."""
     boxes, x = dict[str, list[int]](), 0
     for name, images in tracks.items():
         boxes[name] = [x, 0, images.shape[2], images.shape[1]]
@@ -120,18 +157,29 @@ def _film(tracks: Mapping[str, NDArray[np.uint8]], fps: int) -> dict[str, Any]:
     return {"film": mp4_uri(encode_mp4(sheets, fps, FILM)), "boxes": boxes}
 
 
-def _camera(e: EpisodeFile, camera: str, derived: Interception, outlines: list[Any]) -> dict[str, Any]:
+def _camera(
+    e: EpisodeFile, camera: str, derived: Interception, outlines: list[Any]
+) -> dict[str, Any]:
     info = e.meta.drawing.cameras[camera]
     scale = min(1.0, WIDTH / info.width)
-    seen = track(info.camera(camera).type, e.array(f"observation/{camera}/pose"), derived.target[:, :3])
+    seen = track(
+        info.camera(camera).type, e.array(f"observation/{camera}/pose"), derived.target[:, :3]
+    )
     return {
-        "track": [[round(u * scale, 1), round(v * scale, 1)] if inside else None for u, v, _, inside in seen.tolist()],
-        "outlines": [[[[round(x * scale, 1), round(y * scale, 1)] for x, y in line] for line in frame] for frame in outlines],
+        "track": [
+            [round(u * scale, 1), round(v * scale, 1)] if inside else None
+            for u, v, _, inside in seen.tolist()
+        ],
+        "outlines": [
+            [[[round(x * scale, 1), round(y * scale, 1)] for x, y in line] for line in frame]
+            for frame in outlines
+        ],
     }
 
 
 def _annotations(camera: str, dataset: Path, path: Path) -> tuple[list[Any], NDArray[np.uint8]]:
-    """Outlines of the masks of every frame (frames, lines, points) and the flow as images (T,H,W,3); empty if not annotated."""
+    """Outlines of the masks of every frame (frames, lines, points) and the flow as images
+    (T,H,W,3); empty if not annotated."""
     outlines: list[Any] = []
     flows = np.empty((0, 0, 0, 3), np.uint8)
     if not path.is_relative_to(dataset / "episodes"):  # failed attempts are not annotated
@@ -140,7 +188,9 @@ def _annotations(camera: str, dataset: Path, path: Path) -> tuple[list[Any], NDA
         if stage["parameters"].get("camera") != camera:
             continue
         try:
-            entry = read_entry(annotation_path(dataset, directory, path.relative_to(dataset / "episodes")))
+            entry = read_entry(
+                annotation_path(dataset, directory, path.relative_to(dataset / "episodes"))
+            )
         except (FileNotFoundError, CorruptAnnotation):
             continue
         if stage["stage"] == "masks" and not outlines:
@@ -155,7 +205,9 @@ def _outlines(entry: Entry) -> list[Any]:
     out = []
     for packed in entry.arrays["mask"]:
         bits = np.unpackbits(packed, axis=-1, count=height * width).reshape(-1, height, width)
-        found = [cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0] for mask in bits]
+        found = [
+            cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0] for mask in bits
+        ]
         out.append([line[:, 0].tolist() for lines in found for line in lines if len(line) > 2])
     return out
 
@@ -166,7 +218,10 @@ def _spans(derived: Interception, fps: int) -> list[dict[str, Any]]:
     for name, flags in (("touches", derived.contact_pairs > 0), ("holds", derived.held)):
         for i, side in enumerate(SIDES):
             edges = np.flatnonzero(np.diff(np.concatenate([[0], flags[:, i].astype(int), [0]])))
-            spans += [{"name": f"{side} {name}", "start": a / fps, "end": b / fps} for a, b in edges.reshape(-1, 2).tolist()]
+            spans += [
+                {"name": f"{side} {name}", "start": a / fps, "end": b / fps}
+                for a, b in edges.reshape(-1, 2).tolist()
+            ]
     return spans
 
 
@@ -174,30 +229,58 @@ def _policy(meta: EpisodeMeta, log: StateLog) -> list[dict[str, Any]]:
     """The interval (s) in which a policy acts before the expert corrects it, if it does."""
     if log.intervention is None:
         return []
-    return [{"name": f"policy {meta.corrects} acts", "start": 0.0, "end": int((~log.intervention).sum()) / meta.fps}]
+    return [
+        {
+            "name": f"policy {meta.corrects} acts",
+            "start": 0.0,
+            "end": int((~log.intervention).sum()) / meta.fps,
+        }
+    ]
 
 
 def skill_rows(runs: Sequence[SkillRun], hz: int) -> list[dict[str, Any]]:
-    """The skills of the script (s), a row an arm; those within another one of that arm are named with it."""
+    """The skills of the script (s), a row an arm; those within another one of that arm are named
+    with it."""
     rows: list[dict[str, Any]] = []
     for run in runs:
         for side in run.arms:
             about = " ".join(part for part in (run.part.replace("_", " "), run.body) if part)
-            outer = next((r for r in rows if r["arm"] == side and r["steps"][0] <= run.start and run.end <= r["steps"][1]), None)
+            outer = next(
+                (
+                    r
+                    for r in rows
+                    if r["arm"] == side and r["steps"][0] <= run.start and run.end <= r["steps"][1]
+                ),
+                None,
+            )
             if outer is not None:
                 outer["said"] += f", {run.skill}"
                 continue
-            row = {"name": run.skill, "arm": side, "said": f"{run.skill} {about}".strip(), "half": run.half}
-            rows.append(row | {"steps": (run.start, run.end), "start": run.start / hz, "end": run.end / hz})
+            row = {
+                "name": run.skill,
+                "arm": side,
+                "said": f"{run.skill} {about}".strip(),
+                "half": run.half,
+            }
+            rows.append(
+                row | {"steps": (run.start, run.end), "start": run.start / hz, "end": run.end / hz}
+            )
     return [{key: value for key, value in row.items() if key != "steps"} for row in rows]
 
 
-def _fitting(images: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+def _fitting(
+    images: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], width: int
+) -> NDArray[np.uint8]:
     """Images (T,H,W,3) that are at most `width` wide."""
     if images[0].shape[1] <= width:
         return np.asarray(images, np.uint8)
     size = width, round(images[0].shape[0] * width / images[0].shape[1])
-    return np.stack([np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8) for rgb in images])
+    return np.stack(
+        [
+            np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+            for rgb in images
+        ]
+    )
 
 
 def _round(values: NDArray[np.float64] | Sequence[float]) -> Any:

@@ -1,4 +1,5 @@
-"""The viewer as files that open without a network: page, plotly's own script, a list of episodes, and one file an episode."""
+"""The viewer as files that open without a network: page, plotly's own script, a list of episodes,
+and one file an episode."""
 
 import base64
 import gzip
@@ -21,7 +22,9 @@ Progress = Callable[[int], object] | None
 def page(name: str) -> bytes:
     """The page of a dataset of that name."""
     script = (TEMPLATES / "view.js").read_text()
-    return render_page("pipeline.report.viewer", "view.html", name=name, script=script).encode(errors="replace")
+    return render_page("pipeline.report.viewer", "view.html", name=name, script=script).encode(
+        errors="replace"
+    )
 
 
 def plotly_script() -> bytes:
@@ -33,8 +36,13 @@ def plotly_script() -> bytes:
 
 
 def list_script(dataset: Path, episodes: Sequence[Path], total: int) -> bytes:
-    """list.js: the episodes on the wall, and the attempts that failed; `total` is how many episodes the dataset has."""
-    values = {"episodes": [listing(path, dataset) for path in episodes], "failures": failures(dataset), "total": total}
+    """list.js: the episodes on the wall, and the attempts that failed; `total` is how many episodes
+    the dataset has."""
+    values = {
+        "episodes": [listing(path, dataset) for path in episodes],
+        "failures": failures(dataset),
+        "total": total,
+    }
     return _script("DOMINO = ", values, "")
 
 
@@ -64,11 +72,18 @@ def choose(episodes: Sequence[Path], count: int) -> list[Path]:
         parts[poorest] += 1
         of_task[poorest[0]] += 1
         of_level[poorest[1]] += 1
-    return sorted(mine[i * len(mine) // parts[name]] for name, mine in levels.items() for i in range(parts[name]))
+    return sorted(
+        mine[i * len(mine) // parts[name]]
+        for name, mine in levels.items()
+        for i in range(parts[name])
+    )
 
 
-def write_viewer(dataset: Path, episodes: Sequence[Path], out: Path, total: int, progress: Progress = None) -> Path:
-    """Write the viewer of these episodes to the directory `out` and return its page. Raises EpisodeError, OSError."""
+def write_viewer(
+    dataset: Path, episodes: Sequence[Path], out: Path, total: int, progress: Progress = None
+) -> Path:
+    """Write the viewer of these episodes to the directory `out` and return its page. Raises
+    EpisodeError, OSError."""
     out.mkdir(parents=True, exist_ok=True)
     for old in out.glob("episode_*.js"):
         old.unlink()

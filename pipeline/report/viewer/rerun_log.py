@@ -1,4 +1,5 @@
-"""An episode as a recording of rerun (.rrd): cameras, states and actions, target and hands in space, events."""
+"""An episode as a recording of rerun (.rrd): cameras, states and actions, target and hands in
+space, events."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ class MissingRerun(DominoError):
 
 
 def log_episode(path: Path, name: str, out: Path) -> Path:
-    """Write the recording of an episode, called `name`, to `out` and return it. Raises MissingRerun, EpisodeError, OSError."""
+    """Write the recording of an episode, called `name`, to `out` and return it. Raises
+    MissingRerun, EpisodeError, OSError."""
     try:
         import rerun as rr
     except ImportError as error:
@@ -33,7 +35,9 @@ def log_episode(path: Path, name: str, out: Path) -> Path:
         recording.set_time("time", duration=float(time))
         recording.set_time("frame", sequence=t)
         for camera, images in coded.items():
-            recording.log(f"cameras/{camera}", rr.EncodedImage(contents=images[t], media_type="image/jpeg"))
+            recording.log(
+                f"cameras/{camera}", rr.EncodedImage(contents=images[t], media_type="image/jpeg")
+            )
         recording.log("world/target", rr.Points3D([target[t]], radii=0.01))
         for i, side in enumerate(log.sides):
             recording.log(f"world/{side}_hand", rr.Points3D([log.tcp[t, i, :3]], radii=0.01))

@@ -1,4 +1,5 @@
-"""`domino-data doctor`: whether this machine has what a build, an export and an annotation need; in the order that is shown."""
+"""`domino-data doctor`: whether this machine has what a build, an export and an annotation need; in
+the order that is shown."""
 
 import os
 from collections.abc import Iterator
@@ -10,7 +11,8 @@ from pipeline.run.doctor.machine import Result
 
 
 def diagnose(place: Path) -> Iterator[Result]:
-    """Examine this machine for datasets that are to be written at `place`; nothing is written or downloaded. Takes about 15 s."""
+    """Examine this machine for datasets that are to be written at `place`; nothing is written or
+    downloaded. Takes about 15 s."""
     yield machine.check_python()
     yield from alive.judge_frame(alive.attempt(alive.FRAME), alive.gpus(), machine.os_release())
     yield packages.check_cv2()
@@ -20,7 +22,9 @@ def diagnose(place: Path) -> Iterator[Result]:
     yield machine.check_shared_memory()
     yield packages.check_video()
     yield packages.check_torchcodec(needed=packages.is_installed("torchcodec"))
-    missing = packages.missing_by_extra(metadata.requires("domino-data") or (), packages.is_installed)
+    missing = packages.missing_by_extra(
+        metadata.requires("domino-data") or (), packages.is_installed
+    )
     yield from packages.check_extras(missing)
     if not missing.get("annotate", True):
         yield from packages.check_weights()

@@ -1,4 +1,5 @@
-"""What has to be tried to be known: one frame drawn, and Ray started. Each in a process of its own, so that a crash stays there."""
+"""What has to be tried to be known: one frame drawn, and Ray started. Each in a process of its own,
+so that a crash stays there."""
 
 import json
 import subprocess
@@ -19,7 +20,7 @@ from pipeline.world.objects import FAMILIES
 began = time.perf_counter()
 image = portrait(FAMILIES["ball"].draw(np.random.Generator(np.random.Philox(0))), size=(160, 120), preset="raster-fast")
 print(json.dumps({"device": device, "seconds": time.perf_counter() - began, "shape": image.shape, "spread": float(image.std())}))
-"""
+"""  # noqa: E501
 
 RAY = """
 import json, time
@@ -40,12 +41,16 @@ PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about
 def attempt(code: str, command: Sequence[str] = (sys.executable, "-c")) -> dict[str, Any] | str:
     """What a program prints as JSON on its last line, or one line about why it does not."""
     try:
-        done = subprocess.run([*command, code], capture_output=True, text=True, check=False, timeout=PATIENCE)
+        done = subprocess.run(
+            [*command, code], capture_output=True, text=True, check=False, timeout=PATIENCE
+        )
     except subprocess.TimeoutExpired:
         return f"no answer within {PATIENCE} s"
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.strip()]
-        return f"exit code {done.returncode}" + (f": {' '.join(lines[-1].split())[:300]}" if lines else "")
+        return f"exit code {done.returncode}" + (
+            f": {' '.join(lines[-1].split())[:300]}" if lines else ""
+        )
     try:
         return dict(json.loads(done.stdout.splitlines()[-1]))
     except (IndexError, ValueError):
@@ -54,24 +59,46 @@ def attempt(code: str, command: Sequence[str] = (sys.executable, "-c")) -> dict[
 
 def gpus(dev: Path = Path("/dev")) -> list[str]:
     """Device files of GPUs."""
-    return sorted(str(p) for pattern in ("nvidia[0-9]*", "dri/renderD*", "dxg") for p in dev.glob(pattern))
+    return sorted(
+        str(p) for pattern in ("nvidia[0-9]*", "dri/renderD*", "dxg") for p in dev.glob(pattern)
+    )
 
 
-def judge_frame(answer: Mapping[str, Any] | str, nodes: Sequence[str], release: Mapping[str, str]) -> list[Result]:
+def judge_frame(
+    answer: Mapping[str, Any] | str, nodes: Sequence[str], release: Mapping[str, str]
+) -> list[Result]:
     """The Vulkan device and the frame that it drew."""
     if isinstance(answer, str):
         return [
-            Result("vulkan", "FAIL", f"nothing can be drawn ({answer})", driver_advice(release, bool(nodes))),
+            Result(
+                "vulkan",
+                "FAIL",
+                f"nothing can be drawn ({answer})",
+                driver_advice(release, bool(nodes)),
+            ),
             Result("frame", "FAIL", "not drawn, for want of a Vulkan device"),
         ]
     device = str(answer["device"])
     software = any(name in device.lower() for name in SOFTWARE)
     vulkan = Result("vulkan", "PASS", f"{device}{', on the CPU' if software else ''}")
     if software and nodes:
-        vulkan = Result("vulkan", "WARN", f"{device} is used, although there is {nodes[0]}", driver_advice(release, True))
+        vulkan = Result(
+            "vulkan",
+            "WARN",
+            f"{device} is used, although there is {nodes[0]}",
+            driver_advice(release, True),
+        )
     said = f"{answer['shape'][1]}x{answer['shape'][0]} in {answer['seconds']:.1f} s, the first"
     if answer["spread"] < 1:
-        return [vulkan, Result("frame", "FAIL", f"{said}, and it is of one color", "try another driver: set VK_ICD_FILENAMES")]
+        return [
+            vulkan,
+            Result(
+                "frame",
+                "FAIL",
+                f"{said}, and it is of one color",
+                "try another driver: set VK_ICD_FILENAMES",
+            ),
+        ]
     return [vulkan, Result("frame", "PASS", said)]
 
 
@@ -80,5 +107,7 @@ def judge_ray(answer: Mapping[str, Any] | str) -> Result:
     if isinstance(answer, str):
         return Result("ray", "WARN", f"does not start ({answer})", "build with --executor inline")
     if answer["answer"] != 42:
-        return Result("ray", "WARN", f"a worker answered {answer['answer']!r}", "build with --executor inline")
+        return Result(
+            "ray", "WARN", f"a worker answered {answer['answer']!r}", "build with --executor inline"
+        )
     return Result("ray", "PASS", f"a worker answered after {answer['seconds']:.1f} s")

@@ -1,4 +1,5 @@
-"""What an examination finds, and the machine: Python, disk, memory, shared memory, and how a Vulkan driver is installed here."""
+"""What an examination finds, and the machine: Python, disk, memory, shared memory, and how a Vulkan
+driver is installed here."""
 
 import platform
 import shutil
@@ -13,7 +14,8 @@ Verdict = Literal["PASS", "WARN", "FAIL"]
 
 @dataclass(frozen=True)
 class Result:
-    """`verdict` FAIL: nothing can be built; WARN: something that not everybody needs does not work. `fix` says how to mend it."""
+    """`verdict` FAIL: nothing can be built; WARN: something that not everybody needs does not work.
+    `fix` says how to mend it."""
 
     name: str
     verdict: Verdict
@@ -28,11 +30,18 @@ WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
 STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
 
 
-def check_python(version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()) -> Result:
+def check_python(
+    version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()
+) -> Result:
     """The Python that the lock file is for, on a processor for which SAPIEN has packages."""
     said = f"Python {'.'.join(map(str, version))} on {platform.system()} {machine}"
     if tuple(version[:2]) != PYTHON:
-        return Result("python", "FAIL", f"{said}: {PYTHON[0]}.{PYTHON[1]} is needed", "install Python 3.12, then `make setup`")
+        return Result(
+            "python",
+            "FAIL",
+            f"{said}: {PYTHON[0]}.{PYTHON[1]} is needed",
+            "install Python 3.12, then `make setup`",
+        )
     if machine not in ("x86_64", "AMD64"):
         return Result("python", "WARN", f"{said}: tested on x86_64 only", "use an x86_64 machine")
     return Result("python", "PASS", said)
@@ -46,12 +55,20 @@ def check_disk(place: Path) -> Result:
     if free < LEAST_DISK:
         return Result("disk", "FAIL", said, "free some space, or give another place with --out")
     if free < ENOUGH_DISK:
-        return Result("disk", "WARN", f"{said}; an episode takes 1 to 5 MB", "free some space before a large build")
+        return Result(
+            "disk",
+            "WARN",
+            f"{said}; an episode takes 1 to 5 MB",
+            "free some space before a large build",
+        )
     return Result("disk", "PASS", said)
 
 
-def available_memory(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")) -> float:
-    """Bytes that new processes may use: what the kernel has available, or less where the control group is limited."""
+def available_memory(
+    meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")
+) -> float:
+    """Bytes that new processes may use: what the kernel has available, or less where the control
+    group is limited."""
     fields = dict(line.split(":", 1) for line in meminfo.read_text().splitlines() if ":" in line)
     free = float(fields["MemAvailable"].split()[0]) * 1024
     limit, used = group / "memory.max", group / "memory.current"
@@ -65,7 +82,12 @@ def check_memory(available: float, cores: int) -> Result:
     workers = min(cores, int(available // WORKER_BYTES))
     said = f"{available / GB:.1f} GB available, enough for {workers} of {cores} workers"
     if workers == 0:
-        return Result("memory", "FAIL", f"{available / GB:.1f} GB available, a worker takes {WORKER_BYTES / GB:g}", "free memory")
+        return Result(
+            "memory",
+            "FAIL",
+            f"{available / GB:.1f} GB available, a worker takes {WORKER_BYTES / GB:g}",
+            "free memory",
+        )
     if workers < cores:
         return Result("memory", "WARN", said, f"build with --workers {workers}")
     return Result("memory", "PASS", said)
@@ -74,11 +96,21 @@ def check_memory(available: float, cores: int) -> Result:
 def check_shared_memory(place: Path = Path("/dev/shm")) -> Result:
     """Room for Ray's object store."""
     if not place.is_dir():
-        return Result("shared memory", "WARN", f"there is no {place}", "mount a tmpfs there, or build with --executor inline")
+        return Result(
+            "shared memory",
+            "WARN",
+            f"there is no {place}",
+            "mount a tmpfs there, or build with --executor inline",
+        )
     free = shutil.disk_usage(place).free
     if free < STORE_BYTES:
         fix = "start the container with --shm-size=256m, or build with --executor inline"
-        return Result("shared memory", "WARN", f"{free / 1e6:.0f} MB free at {place}; Ray takes {STORE_BYTES / 1e6:.0f}", fix)
+        return Result(
+            "shared memory",
+            "WARN",
+            f"{free / 1e6:.0f} MB free at {place}; Ray takes {STORE_BYTES / 1e6:.0f}",
+            fix,
+        )
     return Result("shared memory", "PASS", f"{free / 1e6:.0f} MB free at {place}")
 
 
@@ -95,14 +127,17 @@ def driver_advice(release: Mapping[str, str], gpu: bool) -> str:
     name, families = release.get("ID", ""), release.get("ID_LIKE", "").split()
     if gpu:
         return (
-            "install the GPU's own Vulkan driver (in a container: NVIDIA_DRIVER_CAPABILITIES=all); `make setup` installs Mesa's "
-            "software driver, which works beside it"
+            "install the GPU's own Vulkan driver (in a container: NVIDIA_DRIVER_CAPABILITIES=all);"
+            " `make setup` installs Mesa's software driver, which works beside it"
         )
     if name == "debian":
         suite = f"{release.get('VERSION_CODENAME', 'CODENAME')}-backports"
         return f"`make setup`, or apt install -t {suite} mesa-vulkan-drivers libvulkan1"
     if name == "ubuntu" or "debian" in families or "ubuntu" in families:
-        return "`make setup`; where apt has no Mesa >= 25: sudo add-apt-repository ppa:kisak/kisak-mesa, then `make setup`"
+        return (
+            "`make setup`; where apt has no Mesa >= 25: sudo add-apt-repository"
+            " ppa:kisak/kisak-mesa, then `make setup`"
+        )
     if name == "fedora" or "fedora" in families or "rhel" in families:
         return "dnf install mesa-vulkan-drivers vulkan-loader (Mesa >= 25)"
     if name == "arch" or "arch" in families:

@@ -1,4 +1,5 @@
-"""Checks of the installed packages: the owner of cv2, extras, writing and reading of video, downloaded weights."""
+"""Checks of the installed packages: the owner of cv2, extras, writing and reading of video,
+downloaded weights."""
 
 import io
 import re
@@ -25,11 +26,19 @@ EXTRAS = {
 
 
 def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
-    """One package owns the module cv2: two overwrite each other's files, and the one with windows needs libraries of X11."""
-    found = sorted(set((metadata.packages_distributions() if owners is None else owners).get("cv2", ())))
+    """One package owns the module cv2: two overwrite each other's files, and the one with windows
+    needs libraries of X11."""
+    found = sorted(
+        set((metadata.packages_distributions() if owners is None else owners).get("cv2", ()))
+    )
     fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
     if found != [CV2]:
-        return Result("cv2", "FAIL", f"cv2 belongs to {', '.join(found) or 'no package'}, and must to {CV2} alone", fix)
+        return Result(
+            "cv2",
+            "FAIL",
+            f"cv2 belongs to {', '.join(found) or 'no package'}, and must to {CV2} alone",
+            fix,
+        )
     try:
         import cv2
     except ImportError as error:
@@ -37,8 +46,11 @@ def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
     return Result("cv2", "PASS", f"cv2 {cv2.__version__} belongs to {CV2}")
 
 
-def missing_by_extra(requirements: Iterable[str], installed: Callable[[str], bool]) -> dict[str, list[str]]:
-    """Packages that are not installed, by extra; every extra of EXTRAS that the requirements name is a key."""
+def missing_by_extra(
+    requirements: Iterable[str], installed: Callable[[str], bool]
+) -> dict[str, list[str]]:
+    """Packages that are not installed, by extra; every extra of EXTRAS that the requirements name
+    is a key."""
     missing: dict[str, list[str]] = {}
     for requirement in requirements:
         extra = re.search(r"extra == ['\"]([\w.-]+)['\"]", requirement)
@@ -67,14 +79,17 @@ def check_extras(missing: Mapping[str, Sequence[str]]) -> list[Result]:
     for extra, packages in sorted(missing.items()):
         if packages:
             said = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
-            found.append(Result(f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}"))
+            found.append(
+                Result(f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}")
+            )
         else:
             found.append(Result(f"extra {extra}", "PASS", EXTRAS[extra]))
     return found
 
 
 def check_video(attempt: Callable[[int], int] | None = None) -> Result:
-    """A video is written and read again with the encoder of the default export. `attempt` does so and counts the frames read."""
+    """A video is written and read again with the encoder of the default export. `attempt` does so
+    and counts the frames read."""
     wanted, fix = 2, "uv pip install --reinstall av"
     try:
         count = (attempt or _through_a_video)(wanted)
@@ -104,8 +119,11 @@ def _through_a_video(count: int) -> int:
     return read
 
 
-def check_torchcodec(command: Sequence[str] = (sys.executable, "-c", "import torchcodec"), needed: bool = True) -> Result:
-    """Whether the decoder that LeRobot prefers finds FFmpeg's libraries; asked in a process of its own."""
+def check_torchcodec(
+    command: Sequence[str] = (sys.executable, "-c", "import torchcodec"), needed: bool = True
+) -> Result:
+    """Whether the decoder that LeRobot prefers finds FFmpeg's libraries; asked in a process of its
+    own."""
     fix = "apt install ffmpeg, or LeRobotDataset(..., video_backend='pyav')"
     if not needed:
         return Result("torchcodec", "PASS", "not installed; LeRobot reads videos with PyAV")
@@ -117,7 +135,8 @@ def check_torchcodec(command: Sequence[str] = (sys.executable, "-c", "import tor
 
 
 def check_weights(names: Sequence[str] | None = None) -> list[Result]:
-    """Whether the networks that `annotate` uses by default are on this machine; nothing is downloaded."""
+    """Whether the networks that `annotate` uses by default are on this machine; nothing is
+    downloaded."""
     wanted = names or (MaskOptions().detector, MaskOptions().segmenter, FeatureOptions().encoder)
     found = []
     for name in wanted:

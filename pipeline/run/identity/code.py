@@ -2,8 +2,8 @@
 
 The core (CORE) counts as a whole. Of what registers itself (REGISTERED), an episode depends on the
 files of its task, object families and motion model, and on those beside them that these import.
-Images also depend on DRAWING, sentences on LANGUAGE. Python files are compared by their syntax trees
-without docstrings: a comment, a docstring or a line break changes no hash.
+Images also depend on DRAWING, sentences on LANGUAGE. Python files are compared by their syntax
+trees without docstrings: a comment, a docstring or a line break changes no hash.
 """
 
 import ast
@@ -136,7 +136,9 @@ def object_contents(task: str, randomized: bool, rules: Rules) -> dict[str, str]
     used += [(family, others[family]) for family in sorted(others.keys() & {*CLUTTER_FAMILIES})]
     held = [(family, [object_content(name) for name in names]) for family, names in used]
     kinds = ("physics", "looks") if held else ()
-    return {kind: digest([[f, [each[kind] for each in all_of]] for f, all_of in held]) for kind in kinds}
+    return {
+        kind: digest([[f, [each[kind] for each in all_of]] for f, all_of in held]) for kind in kinds
+    }
 
 
 def object_content(name: str) -> dict[str, str]:

@@ -1,8 +1,9 @@
 """The keys of a slot: what can change its physics, its images and its sentences.
 
 `physics`: the slot, the recipe's parameters, and the code's part of it (run/identity/code.py); for
-corrections of a policy, its label and the code by which policies act. `render`, on top of it: preset,
-cameras, sensors, visuals, and what draws and gives things their look. `language`, on top of the
+corrections of a policy, its label and the code by which policies act. `render`, on top of it:
+preset, cameras, sensors, visuals, and what draws and gives things their look. `language`, on top of
+the
 physics: templates, descriptions and grammar.
 """
 
@@ -25,17 +26,24 @@ class RecipeKeys:
         self._recipe, self._root = recipe, code.package_root()
         self._placed: dict[tuple[str, bool], dict[str, str]] = {}
         if recipe.assets is not None:
-            with suppress(RecipeError):  # slots whose objects are missing have no keys, which readers report
+            # slots whose objects are missing have no keys, which readers report
+            with suppress(RecipeError):
                 add_originals(recipe)
-        # a frozen recipe has all values written out; without defaults, a key which a later version adds changes nothing
+        # a frozen recipe has all values written out; without defaults, a key which a later version
+        # adds changes nothing
         given = recipe.model_dump(mode="json", exclude=set(CHOOSING), exclude_defaults=True)
-        every = {name: value for name, value in given.items() if name not in (*IMAGES, "objects")}  # objects count by content
+        # objects count by content
+        every = {name: value for name, value in given.items() if name not in (*IMAGES, "objects")}
         if recipe.corrections:
             every["corrections"] = recipe.corrections.label  # wherever the policy is
         spoken = {name: every.pop(name, None) for name in FOR_SENTENCES}
         self._physics, self._language = digest(every), digest(spoken)
         textures, light = recipe.brought
-        given |= {name: key for name, key in (("textures", textures), ("environment", light)) if name in given}
+        given |= {
+            name: key
+            for name, key in (("textures", textures), ("environment", light))
+            if name in given
+        }
         self._drawn = {name: given[name] for name in (*IMAGES, "camera") if name in given}
         if recipe.visuals != "randomized":
             self._drawn.pop("visual_seed", None)
@@ -47,7 +55,8 @@ class RecipeKeys:
         parts = code.cell_code(root, cell.task, cell.embodiment, randomized, self._recipe.motion)
         own = digest([slot.physical.path, cell.alpha])
         acting = {"policy": code.evaluation_code(root)} if self._recipe.corrections else {}
-        if self._recipe.view == "unoccluded":  # what bodies look like decides which attempts are accepted
+        # what bodies look like decides which attempts are accepted
+        if self._recipe.view == "unoccluded":
             acting["view"] = digest([code.drawing_code(root), parts.looks])
         files = self._objects(cell.task, randomized)
         looks = digest([parts.looks, files["looks"]]) if files else parts.looks
@@ -78,7 +87,8 @@ class RecipeKeys:
 
 
 def slot_keys(recipe: Recipe, slot: Slot) -> SlotKeys:
-    """The keys of one slot; for many, RecipeKeys. Raises UnknownName for a task that the code does not have."""
+    """The keys of one slot; for many, RecipeKeys. Raises UnknownName for a task that the code does
+    not have."""
     return RecipeKeys(recipe).of(slot)
 
 
@@ -88,7 +98,8 @@ def redrawn_keys(recipe: Recipe, slot: Slot, source: SlotKeys) -> SlotKeys:
 
 
 def code_version() -> str:
-    """One hash of everything that can change any slot: for provenance, and to see that all workers run the same code."""
+    """One hash of everything that can change any slot: for provenance, and to see that all workers
+    run the same code."""
     return code.code_version(code.package_root())
 
 

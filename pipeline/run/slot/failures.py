@@ -1,4 +1,5 @@
-"""Failed attempts: files of their own below failures/, and for the report one picture of each way in which a cell fails."""
+"""Failed attempts: files of their own below failures/, and for the report one picture of each way
+in which a cell fails."""
 
 from dataclasses import dataclass, replace
 
@@ -30,7 +31,8 @@ KEPT = {"none": (), "rendered": _LAST, "all": (dry_run.STAGE, *_LAST)}
 
 @dataclass(frozen=True)
 class Failed:
-    """An attempt at a slot that failed: its number and why, the keys that the slot is made with, and who demonstrated."""
+    """An attempt at a slot that failed: its number and why, the keys that the slot is made with,
+    and who demonstrated."""
 
     slot: Slot
     number: int
@@ -40,7 +42,8 @@ class Failed:
 
 
 def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phases) -> str:
-    """Draw and write a failed attempt where the recipe wants it kept; the sha256 of its file, else "". Raises OSError."""
+    """Draw and write a failed attempt where the recipe wants it kept; the sha256 of its file, else
+    "". Raises OSError."""
     failure, log = failed.failure, failed.failure.log
     if failure.stage not in KEPT[recipe.keep_failures] or log is None:
         return ""
@@ -49,13 +52,26 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
     if motion is None:
         touched = log.time_of("meeting")
         meeting = float(log.times[-1]) if touched is None else touched
-        motion = PlanarMotion.still(scene.bodies[scene.task.target].pose, max(meeting, 1 / recipe.fps))
+        motion = PlanarMotion.still(
+            scene.bodies[scene.task.target].pose, max(meeting, 1 / recipe.fps)
+        )
     scene = scene.furnished(motion)
     images = draw(dataset, scene, log, recipe, phases)
-    rollout = Rollout(scene, motion, meeting, replay.Replay(log, failure.steps), failure.steps, failed.demonstrator)
+    rollout = Rollout(
+        scene,
+        motion,
+        meeting,
+        replay.Replay(log, failure.steps),
+        failure.steps,
+        failed.demonstrator,
+    )
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
     why = FailureInfo(
-        attempt=failed.number, stage=failure.stage, reason=failure.reason, detail=failure.detail, conditions=failure.conditions
+        attempt=failed.number,
+        stage=failure.stage,
+        reason=failure.reason,
+        detail=failure.detail,
+        conditions=failure.conditions,
     )
     flagged = replace(episode, meta=episode.meta.model_copy(update={"failure": why}))
     return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)
@@ -74,10 +90,14 @@ FRAMES, APART = 3, 0.5  # frames of a picture, and seconds between them
 WIDTH = 256  # pixels of a frame
 
 
-def keep_last_frames(dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure) -> None:
-    """Write the last frames of an attempt as the head camera sees them, left to right, to report/failed/CELL/.
+def keep_last_frames(
+    dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure
+) -> None:
+    """Write the last frames of an attempt as the head camera sees them, left to right, to
+    report/failed/CELL/.
 
-    Nothing is written for a failure before anything moved, or where the cell has a picture of this failure. Raises OSError.
+    Nothing is written for a failure before anything moved, or where the cell has a picture of this
+    failure. Raises OSError.
     """
     folder = failed_folder(dataset.root, slot.cell.path)
     name = f"{failure.stage}-{failure.reason}"
@@ -86,9 +106,20 @@ def keep_last_frames(dataset: Dataset, recipe: Recipe, slot: Slot, number: int, 
     scene = build_scene(recipe.spec(slot, number), recipe.ruling())
     if failure.motion is not None:
         scene = scene.furnished(failure.motion)
-    appearance = appearance_of(scene, Setup(camera=recipe.camera, cameras=("head",), render="raster-fast"))
+    appearance = appearance_of(
+        scene, Setup(camera=recipe.camera, cameras=("head",), render="raster-fast")
+    )
     last, step = len(failure.log) - 1, round(APART * recipe.fps)
-    (view,) = render(appearance, failure.log, frames=[max(0, last - step * back) for back in reversed(range(FRAMES))])
+    (view,) = render(
+        appearance,
+        failure.log,
+        frames=[max(0, last - step * back) for back in reversed(range(FRAMES))],
+    )
     height = WIDTH * view.rgb.shape[1] // view.rgb.shape[2]
-    frames = [cv2.resize(frame, (WIDTH, height), interpolation=cv2.INTER_AREA) for frame in view.rgb]
-    write_atomic(folder / f"{name}-{slot.index}-{number}.jpg", encode(np.hstack(frames).astype(np.uint8), quality=80))
+    frames = [
+        cv2.resize(frame, (WIDTH, height), interpolation=cv2.INTER_AREA) for frame in view.rgb
+    ]
+    write_atomic(
+        folder / f"{name}-{slot.index}-{number}.jpg",
+        encode(np.hstack(frames).astype(np.uint8), quality=80),
+    )

@@ -1,4 +1,5 @@
-"""One slot, whole: attempts until an episode is accepted, its images, its file. The unit of work of every executor."""
+"""One slot, whole: attempts until an episode is accepted, its images, its file. The unit of work of
+every executor."""
 
 import os
 import time
@@ -31,13 +32,14 @@ from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 
 RENEWAL = -1
-"""Stands for the number of an attempt when a stored episode's images or sentences are made again."""
+"""Stands for the number of an attempt when a stored episode's images or sentences are made
+again."""
 
 
 @dataclass(frozen=True)
 class Lost:
-    """An attempt that took two workers with it: its number (or RENEWAL), why (worker_died, worker_hung), and how many seconds the
-    second worker spent on it."""
+    """An attempt that took two workers with it: its number (or RENEWAL), why (worker_died,
+    worker_hung), and how many seconds the second worker spent on it."""
 
     attempt: int
     reason: str
@@ -46,11 +48,12 @@ class Lost:
 
 @dataclass(frozen=True)
 class SlotJob:
-    """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's code version.
+    """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's
+    code version.
 
-    `renewing` is the record of an episode whose physics is up to date, so that only its images or sentences are made. `lost`
-    attempts are not tried again; they are recorded as failed. Where renewing an episode (RENEWAL) is among them, the
-    episode is made from nothing.
+    `renewing` is the record of an episode whose physics is up to date, so that only its images or
+    sentences are made. `lost` attempts are not tried again; they are recorded as failed. Where
+    renewing an episode (RENEWAL) is among them, the episode is made from nothing.
     """
 
     root: str
@@ -77,20 +80,30 @@ class SlotJob:
 def slot_jobs(dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState]) -> deque[SlotJob]:
     """What the workers are sent to make what is missing of some slots, in their order."""
     # a failed attempt that is kept is only made with its slot
-    renewed = {slot for slot, state in todo.items() if state.todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"}
-    records = {slot: record for slot, record in dataset.records(recipe) if slot in renewed} if renewed else {}
+    renewed = {
+        slot
+        for slot, state in todo.items()
+        if state.todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"
+    }
+    records = (
+        {slot: record for slot, record in dataset.records(recipe) if slot in renewed}
+        if renewed
+        else {}
+    )
     root, code = str(dataset.root.resolve()), code_version()
     return deque(SlotJob(root, recipe, slot, code, records.get(slot)) for slot in todo)
 
 
 def slot_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
-    """`fill_logged`, in a process that has hashed its code already: this must not count as time spent on the first attempt."""
+    """`fill_logged`, in a process that has hashed its code already: this must not count as time
+    spent on the first attempt."""
     code_version()
     return fill_logged
 
 
 def fill_logged(job: SlotJob) -> Steps[SlotRecord]:
-    """As `fill_in_steps`; what is printed meanwhile is kept in logs/ if the slot is given up, raises, or lost two workers."""
+    """As `fill_in_steps`; what is printed meanwhile is kept in logs/ if the slot is given up,
+    raises, or lost two workers."""
     dataset = Dataset(Path(job.root))
     with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")
@@ -98,7 +111,10 @@ def fill_logged(job: SlotJob) -> Steps[SlotRecord]:
         log.keep = not record.accepted or bool(job.lost)
         for row in record.attempts:
             if row["reason"]:
-                print(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}: {row['detail']}")
+                print(
+                    f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}:"
+                    f" {row['reason']}: {row['detail']}"
+                )
     trim()
     return send_slot(dataset, job.slot, record)
 
@@ -109,19 +125,26 @@ def fill_slot(job: SlotJob) -> SlotRecord:
 
 
 def fill_in_steps(job: SlotJob) -> Steps[SlotRecord]:
-    """Make what is missing of a slot; yield the number of each attempt when it begins, and return the record, which the driver
-    writes.
+    """Make what is missing of a slot; yield the number of each attempt when it begins, and return
+    the record, which the driver writes.
 
-    If its physics is up to date, only its images or sentences are made. Raises DatasetError on a worker whose code differs from the
-    driver's: its episodes would carry a wrong key.
+    If its physics is up to date, only its images or sentences are made. Raises DatasetError on a
+    worker whose code differs from the driver's: its episodes would carry a wrong key.
     """
     if job.code != code_version():
-        raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
+        raise DatasetError(
+            f"a worker runs code {code_version()}, the driver {job.code}: install the same version"
+            " everywhere"
+        )
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
     record, old = None, job.renewing
     _remove_partial(dataset.episode(job.slot))
     # a worker that died may have written it already
-    if old and not any(one.attempt == RENEWAL for one in job.lost) and is_intact(dataset.episode(job.slot), old.sha256):
+    if (
+        old
+        and not any(one.attempt == RENEWAL for one in job.lost)
+        and is_intact(dataset.episode(job.slot), old.sha256)
+    ):
         yield RENEWAL
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             record = renew(dataset, job.recipe, job.slot, old, keys)
@@ -129,12 +152,15 @@ def fill_in_steps(job: SlotJob) -> Steps[SlotRecord]:
 
 
 def _remove_partial(path: Path) -> None:
-    """Remove what a worker that was killed, on whatever machine, has left half-written of a file."""
+    """Remove what a worker that was killed, on whatever machine, has left half-written of a
+    file."""
     for left in path.parent.glob(f".{path.name}.*.tmp"):
         left.unlink(missing_ok=True)
 
 
-def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[int, None, SlotRecord]:
+def _from_nothing(
+    dataset: Dataset, job: SlotJob, keys: SlotKeys
+) -> Generator[int, None, SlotRecord]:
     """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
@@ -144,10 +170,21 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
     remove_failures(dataset, slot)
     for number in range(recipe.attempts):
         spec, began = recipe.spec(slot, number), time.perf_counter()
-        row = asdict(slot.cell) | {"slot": slot.index, "attempt": number, "seed": spec.seed, "stage": "", "reason": ""}
+        row = asdict(slot.cell) | {
+            "slot": slot.index,
+            "attempt": number,
+            "seed": spec.seed,
+            "stage": "",
+            "reason": "",
+        }
         row |= {"detail": "", "conditions": []}
         if number in lost:
-            row |= {"outcome": "failed", "stage": "worker", "reason": lost[number].reason, "sim_steps": 0}
+            row |= {
+                "outcome": "failed",
+                "stage": "worker",
+                "reason": lost[number].reason,
+                "sim_steps": 0,
+            }
             rows.append(row | {"seconds": lost[number].seconds})
             continue
         yield number
@@ -156,17 +193,28 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
             if recipe.view == "unoccluded":
                 require_view(rollout, recipe)
         except Failure as failure:
-            row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "sim_steps": failure.steps}
+            row |= {
+                "outcome": "failed",
+                "stage": failure.stage,
+                "reason": failure.reason,
+                "sim_steps": failure.steps,
+            }
             row |= {"detail": failure.detail, "conditions": list(failure.conditions)}
             row |= asdict(failure.drawn) if failure.drawn else {}
             row["seconds"] = time.perf_counter() - began
             keep_last_frames(dataset, recipe, slot, number, failure)
-            if kept := keep_failure(dataset, recipe, Failed(slot, number, failure, keys, demonstrator), phases):
+            if kept := keep_failure(
+                dataset, recipe, Failed(slot, number, failure, keys, demonstrator), phases
+            ):
                 row["kept"] = kept
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
-            row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
-            episode = replace(episode_of(rollout, recipe, images.drawing, keys), attempts=untimed([*rows, row]))
+            row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(
+                rollout.motion.features()
+            )
+            episode = replace(
+                episode_of(rollout, recipe, images.drawing, keys), attempts=untimed([*rows, row])
+            )
             sha = write(dataset.episode(slot), episode, images, phases)
             known = read_facts(dataset, slot)
         rows.append({"seconds": time.perf_counter() - began} | row)

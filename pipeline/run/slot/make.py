@@ -1,4 +1,5 @@
-"""From an accepted rollout to an episode file, and from an episode file to one with new images or new sentences."""
+"""From an accepted rollout to an episode file, and from an episode file to one with new images or
+new sentences."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -41,7 +42,9 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
             family=body.family,
             noun=words[name].noun,
             description=words[name].seen[0],
-            parameters={k: v for k, v in vars(body.instance).items() if isinstance(v, int | float | str)},
+            parameters={
+                k: v for k, v in vars(body.instance).items() if isinstance(v, int | float | str)
+            },
         )
         for name, body in scene.bodies.items()
     }
@@ -64,7 +67,12 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         **rollout.demonstrator.describe(),
         physics_hz=PHYSICS_HZ,
         step_limit=at_rate(task.step_limit, recipe.fps),
-        workspace=(task.workspace.x_min, task.workspace.x_max, task.workspace.y_min, task.workspace.y_max),
+        workspace=(
+            task.workspace.x_min,
+            task.workspace.x_max,
+            task.workspace.y_min,
+            task.workspace.y_max,
+        ),
         drawing=drawing,
         physics_id=physics_id(scene.spec, rollout.replay.log),
         **keys.header(),
@@ -82,13 +90,15 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
 
 
 def sentences(scene: Scene, count: int) -> dict[str, list[str]]:
-    """`count` seen and unseen instructions for a scene, from its own stream; distractors are never spoken of."""
+    """`count` seen and unseen instructions for a scene, from its own stream; distractors are never
+    spoken of."""
     return instructions(scene.wording(), scene.spec.rng("language"), count)
 
 
 @dataclass(eq=False)
 class Images:
-    """The images of an episode: how it was drawn, its views, their frames as JPEG bytes (T,) and its point clouds, if any.
+    """The images of an episode: how it was drawn, its views, their frames as JPEG bytes (T,) and
+    its point clouds, if any.
 
     `tracks` are those of its objects, by key of the group `interception`."""
 
@@ -100,7 +110,8 @@ class Images:
 
 
 def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
-    """Render and encode an episode as the recipe wants it, and keep what it is drawn from in the dataset's assets.
+    """Render and encode an episode as the recipe wants it, and keep what it is drawn from in the
+    dataset's assets.
 
     Raises OSError if the disk refuses.
     """
@@ -113,9 +124,15 @@ def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: 
 
 
 def images_of(
-    appearance: Appearance, drawing: Drawing, objects: Sequence[str], log: StateLog, recipe: Recipe, phases: Phases
+    appearance: Appearance,
+    drawing: Drawing,
+    objects: Sequence[str],
+    log: StateLog,
+    recipe: Recipe,
+    phases: Phases,
 ) -> Images:
-    """Render a log with the recipe's sensors, encode the frames, and track `objects`, those of the scene that are no distractors.
+    """Render a log with the recipe's sensors, encode the frames, and track `objects`, those of the
+    scene that are no distractors.
 
     `drawing` is the record of the appearance.
     """
@@ -136,7 +153,15 @@ def stored_images(file: EpisodeFile) -> Images:
         group = f"observation/{name}"
         optional = {key: _array(file, f"{group}/{key}") for key in ("depth", "actor_segmentation")}
         camera, none = info.camera(name), np.empty((0, info.height, info.width, 3), np.uint8)
-        views.append(View(camera, file.array(f"{group}/pose"), none, optional["depth"], optional["actor_segmentation"]))
+        views.append(
+            View(
+                camera,
+                file.array(f"{group}/pose"),
+                none,
+                optional["depth"],
+                optional["actor_segmentation"],
+            )
+        )
         coded.append(file.array(f"{group}/rgb"))
     tracks = {key: values for key, values in file.interception().items() if key.startswith(TRACKS)}
     return Images(meta.drawing, views, coded, _array(file, "pointcloud"), tracks)
@@ -148,7 +173,9 @@ def _array(file: EpisodeFile, key: str) -> NDArray[Any] | None:
 
 def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
     """Write an episode file; its sha256."""
-    own = {key: values for key, values in episode.interception.items() if not key.startswith(TRACKS)}
+    own = {
+        key: values for key, values in episode.interception.items() if not key.startswith(TRACKS)
+    }
     with phases("write"):
         tracked = replace(episode, interception=own | dict(images.tracks))
         write_episode(path, tracked, images.views, images.coded, images.pointcloud)
@@ -159,19 +186,26 @@ def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
     """What is known of a slot's episode file. Raises EpisodeError for one that cannot be read."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
-        return FileFacts.of(path.stat(), len(file), file.meta.physics_id, list(file.meta.drawing.assets.values()))
+        return FileFacts.of(
+            path.stat(), len(file), file.meta.physics_id, list(file.meta.drawing.assets.values())
+        )
 
 
-def renew(dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys) -> SlotRecord:
-    """Make the images or the sentences of a stored episode again, without physics: the record of the file that replaces it.
+def renew(
+    dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys
+) -> SlotRecord:
+    """Make the images or the sentences of a stored episode again, without physics: the record of
+    the file that replaces it.
 
-    The file has the bytes that a build from nothing would give it. Raises EpisodeError for a file that cannot be read.
+    The file has the bytes that a build from nothing would give it. Raises EpisodeError for a file
+    that cannot be read.
     """
     phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
     scene = build_scene(old.spec, recipe.ruling()).furnished(motion_from_json(old.motion))
-    if old_entry.keys.render != keys.render or old_entry.keys.language == keys.language:  # then an asset is missing
+    # then an asset is missing
+    if old_entry.keys.render != keys.render or old_entry.keys.language == keys.language:
         images = draw(dataset, scene, old.log, recipe, phases)
     meta = old.meta.model_copy(update={"drawing": images.drawing, **keys.header()})
     # version 0.1 stored no attempts in its episodes

@@ -11,18 +11,25 @@ from pipeline.world.drawing.vulkan import ensure_renderer
 
 @dataclass(frozen=True)
 class NodeCheck:
-    """A check of the machine that a worker is on: whether it reaches the dataset at `root`, and runs the code version `code`."""
+    """A check of the machine that a worker is on: whether it reaches the dataset at `root`, and
+    runs the code version `code`."""
 
     root: str
     code: str
 
     def __call__(self) -> dict[str, str]:
-        """What decides how images look and must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        """What decides how images look and must be the same on all machines. Raises DatasetError,
+        StoreError, NoRenderer."""
         manifest = Dataset(Path(self.root)).manifest
         mirror = mirror_of(manifest)
         # asked of the store and not fetched
         if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
-            raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
+            raise DatasetError(
+                f"{self.root} is not there: --out must be where all nodes of the cluster reach it"
+            )
         if code_version() != self.code:
-            raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
+            raise DatasetError(
+                f"runs code {code_version()}, the driver {self.code}: install the same version on"
+                " all nodes"
+            )
         return {"renderer": ensure_renderer()}

@@ -1,4 +1,5 @@
-"""One slot drawn again from a stored episode: its state log, its assets, new cameras, sensors or looks. No physics is run."""
+"""One slot drawn again from a stored episode: its state log, its assets, new cameras, sensors or
+looks. No physics is run."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,20 +22,29 @@ from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
 from pipeline.run.slot.send import send_slot
 from pipeline.stages.attempt import Phases
-from pipeline.stages.drawing.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
+from pipeline.stages.drawing.render import (
+    SURFACE,
+    keep_images,
+    stored_appearance,
+    visuals_of,
+    with_setup,
+)
 from pipeline.stages.drawing.render import images_of as surfaces_of
 from pipeline.stages.drawing.sensing import sensing_of
 from pipeline.world.looks.appearance import load_parts
 from pipeline.world.shapes import Parts
 
-KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each
+# assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each
+KEPT_PARTS = 256
 
 
 @dataclass(frozen=True)
 class DrawJob:
-    """One episode to draw: `slot` of the dataset `out` and its `recipe`, from the episode `origin` of the dataset `source`.
+    """One episode to draw: `slot` of the dataset `out` and its `recipe`, from the episode `origin`
+    of the dataset `source`.
 
-    `record` is the origin's, `same_look` whether its stored look is the wanted one, `code` the driver's version.
+    `record` is the origin's, `same_look` whether its stored look is the wanted one, `code` the
+    driver's version.
     """
 
     source: str
@@ -48,7 +58,8 @@ class DrawJob:
 
 
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
-    """The slot of the `source` that a slot of `recipe` is drawn from, and whether its stored look is the wanted one.
+    """The slot of the `source` that a slot of `recipe` is drawn from, and whether its stored look
+    is the wanted one.
 
     A look that the source stores is taken from there; every other one is drawn for variant 0.
     """
@@ -60,8 +71,11 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
     return slot.physical, False
 
 
-def is_drawn(record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, assets: Collection[str]) -> bool:
-    """Whether a slot with this record is drawn from just that source with these keys, and no asset of it is missing."""
+def is_drawn(
+    record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, assets: Collection[str]
+) -> bool:
+    """Whether a slot with this record is drawn from just that source with these keys, and no asset
+    of it is missing."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
     # an episode of version 0.1 may name no physics
@@ -70,18 +84,26 @@ def is_drawn(record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, asse
 
 
 def draw_slot(job: DrawJob) -> SlotRecord | str:
-    """Draw one slot and write its episode; a slot that was given up in the source is given up here, too.
+    """Draw one slot and write its episode; a slot that was given up in the source is given up here,
+    too.
 
-    Returns the record of what was drawn, for the driver to write, or in one line why nothing was: a source that cannot be
-    drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
-    driver's, OSError if the disk refuses.
+    Returns the record of what was drawn, for the driver to write, or in one line why nothing was: a
+    source that cannot be drawn from is a problem of this slot alone. Raises DatasetError on a
+    worker whose code is not the driver's, OSError if the disk refuses.
     """
     if job.code != code_version():
-        raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
+        raise DatasetError(
+            f"a worker runs code {code_version()}, the driver {job.code}: install the same version"
+            " everywhere"
+        )
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
     keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
-    attempts = () if job.slot.variant else tuple({k: v for k, v in row.items() if k != "kept"} for row in job.record.attempts)
+    attempts = (
+        ()
+        if job.slot.variant
+        else tuple({k: v for k, v in row.items() if k != "kept"} for row in job.record.attempts)
+    )
     if not job.record.accepted:
         return write_given_up(out, job.slot, keys, attempts)
     try:
@@ -92,7 +114,12 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
 
 
 def _draw(
-    source: Dataset, out: Dataset, job: DrawJob, attempts: Sequence[Mapping[str, Any]], keys: SlotKeys, phases: Phases
+    source: Dataset,
+    out: Dataset,
+    job: DrawJob,
+    attempts: Sequence[Mapping[str, Any]],
+    keys: SlotKeys,
+    phases: Phases,
 ) -> tuple[str, FileFacts]:
     """Write the episode; its sha256, and what is known of it."""
     path, store = source.episode(job.origin), AssetStore(source.bodies)
@@ -109,9 +136,18 @@ def _draw(
     appearance = with_setup(stored, job.recipe, look, episode.log.sides, sensing)
     if not job.same_look:
         appearance = replace(appearance, images=surfaces_of(look, job.recipe))
-    kept = {name: key for name, key in episode.meta.drawing.assets.items() if not name.startswith(SURFACE)}
+    kept = {
+        name: key
+        for name, key in episode.meta.drawing.assets.items()
+        if not name.startswith(SURFACE)
+    }
     cameras = {camera.name: CameraInfo.of(camera) for camera in appearance.cameras}
-    changed = {"preset": appearance.preset, "visuals": look, "cameras": cameras, "sensors": job.recipe.sensors}
+    changed = {
+        "preset": appearance.preset,
+        "visuals": look,
+        "cameras": cameras,
+        "sensors": job.recipe.sensors,
+    }
     changed["assets"] = kept | keep_images(appearance.images, AssetStore(out.bodies))
     drawing = episode.meta.drawing.model_copy(update=changed)
     objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
@@ -119,8 +155,16 @@ def _draw(
     with phases("write"):
         for key in dict.fromkeys(kept.values()):
             AssetStore(out.bodies).copy(key, store)
-    known = {"physics_id": physics_id(episode.spec, episode.log), "variant": job.slot.variant, "drawing": images.drawing}
-    redrawn = replace(episode, meta=episode.meta.model_copy(update=known | keys.header()), attempts=untimed(attempts))
+    known = {
+        "physics_id": physics_id(episode.spec, episode.log),
+        "variant": job.slot.variant,
+        "drawing": images.drawing,
+    }
+    redrawn = replace(
+        episode,
+        meta=episode.meta.model_copy(update=known | keys.header()),
+        attempts=untimed(attempts),
+    )
     sha = write(out.episode(job.slot), redrawn, images, phases)
     return sha, read_facts(out, job.slot)
 
@@ -131,5 +175,6 @@ def _load_parts(bodies: Path, key: str) -> Parts:
 
 
 def cached_parts(store: AssetStore, key: str) -> Parts:
-    """The parts of an asset, kept by this process: most bodies of an episode are the links of a robot that comes again."""
+    """The parts of an asset, kept by this process: most bodies of an episode are the links of a
+    robot that comes again."""
     return _load_parts(store.root, key)

@@ -13,10 +13,11 @@ SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine
 
 
 def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
-    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn from, then these.
+    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn
+    from, then these.
 
-    Returns the record with the time of change that its file has from now on; as it is for a dataset in a directory. Raises
-    StoreError.
+    Returns the record with the time of change that its file has from now on; as it is for a dataset
+    in a directory. Raises StoreError.
 
     The episode's bytes are not kept on this machine.
     """
@@ -25,8 +26,16 @@ def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
         return record
     store, path = AssetStore(dataset.bodies), dataset.episode(slot)
     kept = [dataset.failure(slot, row["attempt"]) for row in record.attempts if row.get("kept")]
-    mirror.push(store.root.glob("*/*.npz") if kept else [store.path(key) for key in record.file.assets])
-    mirror.push([*kept, *failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg"), dataset.log(slot)])
+    mirror.push(
+        store.root.glob("*/*.npz") if kept else [store.path(key) for key in record.file.assets]
+    )
+    mirror.push(
+        [
+            *kept,
+            *failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg"),
+            dataset.log(slot),
+        ]
+    )
     if not record.accepted:
         mirror.delete([path])
         return record

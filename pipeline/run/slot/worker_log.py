@@ -1,4 +1,5 @@
-"""What a process prints while it works on one slot, kept in a file of its own where the slot fails."""
+"""What a process prints while it works on one slot, kept in a file of its own where the slot
+fails."""
 
 import faulthandler
 import os
@@ -17,10 +18,11 @@ class Log:
 
 @contextmanager
 def worker_log(path: Path) -> Iterator[Log]:
-    """Standard output and error of this process, those of its libraries too, go to the end of a file within.
+    """Standard output and error of this process, those of its libraries too, go to the end of a
+    file within.
 
-    An exception leaves its traceback there, and so does a signal that ends the process (faulthandler). A process that is killed
-    leaves the file as it is. Raises OSError.
+    An exception leaves its traceback there, and so does a signal that ends the process
+    (faulthandler). A process that is killed leaves the file as it is. Raises OSError.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     log = Log()

@@ -1,4 +1,5 @@
-"""A stored episode drawn again from its file and its dataset's assets, whatever tasks and robots the code knows now."""
+"""A stored episode drawn again from its file and its dataset's assets, whatever tasks and robots
+the code knows now."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,36 +15,45 @@ from pipeline.stages.drawing.render import Appearance, render, stored_appearance
 
 FILMED = CameraType(640, 480, 40.0)
 FACING, FREE = (-0.40, -0.70, -0.50), 0.10
-"""The way a film looks, from across the table at the robot, and the share of the image that stays free on each side."""
+"""The way a film looks, from across the table at the robot, and the share of the image that stays
+free on each side."""
 
 
 def redraw(path: Path, camera: str, bodies: Path) -> View:
-    """One camera of a stored episode again, with depth and segmentation, from its state log and its own look: what its images show,
-    by perfect sensors.
+    """One camera of a stored episode again, with depth and segmentation, from its state log and its
+    own look: what its images show, by perfect sensors.
 
-    `bodies` is where its dataset keeps what bodies look like (Dataset.bodies). Raises EpisodeError, naming the file, if that
-    does not hold what the episode was drawn from.
+    `bodies` is where its dataset keeps what bodies look like (Dataset.bodies). Raises EpisodeError,
+    naming the file, if that does not hold what the episode was drawn from.
     """
     episode, appearance = _read_stored(path, bodies)
     appearance = appearance.seen_by(camera)
     if not appearance.cameras:
-        raise EpisodeError(f"{path}: has no camera {camera}: it has {', '.join(episode.meta.drawing.cameras)}")
-    return render(appearance, episode.log.late(episode.meta.drawing.latency), depth=True, segmentation=True)[0]
+        raise EpisodeError(
+            f"{path}: has no camera {camera}: it has {', '.join(episode.meta.drawing.cameras)}"
+        )
+    return render(
+        appearance, episode.log.late(episode.meta.drawing.latency), depth=True, segmentation=True
+    )[0]
 
 
 def redraw_smooth(path: Path, bodies: Path, *cameras: str) -> list[View]:
-    """A stored episode in `raster-smooth` at 640x480: from a camera that frames both arms and the whole path of the target,
-    then from stored cameras. Raises as `redraw`."""
+    """A stored episode in `raster-smooth` at 640x480: from a camera that frames both arms and the
+    whole path of the target, then from stored cameras. Raises as `redraw`."""
     episode, appearance = _read_stored(path, bodies)
     stored = [
-        replace(c, type=replace(c.type, width=FILMED.width, height=FILMED.height)) for c in appearance.seen_by(*cameras).cameras
+        replace(c, type=replace(c.type, width=FILMED.width, height=FILMED.height))
+        for c in appearance.seen_by(*cameras).cameras
     ]
     outside = facing(episode.log, episode.meta.target, episode.meta.manipulated)
-    return render(replace(appearance, cameras=(outside, *stored), preset="raster-smooth"), episode.log)
+    return render(
+        replace(appearance, cameras=(outside, *stored), preset="raster-smooth"), episode.log
+    )
 
 
 def facing(log: StateLog, *bodies: str) -> Camera:
-    """The camera across the table that has the links of both arms and these bodies in its image at every frame."""
+    """The camera across the table that has the links of both arms and these bodies in its image at
+    every frame."""
     arms = tuple(f"{side}_" for side in log.sides)
     acting = [name for name in log.bodies if name.startswith(arms) or name in bodies]
     points = np.concatenate([log.pose(name)[:, :3] for name in acting])

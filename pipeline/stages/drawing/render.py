@@ -1,4 +1,5 @@
-"""The last stage: images from a state log. A pure function of the log, what bodies look like, cameras and visuals; no physics."""
+"""The last stage: images from a state log. A pure function of the log, what bodies look like,
+cameras and visuals; no physics."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -43,8 +44,9 @@ SURFACE = "surface_"
 class Appearance:
     """Everything that images are drawn from, besides the poses in a state log.
 
-    `bodies` maps names to parts in the order of `StateLog.bodies`, the table left out; `furniture` stands still in the world, and
-    `images` are the textures of the room that a user brought, by kind.
+    `bodies` maps names to parts in the order of `StateLog.bodies`, the table left out; `furniture`
+    stands still in the world, and `images` are the textures of the room that a user brought, by
+    kind.
     """
 
     bodies: Mapping[str, Parts]
@@ -63,9 +65,10 @@ class Appearance:
 def visuals_of(spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0) -> Visuals:
     """The look of room and lights of an episode.
 
-    `setup.visuals` is "domain" (as the episode's domain says, from its own random stream), "clean", or "randomized", where every
-    seed and variant has a stream of its own, so that more variants change none of those there are. Textures and light that the
-    setup brings replace those of every look. Raises BroughtError if they are missing or have changed.
+    `setup.visuals` is "domain" (as the episode's domain says, from its own random stream), "clean",
+    or "randomized", where every seed and variant has a stream of its own, so that more variants
+    change none of those there are. Textures and light that the setup brings replace those of every
+    look. Raises BroughtError if they are missing or have changed.
     """
     visuals = _draw_visuals(spec, setup, variant)
     if isinstance(setup.textures, Brought):
@@ -78,8 +81,15 @@ def images_of(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
     """The textures of visuals that the setup brings, by kind."""
     if not isinstance(setup.textures, Brought):
         return {}
-    found, surfaces = textures_of(setup.textures), {"table": visuals.table, "wall": visuals.wall, "floor": visuals.ground}
-    return {kind: found[kind][surface.seed][0] for kind, surface in surfaces.items() if surface.pattern == IMAGE}
+    found, surfaces = (
+        textures_of(setup.textures),
+        {"table": visuals.table, "wall": visuals.wall, "floor": visuals.ground},
+    )
+    return {
+        kind: found[kind][surface.seed][0]
+        for kind, surface in surfaces.items()
+        if surface.pattern == IMAGE
+    }
 
 
 def _draw_visuals(spec: EpisodeSpec, setup: Setup, variant: int) -> Visuals:
@@ -94,7 +104,9 @@ def _draw_visuals(spec: EpisodeSpec, setup: Setup, variant: int) -> Visuals:
 def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
     """What the first look of the scene of a spec is drawn from, with a setup's cameras."""
     robot = scene.embodiment
-    bodies: dict[str, Parts] = {name: body.instance.shape().visual for name, body in scene.bodies.items()}
+    bodies: dict[str, Parts] = {
+        name: body.instance.shape().visual for name, body in scene.bodies.items()
+    }
     for side, arm in robot.arms.items():
         bodies |= {f"{side}_{link.name}": link.visual for link in arm.links}
     bodies |= {prop.name: parts_of(prop) for prop in scene.scenery}
@@ -106,38 +118,57 @@ def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
 
 
 def with_setup(
-    appearance: Appearance, setup: Setup, visuals: Visuals, sides: Collection[str], sensing: Sensing | None
+    appearance: Appearance,
+    setup: Setup,
+    visuals: Visuals,
+    sides: Collection[str],
+    sensing: Sensing | None,
 ) -> Appearance:
-    """The appearance with a setup's preset and cameras, for the arms of `sides`, and with these looks of room and lights and these
-    sensors.
+    """The appearance with a setup's preset and cameras, for the arms of `sides`, and with these
+    looks of room and lights and these sensors.
 
     Raises CameraError.
     """
     cameras = wanted_cameras(appearance.cameras, setup, sides)
-    return replace(appearance, cameras=cameras, preset=setup.render, visuals=visuals, sensing=sensing)
+    return replace(
+        appearance, cameras=cameras, preset=setup.render, visuals=visuals, sensing=sensing
+    )
 
 
 def keep(appearance: Appearance, store: AssetStore) -> Drawing:
-    """Keep what an episode is drawn from in the dataset's store; the record of it for the episode file. Raises OSError."""
-    shown = {name: parts for name, parts in appearance.bodies.items() if parts} | {FURNITURE: appearance.furniture}
+    """Keep what an episode is drawn from in the dataset's store; the record of it for the episode
+    file. Raises OSError."""
+    shown = {name: parts for name, parts in appearance.bodies.items() if parts} | {
+        FURNITURE: appearance.furniture
+    }
     return Drawing(
         preset=appearance.preset,
         visuals=appearance.visuals,
         cameras={c.name: CameraInfo.of(c) for c in appearance.cameras},
-        assets={name: store_parts(store, parts) for name, parts in shown.items()} | keep_images(appearance.images, store),
+        assets={name: store_parts(store, parts) for name, parts in shown.items()}
+        | keep_images(appearance.images, store),
         sensors=appearance.sensing and appearance.sensing.sensors,
     )
 
 
 def keep_images(images: Mapping[str, Rgba], store: AssetStore) -> dict[str, str]:
-    """Keep textures of the room in a dataset's store, as parts without triangles; their hashes by name among the assets."""
-    empty = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32), np.zeros((0, 3), np.float32))
-    parts = {kind: [(empty, Material((1.0, 1.0, 1.0), 1.0, 0.0, image))] for kind, image in images.items()}
+    """Keep textures of the room in a dataset's store, as parts without triangles; their hashes by
+    name among the assets."""
+    empty = Mesh(
+        np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32), np.zeros((0, 3), np.float32)
+    )
+    parts = {
+        kind: [(empty, Material((1.0, 1.0, 1.0), 1.0, 0.0, image))]
+        for kind, image in images.items()
+    }
     return {f"{SURFACE}{kind}": store_parts(store, held) for kind, held in parts.items()}
 
 
-def stored_appearance(episode: Episode, store: AssetStore, load: Callable[[AssetStore, str], Parts] = load_parts) -> Appearance:
-    """What a stored episode was drawn from, whatever the code is now. Raises AssetError if the store does not hold it.
+def stored_appearance(
+    episode: Episode, store: AssetStore, load: Callable[[AssetStore, str], Parts] = load_parts
+) -> Appearance:
+    """What a stored episode was drawn from, whatever the code is now. Raises AssetError if the
+    store does not hold it.
 
     `load` brings the parts of an asset, for one who keeps them from episode to episode.
     """
@@ -152,8 +183,17 @@ def stored_appearance(episode: Episode, store: AssetStore, load: Callable[[Asset
     furniture = load(store, drawing.assets[FURNITURE]) if FURNITURE in drawing.assets else ()
     cameras = tuple(info.camera(name) for name, info in drawing.cameras.items())
     sensing = sensing_of(episode.spec, drawing.sensors, episode.meta.fps, episode.meta.variant)
-    surfaces = {name.removeprefix(SURFACE): load(store, key) for name, key in drawing.assets.items() if name.startswith(SURFACE)}
-    images = {kind: pixels for kind, parts in surfaces.items() for _, m in parts if (pixels := m.texture) is not None}
+    surfaces = {
+        name.removeprefix(SURFACE): load(store, key)
+        for name, key in drawing.assets.items()
+        if name.startswith(SURFACE)
+    }
+    images = {
+        kind: pixels
+        for kind, parts in surfaces.items()
+        for _, m in parts
+        if (pixels := m.texture) is not None
+    }
     return Appearance(bodies, furniture, cameras, drawing.visuals, drawing.preset, sensing, images)
 
 
@@ -169,34 +209,49 @@ def body_poses(log: StateLog) -> dict[str, NDArray[np.float64]]:
 
 
 def render(
-    appearance: Appearance, log: StateLog, *, depth: bool = False, segmentation: bool = False, frames: Sequence[int] | None = None
+    appearance: Appearance,
+    log: StateLog,
+    *,
+    depth: bool = False,
+    segmentation: bool = False,
+    frames: Sequence[int] | None = None,
 ) -> list[View]:
-    """Images of every frame, or of the given ones, from every camera of the appearance, in its order, by perfect sensors."""
+    """Images of every frame, or of the given ones, from every camera of the appearance, in its
+    order, by perfect sensors."""
     with renderer(appearance) as drawing:
         return drawing.render(body_poses(log), frames, depth=depth, segmentation=segmentation)
 
 
 @dataclass(eq=False)
 class Capture:
-    """What the cameras of an episode captured, and the point clouds (T,N,6) where they are wanted."""
+    """What the cameras of an episode captured, and the point clouds (T,N,6) where they are
+    wanted."""
 
     views: list[View]
     pointcloud: NDArray[np.float32] | None = None
 
 
-def capture(appearance: Appearance, log: StateLog, setup: Setup, frames: Sequence[int] | None = None) -> Capture:
-    """Everything that the sensors of a setup show of an episode at every frame, or at the given ones.
+def capture(
+    appearance: Appearance, log: StateLog, setup: Setup, frames: Sequence[int] | None = None
+) -> Capture:
+    """Everything that the sensors of a setup show of an episode at every frame, or at the given
+    ones.
 
-    Raises CameraError for a camera on what is no body of the episode, or for a point cloud without a head camera.
+    Raises CameraError for a camera on what is no body of the episode, or for a point cloud without
+    a head camera.
     """
     check_links(appearance.cameras, log.bodies)
     wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
     with renderer(appearance) as drawing:
-        views = photograph(drawing, body_poses(log), frames or range(len(log)), appearance.sensing, **wanted)
+        views = photograph(
+            drawing, body_poses(log), frames or range(len(log)), appearance.sensing, **wanted
+        )
     if not setup.pointcloud:
         return Capture(views)
     head = next((view for view in views if view.camera.name == HEAD), None)
     if head is None:
-        raise CameraError("a point cloud is made of the head camera's images: add head to the cameras")
+        raise CameraError(
+            "a point cloud is made of the head camera's images: add head to the cameras"
+        )
     clouds = point_clouds(head)
     return Capture(views if setup.depth else [replace(view, depth=None) for view in views], clouds)

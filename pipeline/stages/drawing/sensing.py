@@ -15,7 +15,9 @@ SUBFRAMES = 8
 """Moments of an open shutter whose light is summed, the last of them the frame's own."""
 
 
-def sensing_of(spec: EpisodeSpec, sensors: Sensors | None, fps: int, variant: int = 0) -> Sensing | None:
+def sensing_of(
+    spec: EpisodeSpec, sensors: Sensors | None, fps: int, variant: int = 0
+) -> Sensing | None:
     """The sensors of one look of an episode, from a random stream of its own; None for none."""
     return sensors and Sensing(sensors, int(spec.rng(f"sensors/{variant}").integers(2**63)), fps)
 
@@ -29,7 +31,8 @@ def photograph(
     depth: bool = False,
     segmentation: bool = False,
 ) -> list[View]:
-    """Images of frames by every camera of a renderer; `poses` (T,7) by body at all frames up to the last of them.
+    """Images of frames by every camera of a renderer; `poses` (T,7) by body at all frames up to the
+    last of them.
 
     Depth and segmentation are of the moment when the shutter closes.
     """

@@ -1,14 +1,25 @@
-"""What is wrong with templates and with the sentences made from them: tests and `check-task` ask these functions."""
+"""What is wrong with templates and with the sentences made from them: tests and `check-task` ask
+these functions."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
-from pipeline.tasks.language.sentences import CLAUSE, MOVING, Wording, crowded, nouns, singular, slots
+from pipeline.tasks.language.sentences import (
+    CLAUSE,
+    MOVING,
+    Wording,
+    crowded,
+    nouns,
+    singular,
+    slots,
+)
 
 MOTION = re.compile(
-    r"\b(mov(?:es|ing)|on the move|in motion|mid-motion|slid(?:es|ing)|glid\w+|drift\w*|travel\w*|pass(?:es|ing)|catch\w*|caught"
-    r"|intercept\w*|stop\w*|halt\w*|chas\w+|follow\w*|track\w*|wait\w*|on (?:its|the) way|gets? away|goes by|going by|coming|comes"
+    r"\b(mov(?:es|ing)|on the move|in"
+    r" motion|mid-motion|slid(?:es|ing)|glid\w+|drift\w*|travel\w*|pass(?:es|ing)|catch\w*|caught"
+    r"|intercept\w*|stop\w*|halt\w*|chas\w+|follow\w*|track\w*|wait\w*|on (?:its|the) way|gets?"
+    r" away|goes by|going by|coming|comes"
     r"|approach\w*|cross(?:es|ing)|still (?:mov|slid)\w*|roll(?:s|ing)(?! pin)"
     r"|fall(?:s|ing)(?! in)|drops|fl(?:ies|ying)|flight|tossed)\b",
     re.IGNORECASE,
@@ -18,12 +29,16 @@ _POSSESSIVE = re.compile(r"\{(\w+)(?::\w+)?\}'s\b")
 _SLOT_NAME = re.compile(r"\{\w+")
 _SIDE = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _TWO_ARMS = re.compile(
-    r"\b(?:other|second) (?:arm|hand|gripper)\b|\b(?:both|two) (?:of your )?(?:arms|hands|grippers)\b|two-handed", re.IGNORECASE
+    r"\b(?:other|second) (?:arm|hand|gripper)\b|\b(?:both|two) (?:of your"
+    r" )?(?:arms|hands|grippers)\b|two-handed",
+    re.IGNORECASE,
 )
 _THEY = re.compile(r"\b(they|them|their|these|those)\b", re.IGNORECASE)
 _VAGUE = re.compile(
-    r"\bclose the (?:left|right) arm\b|\b(?:in|into|out of) the (?:left|right) arm\b|\bthe (?:left|right) arm is to\b"
-    r"|\bthe (?:middle|center)\b(?! (?:of|line) )|\b(?:bring|put|lay) (?:them|both|the two|the one) (?:together|in|into|inside)\b"
+    r"\bclose the (?:left|right) arm\b|\b(?:in|into|out of) the (?:left|right) arm\b|\bthe"
+    r" (?:left|right) arm is to\b"
+    r"|\bthe (?:middle|center)\b(?! (?:of|line) )|\b(?:bring|put|lay) (?:them|both|the two|the one)"
+    r" (?:together|in|into|inside)\b"
     r"|\bthe one\b.*\bthe other\b|\b(?:lift|raise|hoist|pick up) (?:by|with) the\b|\bthe lot\b",
     re.IGNORECASE,
 )
@@ -33,21 +48,41 @@ _VERB = re.compile(
     re.IGNORECASE,
 )
 _MANY = "balls|ends|arms|hands|grippers|fingers|fingertips|contents|sides"
-_BARE = "are|were|have|do|be|stand|lie|rest|hang|face|point|sit|slide|move|travel|go|take|hold|put|lift|lay|carry|place|reach|open"
-_WITH_S = "is|was|has|does|stands|lies|rests|hangs|faces|points|sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"
+_BARE = "are|were|have|do|be|stand|lie|rest|hang|face|point|sit|slide|move|travel|go|take|hold|put|lift|lay|carry|place|reach|open"  # noqa: E501
+_WITH_S = "is|was|has|does|stands|lies|rests|hangs|faces|points|sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"  # noqa: E501
 _CAUSE = ("let", "make", "have", "see", "watch")
-_WHEN = ("while", "as", "when", "once", "after", "until", "before", "that", "where", "which", "because", "if")
+_WHEN = (
+    "while",
+    "as",
+    "when",
+    "once",
+    "after",
+    "until",
+    "before",
+    "that",
+    "where",
+    "which",
+    "because",
+    "if",
+)
 
 
-def check_templates(seen: Sequence[str], unseen: Sequence[str], objects: Collection[str], arms: Collection[str]) -> None:
+def check_templates(
+    seen: Sequence[str], unseen: Sequence[str], objects: Collection[str], arms: Collection[str]
+) -> None:
     """Raise ValueError, listing everything that is wrong with the templates of a task.
 
-    Wrong are an unknown or malformed slot, a slot used twice, an article before a slot, the possessive of a thing ("{pot}'s side",
-    where the pot may be "the pot with brown handles"), two phrases "with ..." in one clause, a template given twice (case and
-    punctuation aside) or in both splits, an empty split, and a word of motion in a template that is not marked "~" or a mark
+    Wrong are an unknown or malformed slot, a slot used twice, an article before a slot, the
+    possessive of a thing ("{pot}'s side", where the pot may be "the pot with brown handles"), two
+    phrases "with ..." in one clause, a template given twice (case and punctuation aside) or in both
+    splits, an empty split, and a word of motion in a template that is not marked "~" or a mark
     without one.
     """
-    wrong = [f"no {split} templates" for split, templates in (("seen", seen), ("unseen", unseen)) if not templates]
+    wrong = [
+        f"no {split} templates"
+        for split, templates in (("seen", seen), ("unseen", unseen))
+        if not templates
+    ]
     known = {*objects, *arms}
     met: set[str] = set()
     for template in (*seen, *unseen):
@@ -57,16 +92,30 @@ def check_templates(seen: Sequence[str], unseen: Sequence[str], objects: Collect
         met.add(key)
         if _ARTICLE.search(template):
             wrong.append(f"{template!r} has an article before a slot")
-        wrong += [f"{template!r} has the possessive of {{{name}}}" for name in _POSSESSIVE.findall(template) if name in objects]
+        wrong += [
+            f"{template!r} has the possessive of {{{name}}}"
+            for name in _POSSESSIVE.findall(template)
+            if name in objects
+        ]
         if crowded(re.sub(r"\{.*?\}", "x", template)):
             wrong.append(f"{template!r} has two phrases with 'with' in one clause")
         try:
-            wrong += [f"{template!r} has the unknown slot {{{s}}}" for s in slots(template) if s not in known]
-            wrong += [f"{template!r} has the slot {{{s}}} twice" for s in slots(template) if len(_uses(template, s)) > 1]
+            wrong += [
+                f"{template!r} has the unknown slot {{{s}}}"
+                for s in slots(template)
+                if s not in known
+            ]
+            wrong += [
+                f"{template!r} has the slot {{{s}}} twice"
+                for s in slots(template)
+                if len(_uses(template, s)) > 1
+            ]
         except ValueError as error:
             wrong.append(str(error))
         if bool(MOTION.search(_SLOT_NAME.sub(" ", template))) != template.startswith(MOVING):
-            wrong.append(f"{template!r} speaks of motion without the mark ~, or has the mark and does not")
+            wrong.append(
+                f"{template!r} speaks of motion without the mark ~, or has the mark and does not"
+            )
     if wrong:
         raise ValueError("; ".join(wrong))
 
@@ -95,7 +144,8 @@ def _find_names(text: str, wording: Wording) -> list[str]:
 
 
 def _repeats(text: str, wording: Wording) -> bool:
-    """Whether a noun of the scene, or an arm, is named twice; a noun before another one ("bread basket") only qualifies it."""
+    """Whether a noun of the scene, or an arm, is named twice; a noun before another one ("bread
+    basket") only qualifies it."""
     known = {noun for d in _find_names(text, wording) for noun in nouns(d)} | {
         "button",
         "handle",
@@ -106,15 +156,24 @@ def _repeats(text: str, wording: Wording) -> bool:
         "table",
     }
     said = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
-    heads = [word for word, after in zip(said, [*said[1:], ""], strict=True) if word in known and after not in known]
+    heads = [
+        word
+        for word, after in zip(said, [*said[1:], ""], strict=True)
+        if word in known and after not in known
+    ]
     arms = [m[0].lower() for m in _SIDE.finditer(text)]
     return len(set(heads)) < len(heads) or len(set(arms)) < len(arms)
 
 
 def _disagrees(text: str, wording: Wording) -> bool:
-    """Whether a pronoun or a verb is in the wrong number for what is known to be one thing or several."""
-    for thing in sorted([*_find_names(text, wording), "left arm", "right arm"], key=len, reverse=True):
-        text = re.sub(rf"\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b", "XX", text, flags=re.IGNORECASE)
+    """Whether a pronoun or a verb is in the wrong number for what is known to be one thing or
+    several."""
+    for thing in sorted(
+        [*_find_names(text, wording), "left arm", "right arm"], key=len, reverse=True
+    ):
+        text = re.sub(
+            rf"\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b", "XX", text, flags=re.IGNORECASE
+        )
     they = _THEY.search(text)
     if they and not re.search(rf"\b({_MANY}|both|two)\b|XX.*XX", text[: they.start()]):
         return True
@@ -136,16 +195,20 @@ def _wrong_arm(text: str, wording: Wording) -> bool:
 
 
 def _is_misattached(text: str, wording: Wording) -> bool:
-    """Whether "with the left arm" seems to belong to a goal ("on the plate with the left arm") or to the second of two things.
+    """Whether "with the left arm" seems to belong to a goal ("on the plate with the left arm") or
+    to the second of two things.
 
     Also whether a clause has two phrases "with ..."."""
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
         said = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]
-        if arm and re.search(r" (?:on|onto|in|into|to|over) the (?:(?!and )[\w -])*$", clause[: arm.start()]):
+        if arm and re.search(
+            r" (?:on|onto|in|into|to|over) the (?:(?!and )[\w -])*$", clause[: arm.start()]
+        ):
             return True
         if arm and any(
-            clause[: arm.start()].endswith(last) and first in clause[: arm.start()].removesuffix(last)
+            clause[: arm.start()].endswith(last)
+            and first in clause[: arm.start()].removesuffix(last)
             for a, b in combinations(said, 2)
             for first, last in ((a, b), (b, a))
         ):
@@ -168,17 +231,35 @@ CHECKS: dict[str, Callable[[str, Wording], bool]] = {
 }
 
 FIXES = {
-    "slot leak": "a slot was not filled, or spaces and punctuation are doubled: look at the braces and the ends of the phrases",
+    "slot leak": (
+        "a slot was not filled, or spaces and punctuation are doubled: look at the braces and the"
+        " ends of the phrases"
+    ),
     "start or end": "begin every sentence with a capital letter and end the text with a full stop",
-    "article": "write neither an article before a slot nor 'a' before a vowel: a description brings its own 'the'",
+    "article": (
+        "write neither an article before a slot nor 'a' before a vowel: a description brings its"
+        " own 'the'"
+    ),
     "word twice running": "the same word follows itself: reword the template or the description",
-    "repeated noun": "one thing or arm is named twice: name it once, and say 'it' or leave it out after that",
+    "repeated noun": (
+        "one thing or arm is named twice: name it once, and say 'it' or leave it out after that"
+    ),
     "number": "'they' or a plural verb is about one thing, or the other way round: make them agree",
-    "motion at level 0": "the text describes a motion, but nothing moves: begin the template with ~",
-    "arm": "the text names an arm that does not act, or two where one acts: use the slots of the roles",
-    "attachment": "'with the left arm' follows the goal or a second thing as if it were part of that, or a clause has two 'with': "
-    "put {arm} first ('With {arm}, set {can} on {pad}.') or right after the verb and its object",
-    "vague": "a reader cannot tell what is meant ('the middle', 'together', 'the other'): name the things",
+    "motion at level 0": (
+        "the text describes a motion, but nothing moves: begin the template with ~"
+    ),
+    "arm": (
+        "the text names an arm that does not act, or two where one acts: use the slots of the roles"
+    ),
+    "attachment": (
+        "'with the left arm' follows the goal or a second thing as if it were part of that, or a"
+        " clause has two 'with': put {arm} first ('With {arm}, set {can} on {pad}.') or right after"
+        " the verb and its object"
+    ),
+    "vague": (
+        "a reader cannot tell what is meant ('the middle', 'together', 'the other'): name the"
+        " things"
+    ),
     "verb": "write 'pick it up', not 'pick up it', and 'remove from', not 'remove off'",
 }
 """What each of CHECKS means and what to change, in one line."""

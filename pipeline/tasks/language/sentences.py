@@ -1,8 +1,10 @@
-"""Instructions in words: templates with slots, filled with true descriptions of the objects and the names of the acting arms.
+"""Instructions in words: templates with slots, filled with true descriptions of the objects and the
+names of the acting arms.
 
-A template is a sentence such as "Press {bell} with {arm}.": a slot names a body of the layout ("the small red bell") or a role of
-an arm ("the left arm"); {bell:moving} puts an adjective in front ("the moving small red bell"). Templates carry no article before a
-slot. One that begins with "~" says that the target moves ("~ Catch {can}.") and is used only where it does. What templates and
+A template is a sentence such as "Press {bell} with {arm}.": a slot names a body of the layout ("the
+small red bell") or a role of an arm ("the left arm"); {bell:moving} puts an adjective in front
+("the moving small red bell"). Templates carry no article before a slot. One that begins with "~"
+says that the target moves ("~ Catch {can}.") and is used only where it does. What templates and
 sentences must keep to is checked by pipeline/tasks/language/check.py.
 """
 
@@ -28,8 +30,12 @@ _SLOT = re.compile(r"\{(\w+)(?::([a-z]+))?\}")
 _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
 _PART = re.compile(r"\s+(?:with|of|on|in|made of)\s+")
-_SIZE = re.compile(r"(?:small|medium-sized|large|little|tiny|short|tall|long|narrow|wide|low|thin|thick|slim|flat|round|square)\b")
-_CROWDED = re.compile(r"\bwith\b.*\b(?:with|[io]n it)\b|\bwith an? (?:(?!the\b)[\w-]+ )+of the\b", re.IGNORECASE)
+_SIZE = re.compile(
+    r"(?:small|medium-sized|large|little|tiny|short|tall|long|narrow|wide|low|thin|thick|slim|flat|round|square)\b"
+)
+_CROWDED = re.compile(
+    r"\bwith\b.*\b(?:with|[io]n it)\b|\bwith an? (?:(?!the\b)[\w-]+ )+of the\b", re.IGNORECASE
+)
 CLAUSE = re.compile(r"[,;:.!?]")
 
 
@@ -49,17 +55,22 @@ def has_templates(task: str, module: str) -> bool:
     return beside(module).joinpath(_phrases(task)).is_file()
 
 
-def read_templates(task: str, module: str = "pipeline.tasks.library.any") -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Seen and unseen templates of a task from phrases/<task>.txt beside its module: a line "seen", templates one per line, a line
-    "unseen", more.
+def read_templates(
+    task: str, module: str = "pipeline.tasks.library.any"
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Seen and unseen templates of a task from phrases/<task>.txt beside its module: a line "seen",
+    templates one per line, a line "unseen", more.
 
-    Empty lines do not count. Raises LanguageError, naming the file, if it is missing or not of this form.
+    Empty lines do not count. Raises LanguageError, naming the file, if it is missing or not of this
+    form.
     """
     where = _phrases(task)
     try:
         text = beside(module).joinpath(where).read_text("utf-8")
     except FileNotFoundError as missing:
-        raise LanguageError(f"task {task!r} has no templates: give the class `seen` and `unseen` or write {where}") from missing
+        raise LanguageError(
+            f"task {task!r} has no templates: give the class `seen` and `unseen` or write {where}"
+        ) from missing
     return two_lists(text, where)
 
 
@@ -67,8 +78,8 @@ def read_templates(task: str, module: str = "pipeline.tasks.library.any") -> tup
 class Wording:
     """What the instructions of one scene are made from.
 
-    `seen` and `unseen` are templates, `objects` the descriptions of the bodies by name, `arms` the sides of the roles by name;
-    `moving` says whether the target moves.
+    `seen` and `unseen` are templates, `objects` the descriptions of the bodies by name, `arms` the
+    sides of the roles by name; `moving` says whether the target moves.
     """
 
     seen: Sequence[str]
@@ -78,14 +89,18 @@ class Wording:
     moving: bool = True
 
 
-def instructions(wording: Wording, rng: np.random.Generator, count: int = 100) -> dict[str, list[str]]:
-    """`count` instructions for each of the splits "seen" and "unseen" (templates and descriptions of that split).
+def instructions(
+    wording: Wording, rng: np.random.Generator, count: int = 100
+) -> dict[str, list[str]]:
+    """`count` instructions for each of the splits "seen" and "unseen" (templates and descriptions
+    of that split).
 
-    Every combination of template and descriptions comes once before any comes again, templates taking turns, and no instruction
-    follows itself unless it is the only one. A template that says "the left arm" outright is used only where the left arm acts,
-    one with two roles only where two arms act, one marked "~" only where the target moves. Raises LanguageError, naming the
-    template and the slot, for a slot that is neither a body nor a role, for a side that is not left or right, and if no template
-    of a split is true.
+    Every combination of template and descriptions comes once before any comes again, templates
+    taking turns, and no instruction follows itself unless it is the only one. A template that says
+    "the left arm" outright is used only where the left arm acts, one with two roles only where two
+    arms act, one marked "~" only where the target moves. Raises LanguageError, naming the template
+    and the slot, for a slot that is neither a body nor a role, for a side that is not left or
+    right, and if no template of a split is true.
     """
     objects, arms = wording.objects, wording.arms
     for role, side in arms.items():
@@ -96,15 +111,25 @@ def instructions(wording: Wording, rng: np.random.Generator, count: int = 100) -
         "unseen": {name: w.unseen for name, w in objects.items()},
     }
     return {
-        split: _draw([_fillings(t, words[split], arms) for t in templates if _true(t, arms, wording.moving)], split, rng, count)
+        split: _draw(
+            [_fillings(t, words[split], arms) for t in templates if _true(t, arms, wording.moving)],
+            split,
+            rng,
+            count,
+        )
         for split, templates in (("seen", wording.seen), ("unseen", wording.unseen))
     }
 
 
 def slots(template: str) -> tuple[str, ...]:
-    """The slots of a template, each once, in order. Raises LanguageError for unpaired braces or a slot that is no plain name."""
+    """The slots of a template, each once, in order. Raises LanguageError for unpaired braces or a
+    slot that is no plain name."""
     try:
-        fields = [(name, spec, conversion) for _, name, spec, conversion in Formatter().parse(template) if name is not None]
+        fields = [
+            (name, spec, conversion)
+            for _, name, spec, conversion in Formatter().parse(template)
+            if name is not None
+        ]
     except ValueError as error:
         raise LanguageError(f"{template!r} is malformed: {error}") from error
     for name, spec, conversion in fields:
@@ -114,7 +139,8 @@ def slots(template: str) -> tuple[str, ...]:
 
 
 def sentence(text: str) -> str:
-    """Text with single spaces, a capital at the start of each sentence, and a full stop if no other sign ends it."""
+    """Text with single spaces, a capital at the start of each sentence, and a full stop if no other
+    sign ends it."""
     text = re.sub(r"\s+", " ", text).strip()
     text = _START.sub(lambda m: m[1] + m[2].upper(), text)
     return text if text.endswith((".", "!", "?")) else text + "."
@@ -126,7 +152,9 @@ def nouns(phrase: str) -> frozenset[str]:
 
     Those of "red bell with a black base" are "bell" and "base".
     """
-    return frozenset(singular(part.split()[-1]) for part in _PART.split(phrase.lower()) if part.strip())
+    return frozenset(
+        singular(part.split()[-1]) for part in _PART.split(phrase.lower()) if part.strip()
+    )
 
 
 def singular(word: str) -> str:
@@ -151,20 +179,30 @@ class _Filling:
     said: Mapping[str, str]
 
     def text(self) -> str:
-        return sentence(_SLOT.sub(lambda m: " ".join(filter(None, ("the", m[2], self.said[m[1]]))), self.template))
+        return sentence(
+            _SLOT.sub(
+                lambda m: " ".join(filter(None, ("the", m[2], self.said[m[1]]))), self.template
+            )
+        )
 
 
-def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]) -> list[_Filling]:
+def _fillings(
+    template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]
+) -> list[_Filling]:
     """Every way to fill a template.
 
-    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a noun of the template), those with
-    two phrases "with ..." in one clause, and those with an adjective of the template before one of size ("the moving small bell").
+    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a
+    noun of the template), those with two phrases "with ..." in one clause, and those with an
+    adjective of the template before one of size ("the moving small bell").
     """
     template = template.removeprefix(MOVING)
     names = slots(template)
     for name in names:
         if name not in words and name not in arms:
-            raise LanguageError(f"{template!r} has the slot {{{name}}}: there are {', '.join(sorted({*words, *arms}))}")
+            raise LanguageError(
+                f"{template!r} has the slot {{{name}}}: there are"
+                f" {', '.join(sorted({*words, *arms}))}"
+            )
         if name in words and not words[name]:
             raise LanguageError(f"{template!r} has the slot {{{name}}}, which has no description")
     bodies = [n for n in names if n in words]
@@ -172,7 +210,10 @@ def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[s
     choices = [list(dict.fromkeys(words[n])) for n in bodies]
     choices = [[d for d in c if not nouns(d) & own] or c for c in choices]
     marked = {m[1] for m in _SLOT.finditer(template) if m[2]}
-    choices = [[d for d in c if n not in marked or not _SIZE.match(d)] or c for n, c in zip(bodies, choices, strict=True)]
+    choices = [
+        [d for d in c if n not in marked or not _SIZE.match(d)] or c
+        for n, c in zip(bodies, choices, strict=True)
+    ]
     filled = list(product(*choices))
     apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
     filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
@@ -184,17 +225,23 @@ def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[s
         return crowded(_Filling(template, {**roles, **said}).text())
 
     light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
-    return [_Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}) for f in light or filled]
+    return [
+        _Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}) for f in light or filled
+    ]
 
 
 def crowded(text: str) -> bool:
-    """Whether a clause is ambiguous: it has two phrases "with ...", or one before "on it", "in it" or "of the".
+    """Whether a clause is ambiguous: it has two phrases "with ...", or one before "on it", "in it"
+    or "of the".
 
-    In "the can with a label on it" or "the drawer with a knob of the cabinet" the second phrase may belong to either noun."""
+    In "the can with a label on it" or "the drawer with a knob of the cabinet" the second phrase may
+    belong to either noun."""
     return any(_CROWDED.search(clause) for clause in CLAUSE.split(text))
 
 
-def _draw(templates: Sequence[Sequence[_Filling]], split: str, rng: np.random.Generator, count: int) -> list[str]:
+def _draw(
+    templates: Sequence[Sequence[_Filling]], split: str, rng: np.random.Generator, count: int
+) -> list[str]:
     if not templates:
         raise LanguageError(f"no {split} template is true of this scene")
     first = templates[0][0].text()

@@ -1,7 +1,9 @@
-"""Merge the parts of a body into few draw calls, shadow casters and bounds: pure functions of the parts, in a fixed order.
+"""Merge the parts of a body into few draw calls, shadow casters and bounds: pure functions of the
+parts, in a fixed order.
 
-A draw call costs the software rasteriser about 20 us whatever it draws, so the parts of a body become one mesh: the materials of
-untextured parts travel in the vertices' uvs (`packed`), and one texture per draw call serves the textured parts.
+A draw call costs the software rasteriser about 20 us whatever it draws, so the parts of a body
+become one mesh: the materials of untextured parts travel in the vertices' uvs (`packed`), and one
+texture per draw call serves the textured parts.
 """
 
 import hashlib
@@ -14,20 +16,31 @@ from numpy.typing import NDArray
 from pipeline.world.shapes import Material, Mesh, Parts, merge
 
 PLAIN = -(1 << 20)
-"""uvs with v at or below this hold a material and are no texture coordinates; `shaders/common/vertex.glsl` has the same number."""
+"""uvs with v at or below this hold a material and are no texture coordinates;
+`shaders/common/vertex.glsl` has the same number."""
 
 
 def by_material(parts: Parts) -> list[tuple[Mesh, Material]]:
     """The parts with those of equal material merged, in the order of first appearance."""
     groups: dict[tuple[Any, ...], list[tuple[Mesh, Material]]] = {}
     for mesh, material in parts:
-        key = (tuple(material.color), material.roughness, material.metallic, _content(material), mesh.uvs is None)
+        key = (
+            tuple(material.color),
+            material.roughness,
+            material.metallic,
+            _content(material),
+            mesh.uvs is None,
+        )
         groups.setdefault(key, []).append((mesh, material))
-    return [(merge([mesh for mesh, _ in group]) if len(group) > 1 else group[0][0], group[0][1]) for group in groups.values()]
+    return [
+        (merge([mesh for mesh, _ in group]) if len(group) > 1 else group[0][0], group[0][1])
+        for group in groups.values()
+    ]
 
 
 def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
-    """The parts as one mesh per texture, at least one: untextured parts carry their material in their uvs and join the first mesh.
+    """The parts as one mesh per texture, at least one: untextured parts carry their material in
+    their uvs and join the first mesh.
 
     The material returned with a mesh holds for its textured vertices only.
     """
@@ -37,21 +50,30 @@ def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
         if material.texture is None or mesh.uvs is None:
             plain.append(replace(mesh, uvs=np.tile(material_uv(material), (len(mesh.vertices), 1))))
         else:
-            groups.setdefault((material.roughness, material.metallic, _content(material)), []).append((mesh, material))
+            groups.setdefault(
+                (material.roughness, material.metallic, _content(material)), []
+            ).append((mesh, material))
     if not groups:
         return [(merge(plain), Material((1.0, 1.0, 1.0)))] if plain else []
     textured = [([mesh for mesh, _ in group], group[0][1]) for group in groups.values()]
-    return [(merge([*(plain if i == 0 else []), *meshes]), material) for i, (meshes, material) in enumerate(textured)]
+    return [
+        (merge([*(plain if i == 0 else []), *meshes]), material)
+        for i, (meshes, material) in enumerate(textured)
+    ]
 
 
 def material_uv(material: Material) -> NDArray[np.float32]:
-    """An untextured material as a uv pair (2,): u = colour as 0xRRGGBB, v = PLAIN - (roughness * 256 + metallic), 8 bits each."""
-    r, g, b, roughness, metallic = np.rint(np.clip([*material.color, material.roughness, material.metallic], 0, 1) * 255)
+    """An untextured material as a uv pair (2,): u = colour as 0xRRGGBB, v = PLAIN - (roughness *
+    256 + metallic), 8 bits each."""
+    r, g, b, roughness, metallic = np.rint(
+        np.clip([*material.color, material.roughness, material.metallic], 0, 1) * 255
+    )
     return np.array([r * 65536 + g * 256 + b, PLAIN - (roughness * 256 + metallic)], np.float32)
 
 
 def caster(parts: Parts, cell: float) -> Mesh:
-    """The shape of the parts without their looks, for the shadow map: vertices in one cube of `cell` (m) become their mean.
+    """The shape of the parts without their looks, for the shadow map: vertices in one cube of
+    `cell` (m) become their mean.
 
     Triangles that lose their area are dropped. Normals and uvs are zero.
     """

@@ -12,7 +12,12 @@ from pipeline.data.cameras import CameraType
 from pipeline.data.episode.visuals import Visuals
 from pipeline.world.drawing.batching import by_material, packed
 from pipeline.world.drawing.light.look_versions import look_of
-from pipeline.world.drawing.light.shadows import SHADOW_CENTRE, SHADOW_DEPTH, SHADOW_HALF_SIZE, SHADOW_MAP
+from pipeline.world.drawing.light.shadows import (
+    SHADOW_CENTRE,
+    SHADOW_DEPTH,
+    SHADOW_HALF_SIZE,
+    SHADOW_MAP,
+)
 from pipeline.world.drawing.presets import Preset
 from pipeline.world.shapes import Parts
 
@@ -23,9 +28,11 @@ BACKGROUND = 0  # the number of what is no body
 
 @dataclass(frozen=True)
 class Drawn:
-    """A body as the engine takes it: its render component and the number that the segmentation shows.
+    """A body as the engine takes it: its render component and the number that the segmentation
+    shows.
 
-    A plane of the room, which our shaders light per vertex, has in `plane` its channel of the shadow masks, and its roughness.
+    A plane of the room, which our shaders light per vertex, has in `plane` its channel of the
+    shadow masks, and its roughness.
     """
 
     component: Any
@@ -35,10 +42,11 @@ class Drawn:
 
 
 class DrawnScene:
-    """Bodies that can be placed, shown and hidden, their lights, and the cameras that look at them, made when first used.
+    """Bodies that can be placed, shown and hidden, their lights, and the cameras that look at them,
+    made when first used.
 
-    Bodies are drawn in the order given, planes after all others. `scattered` is the light that the table sends back;
-    `textures` are what our shaders sample, by name.
+    Bodies are drawn in the order given, planes after all others. `scattered` is the light that the
+    table sends back; `textures` are what our shaders sample, by name.
     """
 
     def __init__(
@@ -69,7 +77,9 @@ class DrawnScene:
                 component.set_property("points", len(visuals.points))
                 component.set_property("roughness", float(body.roughness))
             elif not preset.stock:
-                for channel, light in zip(("tableRed", "tableGreen", "tableBlue"), scattered, strict=True):
+                for channel, light in zip(
+                    ("tableRed", "tableGreen", "tableBlue"), scattered, strict=True
+                ):
                     component.set_property(channel, light)
             self._bodies[name] = (entity, component)
 
@@ -78,14 +88,16 @@ class DrawnScene:
         self._bodies[name][0].set_pose(self._pose(pose))
 
     def show(self, names: Iterable[str]) -> None:
-        """Hide all bodies but these. A change makes the engine record its commands again, which costs about a third of a frame."""
+        """Hide all bodies but these. A change makes the engine record its commands again, which
+        costs about a third of a frame."""
         shown = frozenset(names)
         for name in shown ^ self._shown:
             self._bodies[name][1].visibility = float(name in shown)
         self._shown = shown
 
     def take(self, kind: CameraType, shader: str, pose: ArrayLike) -> Any:
-        """Draw an image from a world pose (7,); what is returned holds its targets until the next image of that type and shader."""
+        """Draw an image from a world pose (7,); what is returned holds its targets until the next
+        image of that type and shader."""
         if (kind, shader) not in self._cameras:
             self._cameras[kind, shader] = self._camera(kind, shader)
         camera = self._cameras[kind, shader]
@@ -104,7 +116,9 @@ class DrawnScene:
         render = self._sapien.render
         own = SHADERS / (shader + self._look.shaders)
         own = own if own.is_dir() else SHADERS / shader
-        folder = own if own.is_dir() else Path(self._sapien.__file__).parent / "vulkan_shader" / shader
+        folder = (
+            own if own.is_dir() else Path(self._sapien.__file__).parent / "vulkan_shader" / shader
+        )
         if shader == "rt":
             render.set_ray_tracing_samples_per_pixel(self._preset.samples)
             render.set_ray_tracing_path_depth(8)
@@ -145,7 +159,8 @@ class DrawnScene:
 
 
 def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
-    """Render component of the parts of a body: for our shaders one draw call per texture, for stock ones one per material.
+    """Render component of the parts of a body: for our shaders one draw call per texture, for stock
+    ones one per material.
 
     Textures get so many `levels`, each half as fine as the one before.
     """
@@ -160,10 +175,17 @@ def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
         )
         uvs = np.zeros((len(mesh.vertices), 2), np.float32) if mesh.uvs is None else mesh.uvs
         if material.texture is not None and mesh.uvs is not None:
-            # A copy has the dtype object that the engine asks for; an array that was unpickled has not.
+            # A copy has the dtype object that the engine asks for; an array that was unpickled has
+            # not.
             pixels = np.array(material.texture, np.uint8)
-            surface.base_color_texture = render.RenderTexture2D(pixels, "R8G8B8A8Unorm", levels, "linear", "repeat", stock)
-        body.attach(render.RenderShapeTriangleMesh(mesh.vertices, mesh.triangles, mesh.normals, uvs, surface))
+            surface.base_color_texture = render.RenderTexture2D(
+                pixels, "R8G8B8A8Unorm", levels, "linear", "repeat", stock
+            )
+        body.attach(
+            render.RenderShapeTriangleMesh(
+                mesh.vertices, mesh.triangles, mesh.normals, uvs, surface
+            )
+        )
     return body
 
 
@@ -176,7 +198,8 @@ def linear(color: ArrayLike) -> NDArray[np.float64]:
 def millimetres(depth_buffer: NDArray[np.float32]) -> NDArray[np.uint16]:
     """Depth buffer (H,W) in 0-1 -> distance along the viewing axis in mm, 0 for the background.
 
-    Inverts d = far (z - near) / (z (far - near)), the projection of a camera with planes at NEAR and FAR.
+    Inverts d = far (z - near) / (z (far - near)), the projection of a camera with planes at NEAR
+    and FAR.
     """
     d = depth_buffer.astype(np.float64)
     z = NEAR * FAR / (FAR - d * (FAR - NEAR))

@@ -1,4 +1,5 @@
-"""Smooth edges of an image of one sample a pixel, after FXAA (Lottes, 2009), in whole numbers: the same bytes everywhere."""
+"""Smooth edges of an image of one sample a pixel, after FXAA (Lottes, 2009), in whole numbers: the
+same bytes everywhere."""
 
 import cv2
 import numpy as np
@@ -14,22 +15,30 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Write `image` (H,W,4) with jagged edges blended to `out` (H,W,3): pixels at an edge take a share of the pixel across it,
-    by how far along the edge its ends are. Pixels of the border are copied."""
+    """Write `image` (H,W,4) with jagged edges blended to `out` (H,W,3): pixels at an edge take a
+    share of the pixel across it, by how far along the edge its ends are. Pixels of the border are
+    copied."""
     cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=out)
     luma = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGBA2GRAY), np.uint8)
     brightest = np.asarray(cv2.dilate(luma, CROSS), np.uint8)
     step = brightest - np.asarray(cv2.erode(luma, CROSS), np.uint8)
     edge = np.zeros((image.shape[0], -(-image.shape[1] // 8) * 8), np.uint8)
-    edge[1:-1, 1 : image.shape[1] - 1] = ((step >= LEAST) & (step >= brightest // SHARE))[1:-1, 1:-1]
+    edge[1:-1, 1 : image.shape[1] - 1] = ((step >= LEAST) & (step >= brightest // SHARE))[
+        1:-1, 1:-1
+    ]
     _blend(image, luma, step, (edge, edge.view(np.uint64)), out)
 
 
 @njit(cache=True, error_model="numpy")
 def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, as a lens does; to `out` (H,W,3)."""
+    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, as a lens
+    does; to `out` (H,W,3)."""
     height, width = image.shape[0], 3 * image.shape[1]
-    rows, spread, column = image.reshape(height, width), out.reshape(height, width), np.empty(width + 6, np.uint16)
+    rows, spread, column = (
+        image.reshape(height, width),
+        out.reshape(height, width),
+        np.empty(width + 6, np.uint16),
+    )
     own, half = np.uint16(LENS), np.uint16((LENS + 2) ** 2 // 2)
     for y in range(height):
         above, row, below = rows[max(y - 1, 0)], rows[y], rows[min(y + 1, height - 1)]
@@ -37,7 +46,9 @@ def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
             column[x + 3] = np.uint16(above[x]) + np.uint16(below[x]) + own * np.uint16(row[x])
         column[:3], column[width + 3 :] = column[3:6], column[width : width + 3]
         for x in range(width):
-            spread[y, x] = np.uint16(column[x] + column[x + 6] + own * column[x + 3] + half) // np.uint16((LENS + 2) ** 2)
+            spread[y, x] = np.uint16(
+                column[x] + column[x + 6] + own * column[x + 3] + half
+            ) // np.uint16((LENS + 2) ** 2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,7 +59,8 @@ def _blend(
     edges: tuple[NDArray[np.uint8], NDArray[np.uint64]],
     out: NDArray[np.uint8],
 ) -> None:
-    """Blend the pixels where the first of `edges` is not 0; the second is the same as words of eight pixels, to skip the rest."""
+    """Blend the pixels where the first of `edges` is not 0; the second is the same as words of
+    eight pixels, to skip the rest."""
     height, width = luma.shape
     edge, words = edges
     flat = luma.ravel()
@@ -61,7 +73,12 @@ def _blend(
                     continue
                 p = y * width + x
                 m, step = np.int32(flat[p]), np.int32(steps[y, x])
-                n, s, w, e = np.int32(flat[p - width]), np.int32(flat[p + width]), np.int32(flat[p - 1]), np.int32(flat[p + 1])
+                n, s, w, e = (
+                    np.int32(flat[p - width]),
+                    np.int32(flat[p + width]),
+                    np.int32(flat[p - 1]),
+                    np.int32(flat[p + 1]),
+                )
                 nw, ne = np.int32(flat[p - width - 1]), np.int32(flat[p - width + 1])
                 sw, se = np.int32(flat[p + width - 1]), np.int32(flat[p + width + 1])
                 down = 2 * abs(n + s - 2 * m) + abs(ne + se - 2 * e) + abs(nw + sw - 2 * w)
@@ -76,10 +93,16 @@ def _blend(
                 below = 2 * m < middle
                 if level:
                     back, back_end = _end(flat, p, -1, min(x - 1, FARTHEST), (side, middle, slope))
-                    ahead, ahead_end = _end(flat, p, 1, min(width - 2 - x, FARTHEST), (side, middle, slope))
+                    ahead, ahead_end = _end(
+                        flat, p, 1, min(width - 2 - x, FARTHEST), (side, middle, slope)
+                    )
                 else:
-                    back, back_end = _end(flat, p, -width, min(y - 1, FARTHEST), (side, middle, slope))
-                    ahead, ahead_end = _end(flat, p, width, min(height - 2 - y, FARTHEST), (side, middle, slope))
+                    back, back_end = _end(
+                        flat, p, -width, min(y - 1, FARTHEST), (side, middle, slope)
+                    )
+                    ahead, ahead_end = _end(
+                        flat, p, width, min(height - 2 - y, FARTHEST), (side, middle, slope)
+                    )
                 near_end = back_end if back <= ahead else ahead_end
                 share = 0
                 if near_end != 0 and (near_end < 0) != below:
@@ -89,12 +112,17 @@ def _blend(
                 share = max(share, corner * corner // 512)
                 oy, ox = (-1 if first else 1, 0) if level else (0, -1 if first else 1)
                 for c in range(3):
-                    out[y, x, c] = (image[y, x, c] * (256 - share) + image[y + oy, x + ox, c] * share + 128) >> 8
+                    out[y, x, c] = (
+                        image[y, x, c] * (256 - share) + image[y + oy, x + ox, c] * share + 128
+                    ) >> 8
 
 
 @njit(cache=True, error_model="numpy")
-def _end(luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]) -> tuple[int, np.int32]:
-    """Steps of `stride` to where an edge ends, at most `steps` inside the image, and how far off its brightness is (0: unknown).
+def _end(
+    luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
+) -> tuple[int, np.int32]:
+    """Steps of `stride` to where an edge ends, at most `steps` inside the image, and how far off
+    its brightness is (0: unknown).
 
     `edge` is the offset of the pixel across it, twice its brightness, and how steep it is.
     """

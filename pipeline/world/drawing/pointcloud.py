@@ -1,4 +1,5 @@
-"""Point clouds of the table's workspace from the head camera's depth and colour, thinned by farthest point sampling."""
+"""Point clouds of the table's workspace from the head camera's depth and colour, thinned by
+farthest point sampling."""
 
 import numpy as np
 from numba import njit
@@ -13,21 +14,27 @@ ABOVE, HIGHEST = 0.005, 1.0
 """m over the table top between which points count: the top itself would take most of them."""
 
 COLUMNS = 320
-"""About how many columns of an image are read: of one twice as wide every second pixel of every second row."""
+"""About how many columns of an image are read: of one twice as wide every second pixel of every
+second row."""
 
 
 def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
-    """Clouds (T,count,6): x y z (m, world) and r g b (0-1) of what stands on the table or reaches over it.
+    """Clouds (T,count,6): x y z (m, world) and r g b (0-1) of what stands on the table or reaches
+    over it.
 
-    `view` needs depth. Of the pixels above the table top the `count` that farthest point sampling takes, in its order, so that the
-    first k of them are the sample of size k; where there are fewer they are repeated in turn, where there are none all is zero.
+    `view` needs depth. Of the pixels above the table top the `count` that farthest point sampling
+    takes, in its order, so that the first k of them are the sample of size k; where there are fewer
+    they are repeated in turn, where there are none all is zero.
     """
     assert view.depth is not None
     step = max(1, view.camera.type.width // COLUMNS)
     rays = _rays(view)[::step, ::step]
     clouds = np.zeros((len(view.rgb), count, 6), np.float32)
     half = np.array([*TABLE_HALF, 0.0])
-    lower, upper = np.array([0, 0, TABLE_TOP + ABOVE]) - half, np.array([0, 0, TABLE_TOP + HIGHEST]) + half
+    lower, upper = (
+        np.array([0, 0, TABLE_TOP + ABOVE]) - half,
+        np.array([0, 0, TABLE_TOP + HIGHEST]) + half,
+    )
     depths, images = view.depth[:, ::step, ::step], view.rgb[:, ::step, ::step]
     for cloud, depth, rgb, pose in zip(clouds, depths, images, view.poses, strict=True):
         points = quat_rotate(pose[3:], rays * (depth[..., None] * 1e-3)) + pose[:3]
@@ -41,7 +48,8 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
 
 
 def _rays(view: View) -> NDArray[np.float64]:
-    """Rays (H,W,3) of the pixel centres in the camera's axes (x forward, y left, z up) for a depth of 1 along x."""
+    """Rays (H,W,3) of the pixel centres in the camera's axes (x forward, y left, z up) for a depth
+    of 1 along x."""
     kind = view.camera.type
     k = intrinsics(kind)
     u, v = np.arange(kind.width) + 0.5, (np.arange(kind.height) + 0.5)[:, None]
@@ -51,13 +59,19 @@ def _rays(view: View) -> NDArray[np.float64]:
 
 @njit(cache=True, error_model="numpy")
 def farthest_points(points: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Indices (count,) of points (N,3), N >= count: the first point, then each time the one farthest from all taken.
+    """Indices (count,) of points (N,3), N >= count: the first point, then each time the one
+    farthest from all taken.
 
     Where several are, it is the one with the lowest index.
     """
-    x, y, z = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1]), np.ascontiguousarray(points[:, 2])
+    x, y, z = (
+        np.ascontiguousarray(points[:, 0]),
+        np.ascontiguousarray(points[:, 1]),
+        np.ascontiguousarray(points[:, 2]),
+    )
     taken = np.zeros(count, np.int64)
-    gap = np.full(len(points), np.inf, np.float32)  # squared distances, never negative: their bits are in their order
+    # squared distances, never negative: their bits are in their order
+    gap = np.full(len(points), np.inf, np.float32)
     bits = gap.view(np.int32)
     last = 0
     for i in range(1, count):

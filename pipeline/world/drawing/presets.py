@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Preset:
-    """How to draw: a shader folder of ours or the name of a stock one, its colour target, shadows, samples per pixel.
+    """How to draw: a shader folder of ours or the name of a stock one, its colour target, shadows,
+    samples per pixel.
 
-    `samples` are edge samples of the raster presets and paths of ray tracing; `edges` are smoothed afterwards (edges.py).
+    `samples` are edge samples of the raster presets and paths of ray tracing; `edges` are smoothed
+    afterwards (edges.py).
     """
 
     shader: str
@@ -18,7 +20,8 @@ class Preset:
 
     @property
     def stock(self) -> bool:
-        """Whether SAPIEN's own shaders are used; they divide light by pi and want linear colours."""
+        """Whether SAPIEN's own shaders are used; they divide light by pi and want linear
+        colours."""
         return self.shader in ("default", "minimal", "rt")
 
 

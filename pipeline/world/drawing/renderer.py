@@ -1,4 +1,5 @@
-"""Draw a state log: poses in, images out, no physics. A pure function of meshes, poses, cameras and `Visuals`."""
+"""Draw a state log: poses in, images out, no physics. A pure function of meshes, poses, cameras and
+`Visuals`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
@@ -29,16 +30,17 @@ SAME_VIEW = 4  # frames that share a set of visible bodies
 
 
 class Renderer:
-    """A render-only scene: `visual_bodies` move, `fixed` and the room of `visuals` do not. `images` are the textures of the
-    room that are not drawn, by kind.
+    """A render-only scene: `visual_bodies` move, `fixed` and the room of `visuals` do not. `images`
+    are the textures of the room that are not drawn, by kind.
 
-    Segmentation numbers are positions in `visual_bodies` plus one: give the bodies in the order of `StateLog.bodies`, with an empty
-    sequence for those that have nothing to show. Raises ValueError for an unknown preset or more than 255 bodies, KeyError for
-    a camera on a link that is no body, and NoRenderer where nothing can draw. Close it, or use it as a context manager.
+    Segmentation numbers are positions in `visual_bodies` plus one: give the bodies in the order of
+    `StateLog.bodies`, with an empty sequence for those that have nothing to show. Raises ValueError
+    for an unknown preset or more than 255 bodies, KeyError for a camera on a link that is no body,
+    and NoRenderer where nothing can draw. Close it, or use it as a context manager.
 
-    With the raster presets every camera has a scene of its own, from which the bodies outside of its view are left out, and all
-    share one shadow map. An image depends on no other camera. Stock shaders draw one scene with everything in it, so that their own
-    shadow maps are complete.
+    With the raster presets every camera has a scene of its own, from which the bodies outside of
+    its view are left out, and all share one shadow map. An image depends on no other camera. Stock
+    shaders draw one scene with everything in it, so that their own shadow maps are complete.
     """
 
     def __init__(
@@ -53,10 +55,15 @@ class Renderer:
         if preset not in PRESETS:
             raise ValueError(f"preset {preset!r} is unknown: presets are {', '.join(PRESETS)}")
         if len(visual_bodies) > MAX_BODIES:
-            raise ValueError(f"{len(visual_bodies)} bodies: an 8-bit segmentation holds at most {MAX_BODIES}")
+            raise ValueError(
+                f"{len(visual_bodies)} bodies: an 8-bit segmentation holds at most {MAX_BODIES}"
+            )
         for camera in cameras:
             if camera.link is not None and camera.link not in visual_bodies:
-                raise KeyError(f"camera {camera.name!r} is mounted on {camera.link!r}, which is no body of this scene")
+                raise KeyError(
+                    f"camera {camera.name!r} is mounted on {camera.link!r}, which is no body of"
+                    " this scene"
+                )
         self.device = ensure_renderer()
         import sapien  # after the driver is chosen
 
@@ -66,7 +73,10 @@ class Renderer:
         self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
         solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
         look = look_of(visuals.look)
-        planes: dict[str, Parts] = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
+        planes: dict[str, Parts] = {
+            TABLE: table_top(visuals, images),
+            **shell(visuals, self._preset.shader != "rt", images),
+        }
         planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
         self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}
@@ -74,13 +84,20 @@ class Renderer:
         stock = self._preset.stock
         self._edges = look.edges and self._preset.edges
         shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
-        bodies = {name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND)) for name, parts in shown.items()}
+        bodies = {
+            name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND))
+            for name, parts in shown.items()
+        }
         self._shadows: ShadowMap | None = None
         if stock:
-            bodies |= {name: Drawn(component(sapien, parts, stock)) for name, parts in planes.items()}
+            bodies |= {
+                name: Drawn(component(sapien, parts, stock)) for name, parts in planes.items()
+            }
             self._scenes = [DrawnScene(sapien, bodies, visuals, self._preset, scattered)]
             return
-        casters = (self._moving, [*planes[TABLE], *solid[FURNITURE]]) if self._preset.shadow else ({}, ())
+        casters = (
+            (self._moving, [*planes[TABLE], *solid[FURNITURE]]) if self._preset.shadow else ({}, ())
+        )
         self._shadows = ShadowMap(sapien, visuals, *casters)
         rooms: dict[CameraType, dict[str, Drawn]] = {}
         for kind in dict.fromkeys(camera.type for camera in cameras):
@@ -93,7 +110,10 @@ class Renderer:
                 for name, parts in planes.items()
             }
         textures = self._shadows.textures
-        self._scenes = [DrawnScene(sapien, bodies | rooms[c.type], visuals, self._preset, scattered, textures) for c in cameras]
+        self._scenes = [
+            DrawnScene(sapien, bodies | rooms[c.type], visuals, self._preset, scattered, textures)
+            for c in cameras
+        ]
 
     def __enter__(self) -> Self:
         return self
@@ -119,12 +139,18 @@ class Renderer:
     ) -> list[View]:
         """Images of every camera at the given frames (all by default).
 
-        `body_poses` maps body names to world poses (T,7), xyz + wxyz; bodies that show something and links that carry a camera
-        must be there (KeyError names the missing one, ValueError a wrong shape). Views come in camera order with RGB (F,H,W,3)
-        uint8, and where asked depth (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W) uint8.
+        `body_poses` maps body names to world poses (T,7), xyz + wxyz; bodies that show something
+        and links that carry a camera must be there (KeyError names the missing one, ValueError a
+        wrong shape). Views come in camera order with RGB (F,H,W,3) uint8, and where asked depth
+        (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W)
+        uint8.
         """
         poses = self._check_poses(body_poses)
-        index = np.arange(len(next(iter(poses.values())))) if poses and frames is None else np.asarray(frames or [0], int)
+        index = (
+            np.arange(len(next(iter(poses.values()))))
+            if poses and frames is None
+            else np.asarray(frames or [0], int)
+        )
         poses = {name: p[index] for name, p in poses.items()}
         views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
         shown = [self._visible(view, poses) for view in views] if self._shadows is not None else []
@@ -141,14 +167,21 @@ class Renderer:
             taken = []
             for scene, view, names in zip(self._scenes, views, shown, strict=True):
                 scene.show(names[k])
-                taken.append(self._take(scene, view, k, {name: now[name] for name in names[k] if name in now}))
+                taken.append(
+                    self._take(
+                        scene, view, k, {name: now[name] for name in names[k] if name in now}
+                    )
+                )
             # All are under way before the first is waited for.
             for cameras, view in zip(taken, views, strict=True):
                 self._read(cameras, view, k)
         return views
 
-    def _visible(self, view: View, poses: Mapping[str, NDArray[np.float64]]) -> list[frozenset[str]]:
-        """Names of what the camera of a view may see at each frame; SAME_VIEW frames in a row have one set."""
+    def _visible(
+        self, view: View, poses: Mapping[str, NDArray[np.float64]]
+    ) -> list[frozenset[str]]:
+        """Names of what the camera of a view may see at each frame; SAME_VIEW frames in a row have
+        one set."""
         frames = len(view.poses)
         if not frames:
             return []
@@ -158,7 +191,10 @@ class Renderer:
         centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
         visible = in_view(view.camera.type, view.poses, placed, centres, halves)
         together = np.logical_or.reduceat(visible, np.arange(0, frames, SAME_VIEW))
-        sets = [frozenset(name for name, here in zip(names, row, strict=True) if here) for row in together]
+        sets = [
+            frozenset(name for name, here in zip(names, row, strict=True) if here)
+            for row in together
+        ]
         return [sets[k // SAME_VIEW] for k in range(frames)]
 
     def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
@@ -166,17 +202,30 @@ class Renderer:
         missing = sorted(needed - set(body_poses))
         if missing:
             raise KeyError(f"no poses for {', '.join(missing)}")
-        poses = {name: np.asarray(body_poses[name], float) for name in self._names if name in needed}
+        poses = {
+            name: np.asarray(body_poses[name], float) for name in self._names if name in needed
+        }
         shapes = {p.shape for p in poses.values()}
         if len(shapes) > 1 or any(len(s) != 2 or s[1] != 7 for s in shapes):
-            raise ValueError(f"poses must all be (T, 7) with one T; got {', '.join(map(str, sorted(shapes)))}")
+            raise ValueError(
+                f"poses must all be (T, 7) with one T; got {', '.join(map(str, sorted(shapes)))}"
+            )
         return poses
 
     def _empty_view(
-        self, camera: Camera, poses: Mapping[str, NDArray[np.float64]], frames: int, depth: bool, segmentation: bool
+        self,
+        camera: Camera,
+        poses: Mapping[str, NDArray[np.float64]],
+        frames: int,
+        depth: bool,
+        segmentation: bool,
     ) -> View:
         mount = np.asarray(camera.pose, float)
-        world = np.repeat(mount[None], frames, 0) if camera.link is None else compose(poses[camera.link], mount)
+        world = (
+            np.repeat(mount[None], frames, 0)
+            if camera.link is None
+            else compose(poses[camera.link], mount)
+        )
         shape = (frames, camera.type.height, camera.type.width)
         return View(
             camera,
@@ -186,15 +235,23 @@ class Renderer:
             np.empty(shape, np.uint8) if segmentation else None,
         )
 
-    def _take(self, scene: DrawnScene, view: View, k: int, poses: Mapping[str, NDArray[np.float64]]) -> tuple[Any, Any]:
-        """Start drawing a frame of a view; returns the components that hold the image and, where asked for, depth and masks."""
+    def _take(
+        self, scene: DrawnScene, view: View, k: int, poses: Mapping[str, NDArray[np.float64]]
+    ) -> tuple[Any, Any]:
+        """Start drawing a frame of a view; returns the components that hold the image and, where
+        asked for, depth and masks."""
         for name, pose in poses.items():
             scene.place(name, pose)
         kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None
-        # Masks must not be blended at edges: they come from the same pass only where that has one sample per pixel.
+        # Masks must not be blended at edges: they come from the same pass only where that has one
+        # sample per pixel.
         together = not self._preset.stock and self._preset.samples == 1
-        camera = scene.take(kind, "raster_masks" if truth and together else self._preset.shader, view.poses[k])
-        return camera, scene.take(kind, "masks", view.poses[k]) if truth and not together else camera
+        camera = scene.take(
+            kind, "raster_masks" if truth and together else self._preset.shader, view.poses[k]
+        )
+        return camera, (
+            scene.take(kind, "masks", view.poses[k]) if truth and not together else camera
+        )
 
     def _read(self, cameras: tuple[Any, Any], view: View, k: int) -> None:
         image = cameras[0].get_picture(self._preset.target)

@@ -1,4 +1,5 @@
-"""The fixed surroundings as meshes in the world frame: table, floor, the wall behind it and a plain room around."""
+"""The fixed surroundings as meshes in the world frame: table, floor, the wall behind it and a plain
+room around."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -23,7 +24,8 @@ ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
 
 
 def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
-    """Rectangle from a corner and two edge vectors (m), normal u x v, one texture tile every `tile` metres."""
+    """Rectangle from a corner and two edge vectors (m), normal u x v, one texture tile every `tile`
+    metres."""
     corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
     n = np.cross(u, v)
     n = n / np.linalg.norm(n)
@@ -37,10 +39,15 @@ def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
 
 
 def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
-    """Axis-aligned box with flat faces, from its centre and half extents (m); uvs in metres / `tile`."""
+    """Axis-aligned box with flat faces, from its centre and half extents (m); uvs in metres /
+    `tile`."""
     x, y, z = np.asarray(half, float)[:, None] * np.eye(3)
     c = np.asarray(centre, float)
-    sides = [(c + s * n, s * 2 * u, 2 * v) for n, u, v in ((x, y, z), (y, z, x), (z, x, y)) for s in (1, -1)]
+    sides = [
+        (c + s * n, s * 2 * u, 2 * v)
+        for n, u, v in ((x, y, z), (y, z, x), (z, x, y))
+        for s in (1, -1)
+    ]
     return merge([quad(face - u / 2 - v / 2, u, v, tile) for face, u, v in sides])
 
 
@@ -66,19 +73,33 @@ def table(tile: float) -> tuple[Mesh, Mesh]:
     top = box((0, 0, TABLE_TOP - TABLE_THICKNESS / 2), (hx, hy, TABLE_THICKNESS / 2), tile)
     inset = 0.05 + LEG_WIDTH / 2
     legs = [
-        box((sx * (hx - inset), sy * (hy - inset), leg), (LEG_WIDTH / 2, LEG_WIDTH / 2, leg)) for sx in (-1, 1) for sy in (-1, 1)
+        box((sx * (hx - inset), sy * (hy - inset), leg), (LEG_WIDTH / 2, LEG_WIDTH / 2, leg))
+        for sx in (-1, 1)
+        for sy in (-1, 1)
     ]
     return top, merge(legs)
 
 
-def table_top(visuals: Visuals, images: Mapping[str, Rgba] | None = None) -> list[tuple[Mesh, Material]]:
+def table_top(
+    visuals: Visuals, images: Mapping[str, Rgba] | None = None
+) -> list[tuple[Mesh, Material]]:
     """Table top with its material; `images` by kind are the textures that are not drawn."""
-    sheen = TABLE_ROUGHNESS if visuals.look == FIRST_LOOK else MATT.get(visuals.table.pattern, TABLE_ROUGHNESS)
-    return [(table(visuals.table.tile)[0], surface_material(visuals.table, sheen, (images or {}).get("table")))]
+    sheen = (
+        TABLE_ROUGHNESS
+        if visuals.look == FIRST_LOOK
+        else MATT.get(visuals.table.pattern, TABLE_ROUGHNESS)
+    )
+    return [
+        (
+            table(visuals.table.tile)[0],
+            surface_material(visuals.table, sheen, (images or {}).get("table")),
+        )
+    ]
 
 
 def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, float]:
-    """Light (red, green, blue) that a table with this texture scatters: its mean linear colour times the light it gets."""
+    """Light (red, green, blue) that a table with this texture scatters: its mean linear colour
+    times the light it gets."""
     assert texture is not None
     albedo = ((texture[::4, ::4, :3] / 255.0) ** 2).mean((0, 1))
     light = np.array(visuals.ambient)
@@ -99,9 +120,11 @@ def table_legs() -> list[tuple[Mesh, Material]]:
 def shell(
     visuals: Visuals, closed: bool = True, images: Mapping[str, Rgba] | None = None
 ) -> dict[str, list[tuple[Mesh, Material]]]:
-    """Floor and back wall, and where `closed` the other walls and the ceiling, by name: they receive shadows and cast none.
+    """Floor and back wall, and where `closed` the other walls and the ceiling, by name: they
+    receive shadows and cast none.
 
-    In the first look only the back wall has a texture. Ray tracing lets light in from outside only, so it needs the room open.
+    In the first look only the back wall has a texture. Ray tracing lets light in from outside only,
+    so it needs the room open.
     """
     (x0, y0, z0), (x1, y1, z1) = ROOM
     w, d, h = x1 - x0, y1 - y0, z1 - z0

@@ -1,8 +1,10 @@
-"""How much of a body a camera sees, without drawing: its triangles and those of all that may stand before it, in a depth buffer.
+"""How much of a body a camera sees, without drawing: its triangles and those of all that may stand
+before it, in a depth buffer.
 
-Pixels are covered as a renderer covers them: where their centre lies in the projection of a triangle, of which the part beyond the
-renderer's near plane counts. Of a silhouette whose box has more than SAMPLES pixels, pixels of an even grid stand for all: a body
-that fills the image costs no more than a small one.
+Pixels are covered as a renderer covers them: where their centre lies in the projection of a
+triangle, of which the part beyond the renderer's near plane counts. Of a silhouette whose box has
+more than SAMPLES pixels, pixels of an even grid stand for all: a body that fills the image costs no
+more than a small one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,15 +23,17 @@ from pipeline.world.shapes import Parts
 Floats = NDArray[np.float64]
 
 SAMPLES = 2048
-"""Pixels of a silhouette's box that are looked at, at most; the share of what is seen is exact below it."""
+"""Pixels of a silhouette's box that are looked at, at most; the share of what is seen is exact
+below it."""
 
 FIXED = "what stands still"  # no name of a body: those have no spaces
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Triangles of B bodies, those of one body in a row: vertices (V,3) in the frame of body `owner` (V,), triangles (M,3), and the
-    first triangle and vertex of every body, with their ends, (B,2)."""
+    """Triangles of B bodies, those of one body in a row: vertices (V,3) in the frame of body
+    `owner` (V,), triangles (M,3), and the first triangle and vertex of every body, with their ends,
+    (B,2)."""
 
     names: tuple[str, ...]
     vertices: Floats
@@ -40,7 +44,8 @@ class Solids:
 
 
 def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
-    """All that may be seen or stand before it; bodies without parts have no triangles. `fixed` is in the world frame."""
+    """All that may be seen or stand before it; bodies without parts have no triangles. `fixed` is
+    in the world frame."""
     vertices: list[NDArray[Any]] = [np.zeros((0, 3))]
     owner: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     triangles: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
@@ -61,11 +66,12 @@ def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """N bodies in T images. `box` (T,N,4) is left, top, right, bottom (pixels) around the whole silhouette, seen or not, and may
-    reach beyond the image; `centre` (T,N,2) the pixel of the middle of the body's bounding box; both are zeros where the body is
-    not in front of the camera. `visible` (T,N) is the share of the silhouette that is in the image and not occluded; of one that
-    reaches far beyond the image, the part less than an image's width or height away counts. `pose` (T,N,7) is in the camera frame,
-    x right, y down, z forward."""
+    """N bodies in T images. `box` (T,N,4) is left, top, right, bottom (pixels) around the whole
+    silhouette, seen or not, and may reach beyond the image; `centre` (T,N,2) the pixel of the
+    middle of the body's bounding box; both are zeros where the body is not in front of the camera.
+    `visible` (T,N) is the share of the silhouette that is in the image and not occluded; of one
+    that reaches far beyond the image, the part less than an image's width or height away counts.
+    `pose` (T,N,7) is in the camera frame, x right, y down, z forward."""
 
     box: NDArray[np.float32]
     centre: NDArray[np.float32]
@@ -74,9 +80,14 @@ class Track:
 
 
 def track_bodies(
-    solids: Solids, poses: Mapping[str, Floats], names: Sequence[str], kind: CameraType, camera_poses: Floats
+    solids: Solids,
+    poses: Mapping[str, Floats],
+    names: Sequence[str],
+    kind: CameraType,
+    camera_poses: Floats,
 ) -> Track:
-    """Tracks of the bodies `names` in a camera at `camera_poses` (T,7); `poses` (T,7) of all bodies by name."""
+    """Tracks of the bodies `names` in a camera at `camera_poses` (T,7); `poses` (T,7) of all bodies
+    by name."""
     frames = len(camera_poses)
     view = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
     view[:, :3] = extrinsics_cv(camera_poses)
@@ -86,7 +97,9 @@ def track_bodies(
     index = np.array([solids.names.index(name) for name in names], np.int64)
     k = intrinsics(kind)
     lens = np.array([k[0, 0], k[0, 2], k[1, 2], kind.width, kind.height, NEAR, SAMPLES])
-    boxes, counts = _track(solids.vertices, solids.owner, solids.triangles, solids.spans, matrices, index, lens)
+    boxes, counts = _track(
+        solids.vertices, solids.owner, solids.triangles, solids.spans, matrices, index, lens
+    )
     whole, seen = counts[..., 0], counts[..., 1]
     middles = np.array([_middle(solids, int(i)) for i in index])
     chosen = matrices[:, index]
@@ -109,7 +122,8 @@ def _middle(solids: Solids, body: int) -> Floats:
 
 
 def _optical(camera_poses: Floats) -> Floats:
-    """World poses (T,7) of a camera with x right, y down, z forward, from those with x forward, y left, z up."""
+    """World poses (T,7) of a camera with x right, y down, z forward, from those with x forward, y
+    left, z up."""
     axes = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     return compose(camera_poses, pose((0, 0, 0), quat_from_matrix(axes))[None])
 
@@ -131,7 +145,8 @@ def _track(
     f, cx, cy, width, height, near, samples = lens
     boxes, pixels = np.zeros((frames, count, 4)), np.zeros((frames, count, 2), np.int64)
     seen, flat = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
-    reach = np.empty((len(spans), 6))  # of every body: left, top, right, bottom, nearest and farthest
+    # of every body: left, top, right, bottom, nearest and farthest
+    reach = np.empty((len(spans), 6))
     for t in range(frames):
         reach[:, 0], reach[:, 1], reach[:, 4] = np.inf, np.inf, np.inf
         reach[:, 2], reach[:, 3], reach[:, 5] = -np.inf, -np.inf, -np.inf
@@ -153,7 +168,10 @@ def _track(
             boxes[t, n] = box
             # a silhouette is followed for one image beyond each border
             x0, y0 = int(np.floor(max(box[0], -width))), int(np.floor(max(box[1], -height)))
-            w, h = int(np.ceil(min(box[2], 2 * width))) - x0, int(np.ceil(min(box[3], 2 * height))) - y0
+            w, h = (
+                int(np.ceil(min(box[2], 2 * width))) - x0,
+                int(np.ceil(min(box[3], 2 * height))) - y0,
+            )
             if w <= 0 or h <= 0:
                 continue
             grid = max(1, int(np.ceil(np.sqrt(w * h / samples))))
@@ -163,24 +181,48 @@ def _track(
             for b in range(len(spans)):
                 r = reach[b]
                 apart = r[0] > box[2] or r[2] < box[0] or r[1] > box[3] or r[3] < box[1]
-                # the image of a body that reaches through the near plane is wider than that of its corners
-                if b == index[n] or r[5] < near or r[4] > reach[index[n], 5] or (apart and r[4] >= near):
+                # the image of a body that reaches through the near plane is wider than that of its
+                # corners
+                if (
+                    b == index[n]
+                    or r[5] < near
+                    or r[4] > reach[index[n], 5]
+                    or (apart and r[4] >= near)
+                ):
                     continue
-                _draw(seen, flat, triangles[spans[b, 0] : spans[b, 1]], (f, cx, cy, near), place, other)
+                _draw(
+                    seen,
+                    flat,
+                    triangles[spans[b, 0] : spans[b, 1]],
+                    (f, cx, cy, near),
+                    place,
+                    other,
+                )
             for row in range(shape[0]):
                 for column in range(shape[1]):
                     if own[row, column] < np.inf:
                         x, y = x0 + grid * column + grid // 2, y0 + grid * row + grid // 2
                         pixels[t, n, 0] += 1
-                        pixels[t, n, 1] += 0 <= x < width and 0 <= y < height and own[row, column] <= other[row, column]
+                        pixels[t, n, 1] += (
+                            0 <= x < width
+                            and 0 <= y < height
+                            and own[row, column] <= other[row, column]
+                        )
     return boxes, pixels
 
 
 @njit(cache=True, error_model="numpy")
 def _box(
-    seen: Floats, flat: Floats, triangles: NDArray[np.int64], f: float, cx: float, cy: float, near: float
+    seen: Floats,
+    flat: Floats,
+    triangles: NDArray[np.int64],
+    f: float,
+    cx: float,
+    cy: float,
+    near: float,
 ) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom in the image of triangles beyond the near plane; left > right if there are none."""
+    """Left, top, right and bottom in the image of triangles beyond the near plane; left > right if
+    there are none."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     for k in range(len(triangles)):
         for i in range(3):
@@ -205,11 +247,12 @@ def _draw(
     place: tuple[int, int, int],
     depths: Floats,
 ) -> None:
-    """Draw triangles into a buffer of depths (h,w), the nearest one stays: an entry is the middle of `grid` by `grid` pixels, the
-    first of them from (x0, y0) on; `place` is x0, y0 and grid."""
+    """Draw triangles into a buffer of depths (h,w), the nearest one stays: an entry is the middle
+    of `grid` by `grid` pixels, the first of them from (x0, y0) on; `place` is x0, y0 and grid."""
     f, cx, cy, near = lens
     x0, y0, grid = place
-    # entries are one apart: the centre of the pixel in the middle of a grid cell lies on whole numbers
+    # entries are one apart: the centre of the pixel in the middle of a grid cell lies on whole
+    # numbers
     shift = grid // 2 + 0.5
     rows, columns = depths.shape
     corner, cut = np.empty((3, 3)), np.empty((4, 3))
@@ -219,7 +262,10 @@ def _draw(
             v = triangles[k, i]
             if seen[v, 2] >= near:
                 beyond += 1
-                corner[i, 0], corner[i, 1] = (flat[v, 0] - x0 - shift) / grid, (flat[v, 1] - y0 - shift) / grid
+                corner[i, 0], corner[i, 1] = (
+                    (flat[v, 0] - x0 - shift) / grid,
+                    (flat[v, 1] - y0 - shift) / grid,
+                )
                 corner[i, 2] = seen[v, 2]
         if beyond == 3:
             _fill(corner[0], corner[1], corner[2], rows, columns, depths)
@@ -236,7 +282,11 @@ def _draw(
                 share = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
                 u = f * (seen[a, 0] + share * (seen[b, 0] - seen[a, 0])) / near + cx
                 v = f * (seen[a, 1] + share * (seen[b, 1] - seen[a, 1])) / near + cy
-                cut[size, 0], cut[size, 1], cut[size, 2] = (u - x0 - shift) / grid, (v - y0 - shift) / grid, near
+                cut[size, 0], cut[size, 1], cut[size, 2] = (
+                    (u - x0 - shift) / grid,
+                    (v - y0 - shift) / grid,
+                    near,
+                )
                 size += 1
         for i in range(1, size - 1):
             _fill(cut[0], cut[i], cut[i + 1], rows, columns, depths)
@@ -245,8 +295,14 @@ def _draw(
 @njit(cache=True, error_model="numpy")
 def _fill(a: Floats, b: Floats, c: Floats, rows: int, columns: int, depths: Floats) -> None:
     """Draw one triangle, whose corners (3,) are column, row and depth, unless it turns its back."""
-    left, right = max(0, int(np.ceil(max(-1.0, min(a[0], b[0], c[0]))))), int(np.floor(min(columns - 1.0, max(a[0], b[0], c[0]))))
-    top, bottom = max(0, int(np.ceil(max(-1.0, min(a[1], b[1], c[1]))))), int(np.floor(min(rows - 1.0, max(a[1], b[1], c[1]))))
+    left, right = (
+        max(0, int(np.ceil(max(-1.0, min(a[0], b[0], c[0]))))),
+        int(np.floor(min(columns - 1.0, max(a[0], b[0], c[0])))),
+    )
+    top, bottom = (
+        max(0, int(np.ceil(max(-1.0, min(a[1], b[1], c[1]))))),
+        int(np.floor(min(rows - 1.0, max(a[1], b[1], c[1])))),
+    )
     if left > right or top > bottom:
         return
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

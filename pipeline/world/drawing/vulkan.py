@@ -1,4 +1,5 @@
-"""Choose a Vulkan driver before SAPIEN renders for the first time: a working GPU, else Mesa lavapipe on the CPU."""
+"""Choose a Vulkan driver before SAPIEN renders for the first time: a working GPU, else Mesa
+lavapipe on the CPU."""
 
 import os
 import platform
@@ -10,8 +11,14 @@ from pathlib import Path
 
 from pipeline.data.errors import DominoError
 
-ICD_FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
-ADVICE = "install Mesa lavapipe >= 25 (Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers)"
+ICD_FOLDERS = (
+    Path("/usr/share/vulkan/icd.d"),
+    Path("/usr/local/share/vulkan/icd.d"),
+    Path("/etc/vulkan/icd.d"),
+)
+ADVICE = (
+    "install Mesa lavapipe >= 25 (Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers)"
+)
 
 _LARGEST_FILE = 2**30
 """Bytes of one file that rendering large images on a CPU may take; 320 x 240 takes 35 MB."""
@@ -25,18 +32,23 @@ class NoRenderer(DominoError):
 
 @cache
 def ensure_renderer() -> str:
-    """Make rendering possible in this process and return the device name, e.g. "llvmpipe (LLVM 15.0.6, 256 bits)".
+    """Make rendering possible in this process and return the device name, e.g. "llvmpipe (LLVM
+    15.0.6, 256 bits)".
 
-    A driver the user chose (VK_ICD_FILENAMES or VK_DRIVER_FILES) is kept. Without one, and without a GPU that SAPIEN supports,
-    VK_ICD_FILENAMES is set to the lavapipe driver. LP_NUM_THREADS, the threads that lavapipe adds to the one that submits, becomes
-    0 unless it is 2 or more: one worker per core scales, one worker with many threads does not. Call it before anything of
+    A driver the user chose (VK_ICD_FILENAMES or VK_DRIVER_FILES) is kept. Without one, and without
+    a GPU that SAPIEN supports, VK_ICD_FILENAMES is set to the lavapipe driver. LP_NUM_THREADS, the
+    threads that lavapipe adds to the one that submits, becomes 0 unless it is 2 or more: one worker
+    per core scales, one worker with many threads does not. Call it before anything of
     `sapien.render` is used. Raises NoRenderer.
     """
     name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
     chosen = os.environ.get(name)
     drivers = [Path(part) for part in (chosen or "").split(os.pathsep) if part]
     if drivers and not any(driver.exists() for driver in drivers):
-        raise NoRenderer(f"{name} names no file that is there ({chosen}): correct it, or unset it to use the installed drivers")
+        raise NoRenderer(
+            f"{name} names no file that is there ({chosen}): correct it, or unset it to use the"
+            " installed drivers"
+        )
     if not chosen and not _gpu_works():
         icd = _lavapipe_icd()
         if icd is None:
@@ -44,7 +56,8 @@ def ensure_renderer() -> str:
         os.environ["VK_ICD_FILENAMES"] = chosen = str(icd)
     if "lvp" in (chosen or ""):
         _check_file_limit()
-    # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a tenth less of a core.
+    # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a
+    # tenth less of a core.
     if os.environ.get("LP_NUM_THREADS", "1") == "1":
         os.environ["LP_NUM_THREADS"] = "0"
     import sapien  # after the environment is settled: the driver is chosen at the first use
@@ -56,12 +69,13 @@ def ensure_renderer() -> str:
 
 
 def _check_file_limit() -> None:
-    """Raise NoRenderer where a limit of file sizes would end this process: lavapipe keeps its memory in files without names."""
+    """Raise NoRenderer where a limit of file sizes would end this process: lavapipe keeps its
+    memory in files without names."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
         raise NoRenderer(
-            f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need {_LARGEST_FILE / 1e6:.0f}: "
-            "raise the limit (ulimit -f unlimited)"
+            f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need"
+            f" {_LARGEST_FILE / 1e6:.0f}: raise the limit (ulimit -f unlimited)"
         )
 
 
@@ -71,21 +85,33 @@ def _lavapipe_icd() -> Path | None:
 
 
 def _gpu_works() -> bool:
-    """Whether SAPIEN lists a supported device that is not a software one; asked in a subprocess, so that a crash stays there."""
-    nodes = [*Path("/dev").glob("nvidia[0-9]*"), *Path("/dev/dri").glob("renderD*"), *Path("/dev").glob("dxg")]
+    """Whether SAPIEN lists a supported device that is not a software one; asked in a subprocess, so
+    that a crash stays there."""
+    nodes = [
+        *Path("/dev").glob("nvidia[0-9]*"),
+        *Path("/dev/dri").glob("renderD*"),
+        *Path("/dev").glob("dxg"),
+    ]
     if not nodes:
         return False
     try:
-        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60, check=True)
+        probe = subprocess.run(
+            [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60, check=True
+        )
     except (subprocess.SubprocessError, OSError):
         return False
     return hardware_device(probe.stdout)
 
 
 def hardware_device(summary: str) -> bool:
-    """Whether SAPIEN's device summary (text) lists a supported device other than a software rasteriser."""
+    """Whether SAPIEN's device summary (text) lists a supported device other than a software
+    rasteriser."""
     for block in summary.split("GPU:")[1:]:
         name, _, rest = block.partition("\n")
-        if "llvmpipe" not in name.lower() and "swiftshader" not in name.lower() and "Supported: 1" in rest:
+        if (
+            "llvmpipe" not in name.lower()
+            and "swiftshader" not in name.lower()
+            and "Supported: 1" in rest
+        ):
             return True
     return False

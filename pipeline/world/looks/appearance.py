@@ -1,4 +1,5 @@
-"""What bodies look like, kept and brought back: parts to an asset store and from it, textures as their sources."""
+"""What bodies look like, kept and brought back: parts to an asset store and from it, textures as
+their sources."""
 
 import hashlib
 from typing import Any
@@ -14,7 +15,8 @@ _ARRAYS = ("vertices", "triangles", "normals")
 
 
 def store_parts(store: AssetStore, parts: Parts) -> str:
-    """Keep the parts of a body; returns the hash to find them by. A texture without a source is kept as pixels."""
+    """Keep the parts of a body; returns the hash to find them by. A texture without a source is
+    kept as pixels."""
     arrays: dict[str, NDArray[Any]] = {}
     described = []
     for i, (mesh, material) in enumerate(parts):
@@ -24,7 +26,11 @@ def store_parts(store: AssetStore, parts: Parts) -> str:
         texture: dict[str, Any] | None = None
         if material.texture is not None and material.source is not None:
             source = material.source
-            texture = {"kind": source.kind, "arguments": _plain(source.arguments), "sha256": _pixel_hash(material.texture)}
+            texture = {
+                "kind": source.kind,
+                "arguments": _plain(source.arguments),
+                "sha256": _pixel_hash(material.texture),
+            }
         elif material.texture is not None:
             arrays[f"{i}.texture"], texture = material.texture, {"kind": "pixels"}
         described.append(
@@ -41,7 +47,8 @@ def store_parts(store: AssetStore, parts: Parts) -> str:
 def load_parts(store: AssetStore, key: str) -> Parts:
     """The parts of a body that `store_parts` kept.
 
-    Raises AssetError where they are missing or damaged, or where this version makes another image from a texture's source.
+    Raises AssetError where they are missing or damaged, or where this version makes another image
+    from a texture's source.
     """
     arrays, described = store.get(key)
     parts = []
@@ -49,7 +56,9 @@ def load_parts(store: AssetStore, key: str) -> Parts:
         mesh = Mesh(*(arrays[f"{i}.{name}"] for name in _ARRAYS), uvs=arrays.get(f"{i}.uvs"))
         r, g, b = values["color"]
         pixels, source = _texture(store, key, values["texture"], arrays.get(f"{i}.texture"))
-        parts.append((mesh, Material((r, g, b), values["roughness"], values["metallic"], pixels, source)))
+        parts.append(
+            (mesh, Material((r, g, b), values["roughness"], values["metallic"], pixels, source))
+        )
     return tuple(parts)
 
 
@@ -61,7 +70,10 @@ def _texture(
     source = TextureSource(texture["kind"], _tuples(texture["arguments"]))
     made = texture_pixels(source)
     if _pixel_hash(made) != texture["sha256"]:
-        raise AssetError(f"{store.path(key)}: this version draws its {source.kind} texture differently; use the one that made it")
+        raise AssetError(
+            f"{store.path(key)}: this version draws its {source.kind} texture differently; use the"
+            " one that made it"
+        )
     return made, source
 
 

@@ -1,7 +1,9 @@
-"""Materials that objects and robots use, by everyday name: `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`.
+"""Materials that objects and robots use, by everyday name: `glaze("teal")`, `metal()`,
+`wood("walnut", seed=3)`.
 
-A colour is a name of `PALETTE` or an sRGB triple in 0-1. Textured materials need a mesh with uvs; one texture tile covers the unit
-square of uv. Without a seed a material is plain. Texture arrays are shared between equal calls and read-only.
+A colour is a name of `PALETTE` or an sRGB triple in 0-1. Textured materials need a mesh with uvs;
+one texture tile covers the unit square of uv. Without a seed a material is plain. Texture arrays
+are shared between equal calls and read-only.
 """
 
 from collections.abc import Callable
@@ -49,7 +51,8 @@ PALETTE: dict[str, tuple[float, float, float]] = {
     "dark green": (0.09, 0.30, 0.18),
     "rust": (0.60, 0.31, 0.18),
 }
-"""sRGB of every colour word the project uses, as products have it. A description that names a colour must be true of the image."""
+"""sRGB of every colour word the project uses, as products have it. A description that names a
+colour must be true of the image."""
 
 WOODS: dict[str, tuple[float, float, float]] = {
     "oak": (0.76, 0.58, 0.38),
@@ -107,14 +110,17 @@ def fabric(color: Color, seed: int | None = None) -> Material:
     return _textured("fabric", color, seed, roughness=0.95)
 
 
-def wrapped(kind: str, color: Color, seed: int, roughness: float, size: int = 128, metallic: float = 0.0) -> Material:
+def wrapped(
+    kind: str, color: Color, seed: int, roughness: float, size: int = 128, metallic: float = 0.0
+) -> Material:
     """A skin of `skins.SKINS`; its meshes bring the uvs that fit it."""
     source = TextureSource("skin", (kind, seed, srgb(color), size))
     return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
 
 
 def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
-    """Painted wood or plastic in use: rubbed edges, faint marks. For meshes whose sides each cover the uv square."""
+    """Painted wood or plastic in use: rubbed edges, faint marks. For meshes whose sides each cover
+    the uv square."""
     return printed(print_texture(color, "cream", "worn", seed=seed), roughness)
 
 
@@ -125,12 +131,15 @@ def printed(source: TextureSource, roughness: float = 0.45) -> Material:
     return Material((r, g, b), roughness=roughness, texture=image, source=source)
 
 
-def print_texture(base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128) -> TextureSource:
+def print_texture(
+    base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128
+) -> TextureSource:
     """Printed packaging, `size` pixels square: ground `base`, ink `accent`.
 
-    kind: "label" (band with text), "product" (band with text, small print, a bar code), "worn" (ground with rubbed edges), "hem"
-    (woven ground with stitches along its edge), "stripes" (horizontal bands), "dots", "diamond", "qr" (black modules, three
-    finder squares), "keys" (grid of buttons), "panel" (dark display with text), "pressed" (text and an oval in the ground).
+    kind: "label" (band with text), "product" (band with text, small print, a bar code), "worn"
+    (ground with rubbed edges), "hem" (woven ground with stitches along its edge), "stripes"
+    (horizontal bands), "dots", "diamond", "qr" (black modules, three finder squares), "keys" (grid
+    of buttons), "panel" (dark display with text), "pressed" (text and an oval in the ground).
     Raises KeyError for an unknown kind or colour.
     """
     if kind not in PRINTS:
@@ -138,7 +147,9 @@ def print_texture(base: Color, accent: Color, kind: str = "label", text: str = "
     return TextureSource("packaging", (srgb(base), srgb(accent), kind, text, seed, size))
 
 
-def _textured(pattern: str, color: Color, seed: int | None, roughness: float, metallic: float = 0.0) -> Material:
+def _textured(
+    pattern: str, color: Color, seed: int | None, roughness: float, metallic: float = 0.0
+) -> Material:
     if seed is None:
         return Material(srgb(color), roughness, metallic)
     source = TextureSource("tile", (pattern, seed, srgb(color), 128))
@@ -147,7 +158,8 @@ def _textured(pattern: str, color: Color, seed: int | None, roughness: float, me
 
 @lru_cache(maxsize=16)
 def texture_pixels(source: TextureSource) -> Rgba:
-    """The image (H,W,4) uint8 sRGB of a texture, read-only; row 0 is v = 0. Raises KeyError for an unknown kind."""
+    """The image (H,W,4) uint8 sRGB of a texture, read-only; row 0 is v = 0. Raises KeyError for an
+    unknown kind."""
     if source.kind not in TEXTURES:
         raise KeyError(f"texture kind {source.kind!r} is unknown: kinds are {', '.join(TEXTURES)}")
     image = TEXTURES[source.kind](*source.arguments)
@@ -155,5 +167,11 @@ def texture_pixels(source: TextureSource) -> Rgba:
     return image
 
 
-TEXTURES: dict[str, Callable[..., Rgba]] = {"tile": texture, "print": printing, "packaging": handled, "skin": skin}
-"""Functions that make textures, by kind; the arguments of a `TextureSource` are theirs, in order."""
+TEXTURES: dict[str, Callable[..., Rgba]] = {
+    "tile": texture,
+    "print": printing,
+    "packaging": handled,
+    "skin": skin,
+}
+"""Functions that make textures, by kind; the arguments of a `TextureSource` are theirs, in
+order."""

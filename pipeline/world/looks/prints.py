@@ -1,4 +1,5 @@
-"""What is printed on packaging, screens and signs: designs by name, square, drawn from a seed alone."""
+"""What is printed on packaging, screens and signs: designs by name, square, drawn from a seed
+alone."""
 
 import cv2
 import numpy as np
@@ -13,7 +14,8 @@ HANDLED = BUSY | {"worn"}
 
 
 def printing(base: Triple, accent: Triple, kind: str, text: str, seed: int, size: int) -> Rgba:
-    """The design of that kind, `size` pixels square, fresh from the press: ink `accent` on ground `base` (sRGB 0-1)."""
+    """The design of that kind, `size` pixels square, fresh from the press: ink `accent` on ground
+    `base` (sRGB 0-1)."""
     rng = np.random.Generator(np.random.Philox(seed))
     grain = value_noise(rng, size, (size // 2, size // 2))
     ground, ink = np.array(base, np.float32), np.array(accent, np.float32)
@@ -28,7 +30,9 @@ def handled(base: Triple, accent: Triple, kind: str, text: str, seed: int, size:
     return packaging(design, accent, seed, kind in BUSY) if kind in HANDLED else design
 
 
-def _write(canvas: np.ndarray, text: str, centre_y: float, color: np.ndarray, height: float) -> None:
+def _write(
+    canvas: np.ndarray, text: str, centre_y: float, color: np.ndarray, height: float
+) -> None:
     if not text:
         return
     size = canvas.shape[0]
@@ -37,7 +41,16 @@ def _write(canvas: np.ndarray, text: str, centre_y: float, color: np.ndarray, he
     fit = min(1.0, 0.92 * size / width)
     (width, tall), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, scale * fit, thick)
     origin = (int((size - width) / 2), int(centre_y * size + tall / 2))
-    cv2.putText(canvas, text, origin, cv2.FONT_HERSHEY_DUPLEX, scale * fit, color.tolist(), thick, cv2.LINE_AA)
+    cv2.putText(
+        canvas,
+        text,
+        origin,
+        cv2.FONT_HERSHEY_DUPLEX,
+        scale * fit,
+        color.tolist(),
+        thick,
+        cv2.LINE_AA,
+    )
 
 
 def _readable(ink: np.ndarray) -> np.ndarray:
@@ -60,7 +73,8 @@ def _label(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Genera
 
 
 def _product(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
-    """The band covers the image from side to side; paper with small print and a bar code follows below it."""
+    """The band covers the image from side to side; paper with small print and a bar code follows
+    below it."""
     n = canvas.shape[0]
     paper = np.array([0.93, 0.92, 0.88], np.float32)
     canvas[int(0.16 * n) : int(0.56 * n)] = ink
@@ -68,7 +82,10 @@ def _product(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Gene
     canvas[int(0.60 * n) : int(0.94 * n), int(0.08 * n) : int(0.92 * n)] = paper
     _write(canvas, text, 0.36, _readable(ink), 0.24)
     for row in np.arange(0.65, 0.90, 0.05):
-        canvas[int(row * n) : int(row * n) + max(1, n // 64), int(0.12 * n) : int(rng.uniform(0.36, 0.52) * n)] = paper * 0.45
+        canvas[
+            int(row * n) : int(row * n) + max(1, n // 64),
+            int(0.12 * n) : int(rng.uniform(0.36, 0.52) * n),
+        ] = paper * 0.45
     bars = np.repeat(rng.random(n) < 0.5, 2)[: int(0.3 * n)]
     canvas[int(0.64 * n) : int(0.90 * n), int(0.58 * n) : int(0.58 * n) + len(bars)][:, bars] = 0.08
 
@@ -78,15 +95,22 @@ def _worn(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generat
     at = (np.arange(n) + 0.5) / n
     border = np.minimum(np.minimum(at, 1 - at)[:, None], np.minimum(at, 1 - at)[None])
     rub = value_noise(rng, n, (n // 6, n // 6))
-    share = np.clip(1.2 - border / (0.02 + 0.05 * rub), 0, 0.3) + np.clip(value_noise(rng, n, (n // 2, 6)) - 0.85, 0, 1) * 0.5
+    share = (
+        np.clip(1.2 - border / (0.02 + 0.05 * rub), 0, 0.3)
+        + np.clip(value_noise(rng, n, (n // 2, 6)) - 0.85, 0, 1) * 0.5
+    )
     cloud = 0.97 + 0.05 * value_noise(rng, n, (5, 5))
-    canvas[:] = canvas * cloud[..., None] + (ink * 0.5 + canvas * 0.5 - canvas) * share[..., None].astype(np.float32)
+    canvas[:] = canvas * cloud[..., None] + (ink * 0.5 + canvas * 0.5 - canvas) * share[
+        ..., None
+    ].astype(np.float32)
 
 
 def _hem(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
     n = canvas.shape[0]
     thread = np.arange(n) // 2
-    weave = 0.90 + 0.12 * ((thread[:, None] + thread[None]) % 2) * value_noise(rng, n, (n // 3, n // 3))
+    weave = 0.90 + 0.12 * ((thread[:, None] + thread[None]) % 2) * value_noise(
+        rng, n, (n // 3, n // 3)
+    )
     canvas *= weave[..., None].astype(np.float32)
     low, high, dash = int(0.05 * n), int(0.95 * n), np.arange(n) % 8 < 5
     inside = dash & (np.arange(n) >= low) & (np.arange(n) <= high)
@@ -112,7 +136,15 @@ def _dots(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generat
 
 def _diamond(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
     n = canvas.shape[0]
-    cv2.fillPoly(canvas, [np.array([[n // 2, n // 8], [7 * n // 8, n // 2], [n // 2, 7 * n // 8], [n // 8, n // 2]])], ink.tolist())
+    cv2.fillPoly(
+        canvas,
+        [
+            np.array(
+                [[n // 2, n // 8], [7 * n // 8, n // 2], [n // 2, 7 * n // 8], [n // 8, n // 2]]
+            )
+        ],
+        ink.tolist(),
+    )
     _write(canvas, text, 0.5, _readable(ink), 0.16)
 
 
@@ -135,12 +167,24 @@ def _keys(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generat
         for c in range(columns):
             y, x = (r + 0.5) / rows * n, (c + 0.5) / columns * n
             tone = ink if (r, c) != (0, 0) else np.array([0.8, 0.1, 0.1], np.float32)
-            cv2.ellipse(canvas, (int(x), int(y)), (int(0.11 * n), int(0.05 * n)), 0, 0, 360, tone.tolist(), -1, cv2.LINE_AA)
+            cv2.ellipse(
+                canvas,
+                (int(x), int(y)),
+                (int(0.11 * n), int(0.05 * n)),
+                0,
+                0,
+                360,
+                tone.tolist(),
+                -1,
+                cv2.LINE_AA,
+            )
 
 
 def _panel(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
     n = canvas.shape[0]
-    canvas[int(0.08 * n) : int(0.92 * n), int(0.06 * n) : int(0.94 * n)] = np.array([0.06, 0.09, 0.11], np.float32)
+    canvas[int(0.08 * n) : int(0.92 * n), int(0.06 * n) : int(0.94 * n)] = np.array(
+        [0.06, 0.09, 0.11], np.float32
+    )
     _write(canvas, text, 0.5, ink, 0.26)
 
 
@@ -149,7 +193,17 @@ def _pressed(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Gene
     n, ground = canvas.shape[0], canvas[0, 0].copy()
     for shift, tone in ((n // 90 + 1, np.minimum(ground * 1.15 + 0.04, 1)), (0, ink)):
         stamped = np.zeros((n, n), np.float32)
-        cv2.ellipse(stamped, (n // 2, n // 2), (int(0.46 * n), int(0.42 * n)), 0, 0, 360, 1.0, max(n // 40, 1), cv2.LINE_AA)
+        cv2.ellipse(
+            stamped,
+            (n // 2, n // 2),
+            (int(0.46 * n), int(0.42 * n)),
+            0,
+            0,
+            360,
+            1.0,
+            max(n // 40, 1),
+            cv2.LINE_AA,
+        )
         _write(stamped, text, 0.5, np.ones(1), 0.36)
         canvas += (tone - canvas) * np.roll(stamped, shift, 0)[..., None]
 

@@ -1,6 +1,8 @@
-"""Skins of things in use: wicker, cord, crust, pressed metal, a mouse, a mat, a shoe, and packaging with its small print.
+"""Skins of things in use: wicker, cord, crust, pressed metal, a mouse, a mat, a shoe, and packaging
+with its small print.
 
-Each draws (size, size, 3) float sRGB 0-1 from its Generator alone, so the same seed gives the same bytes.
+Each draws (size, size, 3) float sRGB 0-1 from its Generator alone, so the same seed gives the same
+bytes.
 """
 
 from collections.abc import Callable
@@ -15,13 +17,18 @@ STRANDS = 8  # of a tile of wicker, both ways
 
 
 def wicker(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """Plain weave of round strands: each goes over one stake and under the next, and has a tone and fibres of its own."""
+    """Plain weave of round strands: each goes over one stake and under the next, and has a tone and
+    fibres of its own."""
     u = (np.arange(size, dtype=np.float32) + 0.5) * (STRANDS / size)
     k, within = np.floor(u).astype(int), u % 1
     tones = rng.uniform(0.80, 1.12, (2, STRANDS)).astype(np.float32)
-    fibres = value_noise(rng, size, (size // 2, STRANDS)), value_noise(rng, size, (STRANDS, size // 2))
+    fibres = (
+        value_noise(rng, size, (size // 2, STRANDS)),
+        value_noise(rng, size, (STRANDS, size // 2)),
+    )
     round_ = np.sqrt(np.clip(1 - ((within - 0.5) / 0.52) ** 2, 0, 1)).astype(np.float32)
-    bent = (0.62 + 0.38 * np.sin(np.pi * within)).astype(np.float32)  # where a strand dives below the next
+    # where a strand dives below the next
+    bent = (0.62 + 0.38 * np.sin(np.pi * within)).astype(np.float32)
     level = tones[0][k][:, None] * round_[:, None] * bent[None] * (0.85 + 0.25 * fibres[0])
     upright = tones[1][k][None] * round_[None] * bent[:, None] * (0.85 + 0.25 * fibres[1])
     over = (k[:, None] + k[None]) % 2 == 0
@@ -32,20 +39,29 @@ def cord(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Fi
     """A strip wound round a tube: slanted turns with shade between them."""
     u = (np.arange(size, dtype=np.float32) + 0.5) / size
     turn = (u[:, None] * 4 + u[None]) % 1
-    tones = rng.uniform(0.86, 1.08, 4).astype(np.float32)[np.floor(u[:, None] * 4 + u[None]).astype(int) % 4]
+    tones = rng.uniform(0.86, 1.08, 4).astype(np.float32)[
+        np.floor(u[:, None] * 4 + u[None]).astype(int) % 4
+    ]
     fibres = value_noise(rng, size, (size // 8, size // 2))
     lit = np.sqrt(np.clip(1 - ((turn - 0.5) / 0.53) ** 2, 0, 1))
-    return colour * ((0.45 + 0.60 * lit) * tones * (0.92 + 0.14 * fibres))[..., None].astype(np.float32)
+    return colour * ((0.45 + 0.60 * lit) * tones * (0.92 + 0.14 * fibres))[..., None].astype(
+        np.float32
+    )
 
 
 def crust(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
     """Baked dough: pale and brown patches, pores, cracks and a dust of flour."""
     blotches, fine = fractal(rng, size, (3, 3), 4), fractal(rng, size, (20, 20), 3)
-    pale, dark = np.minimum(colour * 1.14 + 0.02, 1), colour * np.array([0.62, 0.52, 0.44], np.float32)
+    pale, dark = (
+        np.minimum(colour * 1.14 + 0.02, 1),
+        colour * np.array([0.62, 0.52, 0.44], np.float32),
+    )
     skin = pale + (dark - pale) * blotches[..., None]
     ridge = 1 - np.abs(2 * fractal(rng, size, (5, 5), 4) - 1)
     skin = skin * (1 - 0.40 * np.clip((ridge - 0.94) * 16, 0, 1) - 0.34 * (fine - 0.5))[..., None]
-    flour = np.clip((fractal(rng, size, (5, 5), 4) - 0.66) * 3, 0, 0.6) * value_noise(rng, size, (size // 2, size // 2))
+    flour = np.clip((fractal(rng, size, (5, 5), 4) - 0.66) * 3, 0, 0.6) * value_noise(
+        rng, size, (size // 2, size // 2)
+    )
     return skin + (np.array([0.90, 0.85, 0.76], np.float32) - skin) * flour[..., None]
 
 
@@ -58,7 +74,8 @@ def turned(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> 
 
 
 def shell(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """The shell of a mouse from above, its buttons at v = 1: seams, ribbed grips at the sides, a mark."""
+    """The shell of a mouse from above, its buttons at v = 1: seams, ribbed grips at the sides, a
+    mark."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 2 - 1, (np.arange(size) + 0.5) / size)
     seam = np.exp(-((u * size / 3) ** 2)) * (v > 0.55)
     seam += np.exp(-(((v - 0.55 + 0.10 * u * u) * size / 2.2) ** 2))
@@ -74,7 +91,8 @@ def shell(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> F
 
 
 def runner(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A woven mat as a whole: ribs with uneven yarn, bands near both ends, shallow waves, places where cups stood."""
+    """A woven mat as a whole: ribs with uneven yarn, bands near both ends, shallow waves, places
+    where cups stood."""
     at = (np.arange(size, dtype=np.float32) + 0.5) / size
     ribs = 0.90 + 0.12 * (np.arange(size) // 2 % 2) * value_noise(rng, size, (size // 2, 12))
     yarn = value_noise(rng, size, (size // 2, 5)) + value_noise(rng, size, (9, size // 2)) - 1
@@ -82,14 +100,23 @@ def runner(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> 
     tone = ribs + 0.16 * yarn + 0.16 * waves
     end = np.minimum(at, 1 - at)
     for middle, half in ((0.08, 0.012), (0.13, 0.026), (0.18, 0.012)):
-        tone *= 1 + (rng.choice([-0.30, 0.24]) * np.clip((half - np.abs(end - middle)) * size / 2 + 0.5, 0, 1))[None]
+        tone *= (
+            1
+            + (
+                rng.choice([-0.30, 0.24])
+                * np.clip((half - np.abs(end - middle)) * size / 2 + 0.5, 0, 1)
+            )[None]
+        )
     for x, y in rng.uniform(0.2, 0.8, (2, 2)):
-        tone *= 1 - 0.10 * np.exp(-(((np.hypot(at[None] - x, (at[:, None] - y) * 0.55) - 0.10) * 60) ** 2))
+        tone *= 1 - 0.10 * np.exp(
+            -(((np.hypot(at[None] - x, (at[:, None] - y) * 0.55) - 0.10) * 60) ** 2)
+        )
     return colour * tone[..., None].astype(np.float32)
 
 
 def upper(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A shoe's upper, u round it from flank to flank and v from toe (0) to heel: knitted cloth, panels of leather, stitches."""
+    """A shoe's upper, u round it from flank to flank and v from toe (0) to heel: knitted cloth,
+    panels of leather, stitches."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 12 / 11, (np.arange(size) + 0.5) / size)
     side = np.minimum(np.abs(u), np.abs(1 - u)) * 2  # 0 at the sole, 1 on the ridge
     wave = 0.05 * np.sin(2 * np.pi * v * 2 + rng.uniform(0, 6))
@@ -102,7 +129,12 @@ def upper(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> F
     )
     knit = 0.90 + 0.16 * ((np.floor(v * size / 3) + np.floor(u * size / 3)) % 2)
     tone = (knit * (0.92 + 0.14 * fractal(rng, size, (6, 6), 3))).astype(np.float32)
-    holes = (np.hypot((u * 44) % 1 - 0.5, (v * 34) % 1 - 0.5) < 0.24) & (v < 0.36) & (side > 0.4) & (v > 0.27)
+    holes = (
+        (np.hypot((u * 44) % 1 - 0.5, (v * 34) % 1 - 0.5) < 0.24)
+        & (v < 0.36)
+        & (side > 0.4)
+        & (v > 0.27)
+    )
     tone[holes] *= 0.55
     dashes = (np.floor((u + v) * size / 3) % 2) > 0
     leather = 0.95 + 0.08 * value_noise(rng, size, (size // 3, size // 3))
@@ -136,7 +168,8 @@ def skin(kind: str, seed: int, colour: ArrayLike, size: int) -> Rgba:
 
 
 def packaging(printed: Rgba, ink: ArrayLike, seed: int, busy: bool) -> Rgba:
-    """A print that was handled: gradients and worn edges, and where it is `busy` small print, a bar code and a picture.
+    """A print that was handled: gradients and worn edges, and where it is `busy` small print, a bar
+    code and a picture.
 
     `printed` (N,N,4) is the plain design.
     """
@@ -148,7 +181,10 @@ def packaging(printed: Rgba, ink: ArrayLike, seed: int, busy: bool) -> Rgba:
         _picture(canvas, rng, np.asarray(ink, np.float32))
         _small_print(canvas, rng)
     border = np.minimum(np.minimum(at, 1 - at)[:, None], np.minimum(at, 1 - at)[None])
-    rub = np.clip(1 - border / (0.008 + 0.03 * value_noise(rng, n, (n // 6, n // 6)) ** 2), 0, 1) * 0.45
+    rub = (
+        np.clip(1 - border / (0.008 + 0.03 * value_noise(rng, n, (n // 6, n // 6)) ** 2), 0, 1)
+        * 0.45
+    )
     scuff = np.clip(fractal(rng, n, (5, 9), 4) - 0.72, 0, 1) * 0.7
     canvas += (np.array([0.86, 0.84, 0.80], np.float32) - canvas) * (rub + scuff)[..., None]
     canvas *= (0.96 + 0.08 * value_noise(rng, n, (n // 2, n // 2)))[..., None]
@@ -162,11 +198,17 @@ def _picture(canvas: Field, rng: np.random.Generator, ink: NDArray[np.float32]) 
     hue = np.clip(ink * 0.6 + rng.uniform(0.1, 0.5, 3), 0, 1)
     for low in (0.17, 0.83):
         for _ in range(int(rng.integers(2, 5))):
-            cx, cy, r = rng.uniform(0.15, 0.85), low + rng.uniform(-0.05, 0.05), rng.uniform(0.05, 0.10)
+            cx, cy, r = (
+                rng.uniform(0.15, 0.85),
+                low + rng.uniform(-0.05, 0.05),
+                rng.uniform(0.05, 0.10),
+            )
             d = np.hypot(x - cx, y - cy) / r
             lit = np.clip(1.15 - 0.65 * np.hypot(x - cx + 0.4 * r, y - cy + 0.4 * r) / r, 0.25, 1.2)
             inside = np.clip((1 - d) * r * n / 1.5, 0, 1)[..., None]
-            canvas += (np.clip(hue * rng.uniform(0.8, 1.2, 3) * lit[..., None], 0, 1) - canvas) * inside
+            canvas += (
+                np.clip(hue * rng.uniform(0.8, 1.2, 3) * lit[..., None], 0, 1) - canvas
+            ) * inside
 
 
 def _small_print(canvas: Field, rng: np.random.Generator) -> None:

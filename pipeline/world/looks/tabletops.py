@@ -1,6 +1,8 @@
-"""Table tops and floors at the scale of real materials: grain and thread of about a millimetre, seeded as `textures` are.
+"""Table tops and floors at the scale of real materials: grain and thread of about a millimetre,
+seeded as `textures` are.
 
-A tile is meant for 0.5 to 0.8 m and is drawn finer than the patterns of `textures`: 512 texels a side.
+A tile is meant for 0.5 to 0.8 m and is drawn finer than the patterns of `textures`: 512 texels a
+side.
 """
 
 from collections.abc import Callable
@@ -13,9 +15,12 @@ from pipeline.world.looks.textures import Field, Rgba, fractal, mix, rgba, shade
 
 
 def grain(rng: np.random.Generator, size: int) -> Field:
-    """Wood along x in 0-1 (size, size), 1 is dark: faint growth rings, fibres of two texels, and short dark pores."""
+    """Wood along x in 0-1 (size, size), 1 is dark: faint growth rings, fibres of two texels, and
+    short dark pores."""
     v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
-    rings = 0.5 + 0.5 * np.sin(2 * np.pi * (np.float32(rng.integers(18, 30)) * v + 1.6 * fractal(rng, size, (4, 1), 2)))
+    rings = 0.5 + 0.5 * np.sin(
+        2 * np.pi * (np.float32(rng.integers(18, 30)) * v + 1.6 * fractal(rng, size, (4, 1), 2))
+    )
     fibre = value_noise(rng, size, (size // 2, 5))
     pores = np.clip(value_noise(rng, size, (size, 24)) - 0.72, 0, 1) * 2.2
     return np.clip(0.30 * rings + 0.42 * fibre + pores, 0, 1).astype(np.float32)
@@ -56,12 +61,21 @@ def laminate(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
 
 def steel(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Brushed sheet: streaks of one texel along x and a few scratches."""
-    streaks = 0.6 * value_noise(rng, size, (size, 4)) + 0.4 * value_noise(rng, size, (size // 2, 12))
+    streaks = 0.6 * value_noise(rng, size, (size, 4)) + 0.4 * value_noise(
+        rng, size, (size // 2, 12)
+    )
     sheet = np.ascontiguousarray(mix(shade(colour, 1.04), shade(colour, 0.90), streaks), np.float32)
     tone = shade(colour, 1.1).tolist()
     for x, y, length, slope in rng.random((14, 4)):
         start = (int(x * size), int(y * size))
-        cv2.line(sheet, start, (start[0] + int(60 * length), start[1] + int(24 * (slope - 0.5))), tone, 1, cv2.LINE_AA)
+        cv2.line(
+            sheet,
+            start,
+            (start[0] + int(60 * length), start[1] + int(24 * (slope - 0.5))),
+            tone,
+            1,
+            cv2.LINE_AA,
+        )
     return rgba(sheet)
 
 
@@ -78,56 +92,84 @@ def linen(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def _folds(rng: np.random.Generator, size: int) -> Field:
-    """Shading, about -0.2 to 0.1, of soft folds across a cloth and of the creases it was kept in."""
+    """Shading, about -0.2 to 0.1, of soft folds across a cloth and of the creases it was kept
+    in."""
     across = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)
     bend, slow = fractal(rng, size, (2, 2), 3) - 0.5, fractal(rng, size, (3, 2), 3) - 0.5
     waves = np.sin(2 * np.pi * (across[None] + 2 * across[:, None] + 1.3 * bend)) * (0.6 + slow)
     kept = np.exp(-(((across - 0.5 + 0.004 * np.sin(9 * across)) * 90) ** 2))
-    return (0.09 * waves + 0.12 * slow - 0.10 * (kept[None] + 0.7 * kept[:, None])).astype(np.float32)
+    return (0.09 * waves + 0.12 * slow - 0.10 * (kept[None] + 0.7 * kept[:, None])).astype(
+        np.float32
+    )
 
 
 def gingham(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Woven squares of two tones and their mean, with folds."""
     own = np.asarray(colour, np.float32)
     bands = (np.arange(size) * int(rng.choice([16, 24, 32])) // size % 2).astype(np.float32)
-    thread = 0.94 + 0.10 * ((np.arange(size)[:, None] + np.arange(size)[None]) // 2 % 2) * value_noise(
-        rng, size, (size // 2, size // 2)
-    )
+    thread = 0.94 + 0.10 * (
+        (np.arange(size)[:, None] + np.arange(size)[None]) // 2 % 2
+    ) * value_noise(rng, size, (size // 2, size // 2))
     t = np.asarray(cv2.GaussianBlur((bands[:, None] + bands[None]) / 2, (3, 3), 0.8), np.float32)
     return rgba(mix(own * 0.45 + 0.5, own * 0.8, t) * (thread + _folds(rng, size))[..., None])
 
 
 def felt(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Pressed wool: short fibres in all directions, brushed patches, pills."""
-    fibres = value_noise(rng, size, (size // 6, size)) + value_noise(rng, size, (size, size // 6)) - 1
+    fibres = (
+        value_noise(rng, size, (size // 6, size)) + value_noise(rng, size, (size, size // 6)) - 1
+    )
     pills = np.clip(value_noise(rng, size, (size // 4, size // 4)) - 0.8, 0, 1)
     tone = 0.86 + 0.22 * fibres + 0.16 * fractal(rng, size, (4, 4), 4) + 0.5 * pills
     return rgba(np.asarray(colour, np.float32) * tone[..., None].astype(np.float32))
 
 
 def fine_terrazzo(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Ground stone chips of one to eight millimetres, most of them near the ground's tone, under a polish that wear has clouded."""
+    """Ground stone chips of one to eight millimetres, most of them near the ground's tone, under a
+    polish that wear has clouded."""
     own = np.asarray(colour, np.float32)
-    ground = own * (0.94 + 0.08 * fractal(rng, size, (6, 6), 4) + 0.05 * value_noise(rng, size, (size, size)))[..., None]
+    ground = (
+        own
+        * (
+            0.94
+            + 0.08 * fractal(rng, size, (6, 6), 4)
+            + 0.05 * value_noise(rng, size, (size, size))
+        )[..., None]
+    )
     canvas = np.ascontiguousarray(ground, np.float32)
     tones = np.clip(own * rng.uniform(0.62, 1.12, (7, 1)) + rng.uniform(-0.05, 0.05, (7, 3)), 0, 1)
     for _ in range(1100):
         centre, radius = rng.integers(0, size, 2), (0.001 + 0.006 * rng.random() ** 3) * size
         angles = np.sort(rng.uniform(0, 2 * np.pi, 7))
-        chip = np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.2, (7, 1))
+        chip = (
+            np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.2, (7, 1))
+        )
         tone = tones[rng.integers(7)].tolist()
         shifts = (
-            [(x, y) for x in (0, size) for y in (0, size)] if (np.minimum(centre, size - centre) < 0.02 * size).any() else [(0, 0)]
+            [(x, y) for x in (0, size) for y in (0, size)]
+            if (np.minimum(centre, size - centre) < 0.02 * size).any()
+            else [(0, 0)]
         )
         for shift in shifts:
-            cv2.fillPoly(canvas, [np.rint(chip + centre - np.array(shift)).astype(np.int32)], tone, lineType=cv2.LINE_AA)
-    return rgba(cv2.GaussianBlur(canvas, (3, 3), 0.7) * (0.97 + 0.05 * value_noise(rng, size, (size, size)))[..., None])
+            cv2.fillPoly(
+                canvas,
+                [np.rint(chip + centre - np.array(shift)).astype(np.int32)],
+                tone,
+                lineType=cv2.LINE_AA,
+            )
+    return rgba(
+        cv2.GaussianBlur(canvas, (3, 3), 0.7)
+        * (0.97 + 0.05 * value_noise(rng, size, (size, size)))[..., None]
+    )
 
 
 def granite(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Polished stone: crystals of three tones, one to four millimetres."""
     own = np.asarray(colour, np.float32)
-    crystals, fine = value_noise(rng, size, (size // 3, size // 3)), value_noise(rng, size, (size, size))
+    crystals, fine = (
+        value_noise(rng, size, (size // 3, size // 3)),
+        value_noise(rng, size, (size, size)),
+    )
     t = 0.7 * crystals + 0.3 * fine + 0.25 * (fractal(rng, size, (4, 4), 3) - 0.5)
     light, dark = np.clip((t - 0.58) * 6, 0, 1), np.clip((0.40 - t) * 6, 0, 1)
     return rgba(own * (1 + 0.10 * light - 0.30 * dark)[..., None])

@@ -1,6 +1,8 @@
-"""Seeded procedural textures: (size, size, 4) uint8 sRGB, opaque, tileable in both directions, a few milliseconds each.
+"""Seeded procedural textures: (size, size, 4) uint8 sRGB, opaque, tileable in both directions, a
+few milliseconds each.
 
-Every function draws only from the Generator it is given, so the same seed gives the same bytes. Colours are sRGB triples in 0-1.
+Every function draws only from the Generator it is given, so the same seed gives the same bytes.
+Colours are sRGB triples in 0-1.
 """
 
 from collections.abc import Callable
@@ -14,21 +16,27 @@ Field = NDArray[np.floating]
 
 
 def value_noise(rng: np.random.Generator, size: int, cells: tuple[int, int]) -> Field:
-    """Tileable smooth noise (size, size) in 0-1: a random lattice of `cells` (rows, columns) with cubic interpolation."""
+    """Tileable smooth noise (size, size) in 0-1: a random lattice of `cells` (rows, columns) with
+    cubic interpolation."""
     rows, columns = cells
     lattice = np.pad(rng.random((rows, columns), dtype=np.float32), 2, mode="wrap")
     y = (np.arange(size, dtype=np.float32) + 0.5) * (rows / size) + 1.5
     x = (np.arange(size, dtype=np.float32) + 0.5) * (columns / size) + 1.5
     map_x, map_y = np.broadcast_to(x, (size, size)), np.broadcast_to(y[:, None], (size, size))
-    field = cv2.remap(lattice, np.ascontiguousarray(map_x), np.ascontiguousarray(map_y), cv2.INTER_CUBIC)
+    field = cv2.remap(
+        lattice, np.ascontiguousarray(map_x), np.ascontiguousarray(map_y), cv2.INTER_CUBIC
+    )
     return np.clip(field, 0.0, 1.0).astype(np.float32)
 
 
 def fractal(rng: np.random.Generator, size: int, cells: tuple[int, int], octaves: int = 4) -> Field:
-    """Sum of `octaves` of value noise, each twice as fine and half as strong, scaled to 0-1 (size, size)."""
+    """Sum of `octaves` of value noise, each twice as fine and half as strong, scaled to 0-1 (size,
+    size)."""
     total = np.zeros((size, size), np.float32)
     for k in range(octaves):
-        total += 0.5**k * value_noise(rng, size, (min(cells[0] << k, size), min(cells[1] << k, size)))
+        total += 0.5**k * value_noise(
+            rng, size, (min(cells[0] << k, size), min(cells[1] << k, size))
+        )
     low, high = float(total.min()), float(total.max())
     return (total - low) / max(high - low, 1e-6)
 
@@ -69,7 +77,9 @@ def planks(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     out = np.empty_like(board)
     for i in range(n):
         tone = np.float32(rng.uniform(0.84, 1.1))
-        out[i * width : (i + 1) * width] = np.roll(board, int(rng.integers(size)), axis=1)[i * width : (i + 1) * width] * tone
+        out[i * width : (i + 1) * width] = (
+            np.roll(board, int(rng.integers(size)), axis=1)[i * width : (i + 1) * width] * tone
+        )
         out[i * width] *= 0.55
         joint = int(rng.integers(size))
         out[i * width : (i + 1) * width, joint] *= 0.6
@@ -106,11 +116,15 @@ def fabric(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
 def terrazzo(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Stone chips of four tones in a plain ground; chips wrap around the border."""
     canvas = np.tile(np.asarray(colour, np.float32), (size, size, 1))
-    tones = np.asarray(colour, np.float32) * rng.uniform(0.45, 1.25, (4, 1)) + rng.uniform(-0.12, 0.12, (4, 3))
+    tones = np.asarray(colour, np.float32) * rng.uniform(0.45, 1.25, (4, 1)) + rng.uniform(
+        -0.12, 0.12, (4, 3)
+    )
     for _ in range(90):
         centre, radius = rng.integers(0, size, 2), rng.uniform(0.008, 0.03) * size
         angles = np.sort(rng.uniform(0, 2 * np.pi, 6))
-        chip = np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.3, (6, 1))
+        chip = (
+            np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.3, (6, 1))
+        )
         tone = np.clip(tones[rng.integers(4)], 0, 1).tolist()
         for shift in ((0, 0), (size, 0), (0, size), (size, size)):
             points = np.rint(chip + centre - np.array(shift)).astype(np.int32)
@@ -118,18 +132,33 @@ def terrazzo(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     return rgba(canvas)
 
 
-def bricks(rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 8, columns: int = 4) -> Rgba:
+def bricks(
+    rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 8, columns: int = 4
+) -> Rgba:
     """Running bond with light mortar; every brick has its own tone."""
-    return _courses(rng, size, colour, rows, columns, offset=0.5, gap=0.06, joint=np.array([0.78, 0.76, 0.72]))
+    return _courses(
+        rng, size, colour, rows, columns, offset=0.5, gap=0.06, joint=np.array([0.78, 0.76, 0.72])
+    )
 
 
-def tiles(rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 4, columns: int = 4) -> Rgba:
+def tiles(
+    rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 4, columns: int = 4
+) -> Rgba:
     """Square ceramic tiles with pale joints."""
-    return _courses(rng, size, colour, rows, columns, offset=0.0, gap=0.03, joint=np.array([0.86, 0.86, 0.84]))
+    return _courses(
+        rng, size, colour, rows, columns, offset=0.0, gap=0.03, joint=np.array([0.86, 0.86, 0.84])
+    )
 
 
 def _courses(
-    rng: np.random.Generator, size: int, colour: ArrayLike, rows: int, columns: int, offset: float, gap: float, joint: ArrayLike
+    rng: np.random.Generator,
+    size: int,
+    colour: ArrayLike,
+    rows: int,
+    columns: int,
+    offset: float,
+    gap: float,
+    joint: ArrayLike,
 ) -> Rgba:
     v = np.arange(size, dtype=np.float32)[:, None] * (rows / size)
     row = np.floor(v).astype(int)
@@ -139,9 +168,17 @@ def _courses(
     grain = 1 + 0.12 * (value_noise(rng, size, (size // 4, size // 4)) - 0.5)
     edge_v = np.minimum(v % 1, 1 - v % 1) / columns * rows
     edge_u = np.minimum(u % 1, 1 - u % 1)
-    inside = np.clip((np.minimum(edge_u, edge_v * columns / rows * columns / rows) - gap) * size / columns / 2 + 0.5, 0, 1)
+    inside = np.clip(
+        (np.minimum(edge_u, edge_v * columns / rows * columns / rows) - gap) * size / columns / 2
+        + 0.5,
+        0,
+        1,
+    )
     body = np.asarray(colour, np.float32) * (tone * grain)[..., None]
-    return rgba(mix(np.zeros(3), np.ones(3), inside) * body + (1 - inside)[..., None] * np.asarray(joint, np.float32))
+    return rgba(
+        mix(np.zeros(3), np.ones(3), inside) * body
+        + (1 - inside)[..., None] * np.asarray(joint, np.float32)
+    )
 
 
 def paint(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
@@ -170,7 +207,9 @@ def stripes(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """Parallel bands of two tones and a thin third."""
     n = int(rng.choice([4, 6, 8, 10]))
     u = (np.arange(size, dtype=np.float32) * (n / size)) % 1
-    t = np.broadcast_to(np.where(u < 0.5, 0.0, np.where(u < 0.9, 1.0, 0.4)).astype(np.float32), (size, size))
+    t = np.broadcast_to(
+        np.where(u < 0.5, 0.0, np.where(u < 0.9, 1.0, 0.4)).astype(np.float32), (size, size)
+    )
     return rgba(mix(colour, rng.uniform(0.1, 0.95, 3), t))
 
 
@@ -181,7 +220,11 @@ def noise(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
 
 def plain(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     """One colour with a trace of paper grain."""
-    return rgba(mix(shade(colour, 1.02), shade(colour, 0.98), value_noise(rng, size, (size // 2, size // 2))))
+    return rgba(
+        mix(
+            shade(colour, 1.02), shade(colour, 0.98), value_noise(rng, size, (size // 2, size // 2))
+        )
+    )
 
 
 BASIC: dict[str, Callable[[np.random.Generator, int, ArrayLike], Rgba]] = {

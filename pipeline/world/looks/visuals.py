@@ -18,20 +18,38 @@ CLEAN = Visuals(
     ambient=(0.29, 0.30, 0.32),
     sun_direction=(0.40, -0.55, -1.0),
     sun=(0.72, 0.69, 0.63),
-    points=(PointLight((0.9, -0.5, 1.8), (0.24, 0.23, 0.21)), PointLight((-0.9, -0.5, 1.8), (0.24, 0.23, 0.21))),
+    points=(
+        PointLight((0.9, -0.5, 1.8), (0.24, 0.23, 0.21)),
+        PointLight((-0.9, -0.5, 1.8), (0.24, 0.23, 0.21)),
+    ),
     look=LOOK,
 )
-"""The clean domain: pale wooden table, a workshop's wall, a window's light from behind the table on the left, two lamps.
+"""The clean domain: pale wooden table, a workshop's wall, a window's light from behind the table on
+the left, two lamps.
 
-The light travels towards the robot, so neither the stand of the head camera nor the robot's base throws a shadow on the table.
+The light travels towards the robot, so neither the stand of the head camera nor the robot's base
+throws a shadow on the table.
 """
 
 TABLE_PATTERNS = (*TABLETOPS, "staves", "veneer", "linen", "laminate", "felt", "marble")
 WALL_PATTERNS = (*WALLS, *WALLS, *DISTANT)
 GROUND_PATTERNS = ("planks", "tiles", "concrete", "veneer", "fine terrazzo")
 PLAIN_RATE = 0.02  # chance, per surface, of the clean look inside the randomised domain
-TIMBER = ((0.78, 0.66, 0.50), (0.66, 0.50, 0.34), (0.45, 0.32, 0.22), (0.58, 0.40, 0.28), (0.80, 0.72, 0.60))
-MINERAL = ((0.86, 0.84, 0.80), (0.45, 0.46, 0.48), (0.62, 0.60, 0.57), (0.28, 0.29, 0.31), (0.72, 0.66, 0.58), (0.88, 0.88, 0.87))
+TIMBER = (
+    (0.78, 0.66, 0.50),
+    (0.66, 0.50, 0.34),
+    (0.45, 0.32, 0.22),
+    (0.58, 0.40, 0.28),
+    (0.80, 0.72, 0.60),
+)
+MINERAL = (
+    (0.86, 0.84, 0.80),
+    (0.45, 0.46, 0.48),
+    (0.62, 0.60, 0.57),
+    (0.28, 0.29, 0.31),
+    (0.72, 0.66, 0.58),
+    (0.88, 0.88, 0.87),
+)
 PAINTS = (
     (0.86, 0.85, 0.82),
     (0.74, 0.76, 0.76),
@@ -46,8 +64,9 @@ FREE, FREE_TIMBER = 0.22, 0.10  # largest share of any other colour in these
 def draw_visuals(rng: np.random.Generator, domain: str, split: str = "seen") -> Visuals:
     """Looks for one attempt. "clean" is always `CLEAN` and draws nothing.
 
-    "randomized" draws patterns, colours and light colours from `rng`; texture seeds are even in the "seen" split and odd in the
-    "unseen" one, so no texture of training appears in evaluation. Raises ValueError for an unknown domain or split.
+    "randomized" draws patterns, colours and light colours from `rng`; texture seeds are even in the
+    "seen" split and odd in the "unseen" one, so no texture of training appears in evaluation.
+    Raises ValueError for an unknown domain or split.
     """
     if domain not in DOMAINS:
         raise ValueError(f"domain {domain!r} is unknown: domains are {', '.join(DOMAINS)}")
@@ -73,7 +92,8 @@ def _surface(
     split: str,
     clean: Surface,
 ) -> Surface:
-    """One surface: wood takes the colour of a timber, the rest of `paints`; a wall of a room is drawn in its own size."""
+    """One surface: wood takes the colour of a timber, the rest of `paints`; a wall of a room is
+    drawn in its own size."""
     plain = rng.random() < PLAIN_RATE
     pattern = patterns[int(rng.integers(len(patterns)))]
     seed = 2 * int(rng.integers(1 << 30)) + (split == "unseen")
@@ -86,6 +106,7 @@ def _surface(
 
 
 def _light(rng: np.random.Generator, low: float, high: float, whiteness: float) -> Triple:
-    """A light between `low` and `high` whose weakest channel keeps at least the share `whiteness`."""
+    """A light between `low` and `high` whose weakest channel keeps at least the share
+    `whiteness`."""
     r, g, b = rng.uniform(low, high) * (whiteness + (1.0 - whiteness) * rng.random(3))
     return float(r), float(g), float(b)

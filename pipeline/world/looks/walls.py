@@ -1,7 +1,8 @@
-"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings, by the seed, as `textures` makes patterns.
+"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings, by the seed, as
+`textures` makes patterns.
 
-A tile is 3 m of wall from the floor up, row 0 at the floor. What hangs on it is drawn with its own shading, without
-geometry. Lengths below are metres from the left of the tile and from the floor.
+A tile is 3 m of wall from the floor up, row 0 at the floor. What hangs on it is drawn with its own
+shading, without geometry. Lengths below are metres from the left of the tile and from the floor.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from pipeline.world.looks.textures import BASIC, Rgba, fractal, rgba
 
 SPAN = 3.0  # m
 MUTED = (
-    (0.66, 0.27, 0.22), (0.24, 0.38, 0.52), (0.83, 0.71, 0.42), (0.35, 0.47, 0.38), (0.87, 0.85, 0.80), (0.22, 0.24, 0.27),
+    (0.66, 0.27, 0.22), (0.24, 0.38, 0.52), (0.83, 0.71, 0.42), (0.35, 0.47, 0.38), (0.87, 0.85, 0.80), (0.22, 0.24, 0.27),  # noqa: E501
     (0.56, 0.44, 0.34), (0.46, 0.50, 0.55),
 )  # fmt: skip
 OAK, STEEL, GLASS = (0.68, 0.53, 0.38), (0.62, 0.63, 0.65), (0.86, 0.92, 0.97)
@@ -23,30 +24,55 @@ OAK, STEEL, GLASS = (0.68, 0.53, 0.38), (0.62, 0.63, 0.65), (0.86, 0.92, 0.97)
 
 @dataclass(eq=False)
 class Wall:
-    """A drawing in progress: linear ramps of paint over `canvas` (N,N,3), sRGB 0-1, whose row 0 is the floor."""
+    """A drawing in progress: linear ramps of paint over `canvas` (N,N,3), sRGB 0-1, whose row 0 is
+    the floor."""
 
     canvas: NDArray[np.float32]
     rng: np.random.Generator
 
-    def block(self, left: float, low: float, width: float, height: float, colour: ArrayLike, relief: float = 0.12) -> None:
+    def block(
+        self,
+        left: float,
+        low: float,
+        width: float,
+        height: float,
+        colour: ArrayLike,
+        relief: float = 0.12,
+    ) -> None:
         """A rectangle, lighter at its top and darker at its foot by `relief`."""
         x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
-        ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
+        ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[
+            :, None, None
+        ]
         self.canvas[y0:y1, x0:x1] = np.clip(np.asarray(colour, np.float32) * ramp, 0, 1)
 
-    def shadow(self, left: float, low: float, width: float, height: float, share: float = 0.25) -> None:
+    def shadow(
+        self, left: float, low: float, width: float, height: float, share: float = 0.25
+    ) -> None:
         """A soft shadow: strongest at the top of the rectangle, gone at its foot."""
         x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
-        self.canvas[y0:y1, x0:x1] *= 1 - np.linspace(0, share, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
+        self.canvas[y0:y1, x0:x1] *= (
+            1 - np.linspace(0, share, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
+        )
 
-    def shelf(self, left: float, low: float, width: float, things: Callable[[float, float, float], None]) -> None:
+    def shelf(
+        self, left: float, low: float, width: float, things: Callable[[float, float, float], None]
+    ) -> None:
         """A board with a shadow below it, and `things` (left, low, width) on it."""
         self.shadow(left, low - 0.16, width, 0.16)
         self.block(left, low - 0.03, width, 0.03, OAK)
         things(left, low, width)
 
-    def row(self, left: float, low: float, width: float, sizes: tuple[float, float], heights: tuple[float, float]) -> None:
-        """Boxes, books or jars side by side with gaps, of random sizes and muted colours; one in three has a label."""
+    def row(
+        self,
+        left: float,
+        low: float,
+        width: float,
+        sizes: tuple[float, float],
+        heights: tuple[float, float],
+    ) -> None:
+        """Boxes, books or jars side by side with gaps, of random sizes and muted colours; one in
+        three has a label."""
         at = left + 0.03
         while at < left + width - sizes[1]:
             w, h = self.rng.uniform(*sizes), self.rng.uniform(*heights)
@@ -55,18 +81,23 @@ class Wall:
             self.block(at, low, w, h, colour, 0.2)
             self.block(at + 0.9 * w, low, 0.1 * w, h, colour * 0.78, 0.2)
             if self.rng.random() < 0.35:
-                self.block(at + 0.15 * w, low + 0.35 * h, 0.6 * w, 0.3 * h, (0.90, 0.89, 0.85), 0.03)
+                self.block(
+                    at + 0.15 * w, low + 0.35 * h, 0.6 * w, 0.3 * h, (0.90, 0.89, 0.85), 0.03
+                )
             at += w + self.rng.choice([0.006, 0.01, 0.05, 0.12])
 
     def cupboards(self, height: float, width: float, colour: ArrayLike, drawers: int) -> None:
-        """A row of them from the floor to `height`, `width` each, with as many drawers, under a worktop."""
+        """A row of them from the floor to `height`, `width` each, with as many drawers, under a
+        worktop."""
         each = (height - 0.1) / drawers
         self.block(0, 0, SPAN, 0.1, (0.20, 0.20, 0.21))
         for k in range(round(SPAN / width)):
             for j in range(drawers):
                 low = 0.1 + j * each
                 self.block(k * width + 0.004, low, width - 0.008, each - 0.008, colour, 0.08)
-                self.block(k * width + 0.35 * width, low + 0.72 * each, 0.3 * width, 0.012, STEEL, 0.3)
+                self.block(
+                    k * width + 0.35 * width, low + 0.72 * each, 0.3 * width, 0.012, STEEL, 0.3
+                )
                 self.shadow(k * width + 0.35 * width, low + 0.72 * each - 0.015, 0.3 * width, 0.015)
         self.shadow(0, height - 0.06, SPAN, 0.06, 0.35)
         self.block(0, height, SPAN, 0.04, OAK, 0.1)
@@ -86,11 +117,17 @@ class Wall:
 def _plaster(rng: np.random.Generator, size: int, colour: ArrayLike) -> Wall:
     stipple = fractal(rng, size, (6, 6), 5)
     fall = np.linspace(0.90, 1.02, size, dtype=np.float32)[:, None]  # the floor takes light away
-    return Wall((np.asarray(colour, np.float32) * (fall * (0.975 + 0.05 * stipple))[..., None]).astype(np.float32), rng)
+    return Wall(
+        (np.asarray(colour, np.float32) * (fall * (0.975 + 0.05 * stipple))[..., None]).astype(
+            np.float32
+        ),
+        rng,
+    )
 
 
 def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
-    """The wall as a camera shows it that is focused on the table: `blur` texels wide, with light pooling here and there."""
+    """The wall as a camera shows it that is focused on the table: `blur` texels wide, with light
+    pooling here and there."""
     rng = np.random.Generator(np.random.Philox(len(canvas)))
     wide = np.pad(canvas, ((8, 8), (8, 8), (0, 0)), mode="wrap")
     soft = np.asarray(cv2.GaussianBlur(wide, (0, 0), blur))[8:-8, 8:-8]
@@ -99,7 +136,9 @@ def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
 
 def distant(pattern: str) -> Callable[[np.random.Generator, int, ArrayLike], Rgba]:
     """A pattern of `textures` as it looks behind the table."""
-    return lambda rng, size, colour: _out_of_focus(np.asarray(BASIC[pattern](rng, size, colour)[..., :3] / 255, np.float32), 1.0)
+    return lambda rng, size, colour: _out_of_focus(
+        np.asarray(BASIC[pattern](rng, size, colour)[..., :3] / 255, np.float32), 1.0
+    )
 
 
 def workshop(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
@@ -135,7 +174,14 @@ def kitchen(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     for j in range(int(1.5 / height)):
         for i in range(-1, int(SPAN / width) + 1):
             tone = np.asarray(colour) * rng.uniform(0.97, 1.04) * 1.03
-            wall.block((i + 0.5 * (j % 2) * (width > height)) * width, j * height, width - 0.006, height - 0.006, tone, 0.04)
+            wall.block(
+                (i + 0.5 * (j % 2) * (width > height)) * width,
+                j * height,
+                width - 0.006,
+                height - 0.006,
+                tone,
+                0.04,
+            )
     left = 0.2 + rng.random()
     wall.shelf(left, 1.02, 1.5, lambda x, y, w: wall.row(x, y, w, (0.06, 0.11), (0.09, 0.18)))
     cupboard = np.array(MUTED[rng.integers(2, 5)])
@@ -165,7 +211,12 @@ def laboratory(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     for y in np.arange(1.25, 1.85, 0.1):
         wall.block(left + 0.1, float(y), rng.uniform(0.2, 0.9), 0.008, (0.24, 0.32, 0.52), 0.0)
     for k, low in enumerate((1.12, 1.5)):
-        wall.shelf(left + 1.5, low, 1.2, lambda x, y, w, k=k: wall.row(x, y, w, (0.10, 0.32), (0.12, 0.25 + 0.04 * k)))
+        wall.shelf(
+            left + 1.5,
+            low,
+            1.2,
+            lambda x, y, w, k=k: wall.row(x, y, w, (0.10, 0.32), (0.12, 0.25 + 0.04 * k)),
+        )
     return _out_of_focus(wall.canvas)
 
 
@@ -188,4 +239,7 @@ WALLS: dict[str, Callable[[np.random.Generator, int, ArrayLike], Rgba]] = {
     "office": office,
 }
 
-DISTANT = {f"distant {name}": distant(name) for name in ("paint", "bricks", "tiles", "planks", "marble", "stripes", "plain")}
+DISTANT = {
+    f"distant {name}": distant(name)
+    for name in ("paint", "bricks", "tiles", "planks", "marble", "stripes", "plain")
+}

@@ -1,4 +1,5 @@
-"""Reads COLLADA (.dae): triangles of the scene in metres, with the diffuse color or texture of each material.
+"""Reads COLLADA (.dae): triangles of the scene in metres, with the diffuse color or texture of each
+material.
 
 Coordinates stay along the axes of the file, as ROS reads them; `up` says which one is up.
 """
@@ -24,7 +25,8 @@ type Element = Any
 
 
 def read_dae(file: Path, within: Path) -> MeshFile:
-    """The parts of a COLLADA file in metres; files that it names lie below `within`. Raises MeshError."""
+    """The parts of a COLLADA file in metres; files that it names lie below `within`. Raises
+    MeshError."""
     reader = _Reader(file, within, _without_namespaces(parse_xml(read_bytes(file))))
     parts = tuple(part.moved(reader.unit()) for part in reader.parts())
     up = (reader.root.findtext("asset/up_axis") or "Y_UP").strip()[:1].lower()
@@ -103,14 +105,25 @@ class _Reader:
 
     def _primitive(self, element: Element, bound: Element | None) -> Part:
         if element.find("ph") is not None:
-            raise MeshError("has a polygon with a hole (<ph>), which is not read; make it triangles")
-        inputs = [(i.get("semantic"), int(i.get("offset", 0)), i) for i in element.iterfind("input")]
+            raise MeshError(
+                "has a polygon with a hole (<ph>), which is not read; make it triangles"
+            )
+        inputs = [
+            (i.get("semantic"), int(i.get("offset", 0)), i) for i in element.iterfind("input")
+        ]
         stride = 1 + max(offset for _, offset, _ in inputs)
-        rows = [np.array((p.text or "").split(), np.int64).reshape(-1, stride) for p in element.iterfind("p")]
+        rows = [
+            np.array((p.text or "").split(), np.int64).reshape(-1, stride)
+            for p in element.iterfind("p")
+        ]
         corners = np.concatenate(rows)[_triangles(element, [len(row) for row in rows])]
         chosen = {semantic: (offset, i) for semantic, offset, i in reversed(inputs)}
         offset, vertex = chosen["VERTEX"]
-        position = next(i for i in self._target(vertex, "source").iterfind("input") if i.get("semantic") == "POSITION")
+        position = next(
+            i
+            for i in self._target(vertex, "source").iterfind("input")
+            if i.get("semantic") == "POSITION"
+        )
         points, which = self._source(position)[:, :3], corners[..., offset]
         if not len(which) or which.min() < 0 or which.max() >= len(points):
             raise MeshError("has a triangle of vertices that it does not hold")
@@ -161,11 +174,17 @@ class _Reader:
     def _texture(self, name: str, profile: Element) -> np.ndarray | None:
         """The pixels (H,W,4) of a texture; None, and a note, where its file is missing."""
         for _ in range(3):  # a sampler, its surface, its image
-            parameter = next((p for p in profile.iterfind("newparam") if p.get("sid") == name), None)
+            parameter = next(
+                (p for p in profile.iterfind("newparam") if p.get("sid") == name), None
+            )
             if parameter is None:
                 break
             found = next((e for e in parameter.iter("source", "init_from", "instance_image")), None)
-            name = "" if found is None else (found.get("url", "").lstrip("#") or found.text or "").strip()
+            name = (
+                ""
+                if found is None
+                else (found.get("url", "").lstrip("#") or found.text or "").strip()
+            )
         image = self._by_id.get(name)
         start = None if image is None else next(image.iter("init_from"), None)
         written = "" if start is None else "".join(start.itertext()).strip()
@@ -175,7 +194,9 @@ class _Reader:
 
     def _load(self, written: str) -> np.ndarray | None:
         try:
-            path = find_file(unquote(written).removeprefix("file://"), self.file.parent, self.within)
+            path = find_file(
+                unquote(written).removeprefix("file://"), self.file.parent, self.within
+            )
         except MeshError as error:
             if "outside of" in str(error):
                 raise

@@ -1,4 +1,5 @@
-"""What of the parts of a mesh file is drawn and what is solid: few triangles with their looks, and one closed mesh."""
+"""What of the parts of a mesh file is drawn and what is solid: few triangles with their looks, and
+one closed mesh."""
 
 from collections.abc import Sequence
 
@@ -37,11 +38,14 @@ def _mesh(part: Part, budget: int) -> Mesh:
         return finish(points, faces, crease=CREASE)
     if faces is part.faces:
         return finish(points, faces, uv[faces], CREASE)
-    return finish(points, faces, _carry_over(part.points[part.faces], uv[part.faces], points[faces]), CREASE)
+    return finish(
+        points, faces, _carry_over(part.points[part.faces], uv[part.faces], points[faces]), CREASE
+    )
 
 
 def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
-    """Texture coordinates (M,3,2) of new triangles (M,3,3), from old ones (N,3,3) with theirs (N,3,2).
+    """Texture coordinates (M,3,2) of new triangles (M,3,3), from old ones (N,3,3) with theirs
+    (N,3,2).
 
     They are those of the old triangle nearest to each one's middle, continued over its plane, so
     that no triangle reaches over a seam of the texture.

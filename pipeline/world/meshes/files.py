@@ -1,4 +1,5 @@
-"""Files that a file of others names: found below one folder by the name that is written, or refused with the cause."""
+"""Files that a file of others names: found below one folder by the name that is written, or refused
+with the cause."""
 
 import io
 import os

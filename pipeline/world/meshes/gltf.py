@@ -40,7 +40,9 @@ TYPES = {
 }
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 COMPRESSED = {
-    "KHR_draco_mesh_compression": "Draco: unpack it first, with `gltf-transform copy` or the package DracoPy",
+    "KHR_draco_mesh_compression": (
+        "Draco: unpack it first, with `gltf-transform copy` or the package DracoPy"
+    ),
     "EXT_meshopt_compression": "meshopt: unpack it first, with `gltf-transform copy`",
     "KHR_meshopt_compression": "meshopt: unpack it first, with `gltf-transform copy`",
 }
@@ -142,7 +144,9 @@ class _Reader:
         count, width = accessor["count"], WIDTHS[accessor["type"]]
         dtype = np.dtype(TYPES[accessor["componentType"]])
         if not 0 < count <= 3 * MAX_TRIANGLES:
-            raise MeshError(f"has an array of {count} values; {3 * MAX_TRIANGLES} at most, simplify it first")
+            raise MeshError(
+                f"has an array of {count} values; {3 * MAX_TRIANGLES} at most, simplify it first"
+            )
         values = np.zeros((count, width), dtype)
         if "bufferView" in accessor:
             values = self._strided(accessor, count, width, dtype).copy()
@@ -154,7 +158,9 @@ class _Reader:
             return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
         return values.astype(np.float64)
 
-    def _strided(self, place: dict[str, Any], count: int, width: int, dtype: np.dtype) -> np.ndarray:
+    def _strided(
+        self, place: dict[str, Any], count: int, width: int, dtype: np.dtype
+    ) -> np.ndarray:
         data, stride = self._view(place["bufferView"])
         offset, size = place.get("byteOffset", 0), width * dtype.itemsize
         stride = stride or size
@@ -172,7 +178,9 @@ class _Reader:
         read: dict[int, list[Part]] = {}
         for mesh, matrix in placed:
             if mesh not in read:
-                read[mesh] = [p for each in meshes[mesh]["primitives"] if (p := self._primitive(each))]
+                read[mesh] = [
+                    p for each in meshes[mesh]["primitives"] if (p := self._primitive(each))
+                ]
             yield from (part.moved(matrix) for part in read[mesh])
 
     def _count(self, primitive: dict[str, Any]) -> int:
@@ -225,13 +233,18 @@ class _Reader:
         part = self._looked(part, at, material, number is not None)
         return part
 
-    def _looked(self, part: Part, at: dict[str, int], material: dict[str, Any], stated: bool) -> Part:
+    def _looked(
+        self, part: Part, at: dict[str, int], material: dict[str, Any], stated: bool
+    ) -> Part:
         """The part with the color, the texture or the colors of vertices that the file states."""
         if material.get("alphaMode") == "BLEND":
             self.notes.append("draws a transparent surface as opaque")
         surface = material.get("pbrMetallicRoughness", {})
         factor = np.array(surface.get("baseColorFactor", (1, 1, 1, 1))[:3], float)
-        if "KHR_materials_pbrSpecularGlossiness" in (extra := material.get("extensions", {})) and not surface:
+        if (
+            "KHR_materials_pbrSpecularGlossiness" in (extra := material.get("extensions", {}))
+            and not surface
+        ):
             old = extra["KHR_materials_pbrSpecularGlossiness"]
             factor = np.array(old.get("diffuseFactor", (1, 1, 1, 1))[:3], float)
             surface = {"baseColorTexture": old["diffuseTexture"]} if "diffuseTexture" in old else {}
@@ -244,7 +257,9 @@ class _Reader:
             if vertex is not None:
                 self.notes.append("has a texture and colors of vertices: the mean of these is used")
                 factor = factor * vertex.mean(0)
-            return Part(part.points, part.faces, Look((1.0, 1.0, 1.0), tinted(image, srgb(factor))), uv)
+            return Part(
+                part.points, part.faces, Look((1.0, 1.0, 1.0), tinted(image, srgb(factor))), uv
+            )
         if vertex is not None:
             return painted(part, srgb(vertex * factor))
         r, g, b = srgb(factor).tolist()
@@ -266,7 +281,9 @@ class _Reader:
         uv = turned + change.get("offset", (0, 0))
         texture = self.document["textures"][info["index"]]
         sampler = self.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
-        if {sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT)} != {REPEAT} and (uv.min() < 0 or uv.max() > 1):
+        if {sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT)} != {REPEAT} and (
+            uv.min() < 0 or uv.max() > 1
+        ):
             self.notes.append("repeats a texture that is to be clamped or mirrored")
         return uv
 
@@ -280,7 +297,11 @@ class _Reader:
             return None
         if source not in self._images:
             image = self.document["images"][source]
-            data = self._view(image["bufferView"])[0] if "bufferView" in image else self._uri(image["uri"])
+            data = (
+                self._view(image["bufferView"])[0]
+                if "bufferView" in image
+                else self._uri(image["uri"])
+            )
             self._images[source] = pixels(data)
         return self._images[source]
 
@@ -290,7 +311,9 @@ def _matrix(node: dict[str, Any]) -> Floats:
     if "matrix" in node:
         return np.array(node["matrix"], float).reshape(4, 4).T
     x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-    return matrix_of(pose(node.get("translation", (0, 0, 0)), (w, x, y, z))) @ np.diag([*node.get("scale", (1, 1, 1)), 1.0])
+    return matrix_of(pose(node.get("translation", (0, 0, 0)), (w, x, y, z))) @ np.diag(
+        [*node.get("scale", (1, 1, 1)), 1.0]
+    )
 
 
 def _triangles(corners: Ints, mode: int) -> Ints:
@@ -299,7 +322,9 @@ def _triangles(corners: Ints, mode: int) -> Ints:
         faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], 1)
         faces[1::2] = faces[1::2, ::-1]
     elif mode == FAN:
-        faces = np.stack([np.broadcast_to(corners[:1], len(corners) - 2), corners[1:-1], corners[2:]], 1)
+        faces = np.stack(
+            [np.broadcast_to(corners[:1], len(corners) - 2), corners[1:-1], corners[2:]], 1
+        )
     else:
         faces = corners[: len(corners) // 3 * 3].reshape(-1, 3)
     a, b, c = faces.T

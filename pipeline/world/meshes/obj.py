@@ -1,4 +1,5 @@
-"""Reads Wavefront OBJ with its MTL: faces by material, colors Kd, textures map_Kd, colors of vertices."""
+"""Reads Wavefront OBJ with its MTL: faces by material, colors Kd, textures map_Kd, colors of
+vertices."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -62,7 +63,8 @@ def _index(text: str, count: int) -> int:
 
 
 def read_obj(file: Path, within: Path) -> MeshFile:
-    """The parts of an OBJ file, one a material; files that it names lie below `within`. Raises MeshError."""
+    """The parts of an OBJ file, one a material; files that it names lie below `within`. Raises
+    MeshError."""
     notes: list[str] = []
     library: dict[str, _Material] = {}
     points, uvs = list[list[float]](), list[list[float]]()
@@ -90,7 +92,9 @@ def read_obj(file: Path, within: Path) -> MeshFile:
         if name and name not in library:
             notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
         part, uv, shade = _gather(faces, at, texels, colors)
-        parts.append(_looked(part, uv, shade, library.get(name, _Material()), (file, within, notes)))
+        parts.append(
+            _looked(part, uv, shade, library.get(name, _Material()), (file, within, notes))
+        )
     return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
 
 
@@ -115,8 +119,11 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
     return at, np.array([point[3:6] if len(point) >= 6 else (1, 1, 1) for point in points], float)
 
 
-def _gather(faces: _Faces, at: Floats, texels: Floats, colors: Floats | None) -> tuple[Part, Floats | None, Floats | None]:
-    """The triangles of one material, their coordinates (P,2), and their colors (P,3), where there are some."""
+def _gather(
+    faces: _Faces, at: Floats, texels: Floats, colors: Floats | None
+) -> tuple[Part, Floats | None, Floats | None]:
+    """The triangles of one material, their coordinates (P,2), and their colors (P,3), where there
+    are some."""
     corners = np.stack([faces.points, faces.uvs], 1)
     if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
         raise MeshError("has a triangle of vertices that it does not hold")
@@ -143,7 +150,9 @@ def _looked(
         image = _texture(material.texture, file, within, notes)
     if image is not None and uv is not None:
         moved = uv * material.scale + material.offset
-        return replace(part, look=Look((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1])
+        return replace(
+            part, look=Look((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1]
+        )
     if shade is not None:
         return painted(part, shade * kd)
     return replace(part, look=Look(material.kd))
@@ -206,7 +215,8 @@ def _color(text: str) -> Color:
 
 
 def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
-    """The material with the texture of a line map_Kd: options first, then the name, in which spaces may be."""
+    """The material with the texture of a line map_Kd: options first, then the name, in which spaces
+    may be."""
     words = text.split()
     values: dict[str, list[float]] = {}
     while len(words) > 1 and words[0].startswith("-"):

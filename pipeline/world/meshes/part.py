@@ -19,7 +19,8 @@ class MeshError(DominoError):
 
 
 class Look(NamedTuple):
-    """What a file states of a surface: sRGB color 0-1, and a texture (H,W,4) uint8 that replaces it."""
+    """What a file states of a surface: sRGB color 0-1, and a texture (H,W,4) uint8 that replaces
+    it."""
 
     color: Color | None = None
     texture: NDArray[np.uint8] | None = None

@@ -26,18 +26,24 @@ def read_mesh(file: Path, within: Path | None = None) -> MeshFile:
     """
     kind = file.suffix.lower()
     if kind not in FORMATS:
-        raise MeshError(f"{file}: not one of {', '.join(FORMATS)}; convert it to .stl, .obj or .glb")
+        raise MeshError(
+            f"{file}: not one of {', '.join(FORMATS)}; convert it to .stl, .obj or .glb"
+        )
     try:
         read = READERS.get(kind, _read_bare)(file, within or file.parent)
         mesh = read._replace(parts=joined(read.parts))
         _check(mesh.parts)
     except DominoError as error:
-        raise MeshError(str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}") from error
+        raise MeshError(
+            str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}"
+        ) from error
     except RecursionError as error:
         raise MeshError(f"{file}: its parts are nested too deeply") from error
     except Exception as error:  # whatever a damaged file leads its reader to
         why = " ".join(f"{error}".split())[:160] or type(error).__name__
-        raise MeshError(f"{file}: not readable ({why}); convert it to .stl, .obj or .glb") from error
+        raise MeshError(
+            f"{file}: not readable ({why}); convert it to .stl, .obj or .glb"
+        ) from error
     return mesh
 
 
@@ -68,7 +74,8 @@ def _check(parts: tuple[Part, ...]) -> None:
         raise MeshError("holds no triangles")
     if faces > MAX_TRIANGLES or len(parts) > MAX_PARTS:
         raise MeshError(
-            f"has {faces} triangles in {len(parts)} materials; {MAX_TRIANGLES} in {MAX_PARTS} at most, simplify it first"
+            f"has {faces} triangles in {len(parts)} materials; {MAX_TRIANGLES} in {MAX_PARTS} at"
+            " most, simplify it first"
         )
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.points):

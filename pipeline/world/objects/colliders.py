@@ -1,6 +1,8 @@
-"""Authored collision: convex pieces beside the visuals, from the same numbers, so that hollow things are hollow.
+"""Authored collision: convex pieces beside the visuals, from the same numbers, so that hollow
+things are hollow.
 
-All functions return tuples of `Collider` in the body frame (metres, z up), ready to be added together.
+All functions return tuples of `Collider` in the body frame (metres, z up), ready to be added
+together.
 """
 
 from itertools import pairwise
@@ -18,24 +20,40 @@ ALONG_X = quat_about((0, 1, 0), np.pi / 2)
 ALONG_Y = quat_about((1, 0, 0), -np.pi / 2)
 
 
-def box_collider(hx: float, hy: float, hz: float, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = UPRIGHT) -> Colliders:
+def box_collider(
+    hx: float,
+    hy: float,
+    hz: float,
+    position: ArrayLike = (0, 0, 0),
+    quaternion: ArrayLike = UPRIGHT,
+) -> Colliders:
     """A box of half extents at `position`."""
     return (Collider("box", (hx, hy, hz), pose(position, quaternion)),)
 
 
 def cylinder_collider(
-    radius: float, lower: float, upper: float, centre: ArrayLike = (0, 0), quaternion: ArrayLike = (1, 0, 0, 0)
+    radius: float,
+    lower: float,
+    upper: float,
+    centre: ArrayLike = (0, 0),
+    quaternion: ArrayLike = (1, 0, 0, 0),
 ) -> Colliders:
-    """A cylinder standing between heights `lower` and `upper` at `centre` (x, y); `quaternion` turns it about its own middle."""
+    """A cylinder standing between heights `lower` and `upper` at `centre` (x, y); `quaternion`
+    turns it about its own middle."""
     x, y = np.asarray(centre, float)
-    return (Collider("cylinder", (radius, (upper - lower) / 2), pose((x, y, (lower + upper) / 2), quaternion)),)
+    return (
+        Collider(
+            "cylinder", (radius, (upper - lower) / 2), pose((x, y, (lower + upper) / 2), quaternion)
+        ),
+    )
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
-    """Two boxes crossed at 45 degrees, near a cylinder about the z axis between two heights, for fingertips to press on.
+    """Two boxes crossed at 45 degrees, near a cylinder about the z axis between two heights, for
+    fingertips to press on.
 
-    PhysX now and then takes a box on the rim of a small cylinder, or of a prism, for millimetres deep in it, and throws both apart
-    with hundreds of newtons; a box on a box it finds exactly.
+    PhysX now and then takes a box on the rim of a small cylinder, or of a prism, for millimetres
+    deep in it, and throws both apart with hundreds of newtons; a box on a box it finds exactly.
     """
     side, half, middle = 0.75 * radius, (upper - lower) / 2, (lower + upper) / 2
     turns = (quat_about((0, 0, 1), angle) for angle in (0.0, np.pi / 4))
@@ -55,7 +73,11 @@ def sphere_collider(radius: float, position: ArrayLike = (0, 0, 0)) -> Colliders
 def capsule_between(a: ArrayLike, b: ArrayLike, radius: float) -> Colliders:
     """A capsule whose axis runs from `a` to `b` (3,)."""
     a, b = np.asarray(a, float), np.asarray(b, float)
-    return (Collider("capsule", (radius, float(np.linalg.norm(b - a)) / 2), pose((a + b) / 2, _along(b - a))),)
+    return (
+        Collider(
+            "capsule", (radius, float(np.linalg.norm(b - a)) / 2), pose((a + b) / 2, _along(b - a))
+        ),
+    )
 
 
 def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
@@ -70,14 +92,21 @@ def convex_collider(points: ArrayLike) -> Colliders:
 
 
 def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
-    """The convex hull of a prism over an outline (K,2) of (x, z), between y = -`half` and y = `half`."""
-    return convex_collider(np.concatenate([np.insert(outline, 1, y, axis=1) for y in (-half, half)]))
+    """The convex hull of a prism over an outline (K,2) of (x, z), between y = -`half` and y =
+    `half`."""
+    return convex_collider(
+        np.concatenate([np.insert(outline, 1, y, axis=1) for y in (-half, half)])
+    )
 
 
-def ring_of_boxes(radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None) -> Colliders:
-    """A hollow wall of `n` boxes, `wall` thick: outer radius `radius` at height `z` and `top` (default the same) at `z + height`.
+def ring_of_boxes(
+    radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None
+) -> Colliders:
+    """A hollow wall of `n` boxes, `wall` thick: outer radius `radius` at height `z` and `top`
+    (default the same) at `z + height`.
 
-    The boxes' outer faces touch the circle half-way between its inscribed and circumscribed polygons. A leaning wall's boxes lean.
+    The boxes' outer faces touch the circle half-way between its inscribed and circumscribed
+    polygons. A leaning wall's boxes lean.
     """
     top = radius if top is None else top
     middle, slant = (radius + top) / 2, np.hypot(height, top - radius)

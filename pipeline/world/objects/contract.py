@@ -20,8 +20,9 @@ from pipeline.world.shapes import Shape
 class Grasp:
     """A place where a two-finger gripper may hold the object.
 
-    `pose` is the tcp in the object frame: x = approach direction, y = opening direction of the fingers. `width` (m) is the
-    object's thickness between the fingers. `kind` lets a script choose ("side", "rim", "left_end", ...).
+    `pose` is the tcp in the object frame: x = approach direction, y = opening direction of the
+    fingers. `width` (m) is the object's thickness between the fingers. `kind` lets a script choose
+    ("side", "rim", "left_end", ...).
     """
 
     pose: Pose
@@ -44,7 +45,8 @@ class NamedFrames:
 
 @dataclass(frozen=True)
 class Words:
-    """How people name the object: `noun` for detectors, `seen` and `unseen` noun phrases without article for instructions."""
+    """How people name the object: `noun` for detectors, `seen` and `unseen` noun phrases without
+    article for instructions."""
 
     noun: str
     seen: tuple[str, ...]
@@ -53,7 +55,8 @@ class Words:
 
 @dataclass(frozen=True)
 class Slide:
-    """A prismatic joint: unit `axis` in the parent's frame, travel limits in m from where the body is placed."""
+    """A prismatic joint: unit `axis` in the parent's frame, travel limits in m from where the body
+    is placed."""
 
     axis: tuple[float, float, float]
     lower: float
@@ -61,7 +64,8 @@ class Slide:
 
 
 class Family(Protocol):
-    """A parametric family. Implementations are frozen dataclasses of their parameters (all lengths in metres)."""
+    """A parametric family. Implementations are frozen dataclasses of their parameters (all lengths
+    in metres)."""
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
@@ -85,15 +89,18 @@ FAMILIES = Registry[type[Family]]("object family")
 
 
 def stands_for(family: type[Family]) -> str | None:
-    """The family that an object from files (from_files.py) stands for; None for a family of its own."""
+    """The family that an object from files (from_files.py) stands for; None for a family of its
+    own."""
     directory = getattr(family, "directory", None)
     return None if directory is None else directory.settings.family
 
 
 def register[F: type](name: str) -> Callable[[F], F]:
-    """Class decorator: enter a family under `name` (snake case). Raises ValueError for a name that is taken.
+    """Class decorator: enter a family under `name` (snake case). Raises ValueError for a name that
+    is taken.
 
-    Instances never change, so the shape and frames of the latest instances are remembered: treat their arrays as read-only.
+    Instances never change, so the shape and frames of the latest instances are remembered: treat
+    their arrays as read-only.
     """
 
     module = sys._getframemodulename(1)

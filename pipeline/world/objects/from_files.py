@@ -1,7 +1,9 @@
-"""An object is a directory: `object.toml`, `looks.glb` (what is drawn), `solid.obj` (its convex collision pieces).
+"""An object is a directory: `object.toml`, `looks.glb` (what is drawn), `solid.obj` (its convex
+collision pieces).
 
-`domino-data objects add` writes such directories from meshes of others (intake/objects/). An object stands for an object family: a
-recipe that says `objects: {mug: [mug7]}` puts it where a layout asks for a mug.
+`domino-data objects add` writes such directories from meshes of others (intake/objects/). An object
+stands for an object family: a recipe that says `objects: {mug: [mug7]}` puts it where a layout asks
+for a mug.
 """
 
 from dataclasses import dataclass
@@ -30,16 +32,22 @@ MOST_PIECES, MOST_CORNERS = 64, 64
 
 
 class ObjectError(DominoError):
-    """A directory or mesh of an object that cannot be used; the message is one line that names it."""
+    """A directory or mesh of an object that cannot be used; the message is one line that names
+    it."""
 
 
 def _unit(values: tuple[float, ...]) -> tuple[float, ...]:
     if abs(np.linalg.norm(values[3:]) - 1) > 1e-3 or not np.all(np.abs(values[:3]) < 2):
-        raise ValueError("is not a pose x y z qw qx qy qz: its quaternion has another length than 1, or it is 2 m away")
+        raise ValueError(
+            "is not a pose x y z qw qx qy qz: its quaternion has another length than 1, or it is 2"
+            " m away"
+        )
     return values
 
 
-type PoseRow = Annotated[tuple[float, float, float, float, float, float, float], AfterValidator(_unit)]
+type PoseRow = Annotated[
+    tuple[float, float, float, float, float, float, float], AfterValidator(_unit)
+]
 
 
 class Phrases(Table):
@@ -101,7 +109,9 @@ class FileObject(Family):
     def frames(self) -> NamedFrames:
         settings = self.directory.settings
         points = {name: np.array(row) for name, row in settings.frames.items()}
-        return NamedFrames(points, tuple(Grasp(np.array(row), width, kind) for kind, width, row in settings.grasps))
+        return NamedFrames(
+            points, tuple(Grasp(np.array(row), width, kind) for kind, width, row in settings.grasps)
+        )
 
     def words(self) -> Words:
         words = self.directory.settings.words
@@ -132,25 +142,34 @@ def add_directory(path: Path) -> None:
         known = directory_of(FAMILIES[path.name])
         if known is not None and known.path == path:
             return
-        raise ObjectError(f"{path / TOML}: another object or family is called {path.name!r}; rename the directory")
+        raise ObjectError(
+            f"{path / TOML}: another object or family is called {path.name!r}; rename the directory"
+        )
     if not is_name(path.name):
-        raise ObjectError(f"{path / TOML}: {path.name!r} is no name of an object; use lower case and underscores")
+        raise ObjectError(
+            f"{path / TOML}: {path.name!r} is no name of an object; use lower case and underscores"
+        )
     directory = Directory(path)
     if directory.settings.family not in FAMILIES:
         raise ObjectError(
-            f"{path / TOML}: family: no object family {directory.settings.family!r}; `domino-data objects` lists them"
+            f"{path / TOML}: family: no object family {directory.settings.family!r}; `domino-data"
+            " objects` lists them"
         )
-    register(path.name)(type(path.name, (FileObject,), {"directory": directory, "__module__": __name__}))
+    register(path.name)(
+        type(path.name, (FileObject,), {"directory": directory, "__module__": __name__})
+    )
 
 
 def add_all(folder: Path) -> None:
-    """Enter every object whose directory is in a folder, in the order of their names. Raises ObjectError."""
+    """Enter every object whose directory is in a folder, in the order of their names. Raises
+    ObjectError."""
     for path in sorted(folder.glob(f"*/{TOML}")):
         add_directory(path.parent)
 
 
 def read_settings(path: Path) -> ObjectToml:
-    """`object.toml` of a directory. Raises ObjectError, one line that names the file, the key and what is wrong."""
+    """`object.toml` of a directory. Raises ObjectError, one line that names the file, the key and
+    what is wrong."""
     file = path / TOML
     settings = read_toml(file, ObjectToml, ObjectError)
     if missing := {"base", "top"} - settings.frames.keys():
@@ -159,7 +178,8 @@ def read_settings(path: Path) -> ObjectToml:
 
 
 def read_solid(file: Path) -> tuple[Collider, ...]:
-    """The convex pieces of an OBJ file, an `o` line each; faces are not read. Raises ObjectError."""
+    """The convex pieces of an OBJ file, an `o` line each; faces are not read. Raises
+    ObjectError."""
     groups: list[list[list[float]]] = []
     try:
         if file.stat().st_size > LARGEST_FILE:
@@ -173,14 +193,20 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
                 case _:
                     pass
         if not 0 < len(groups) <= MOST_PIECES or max(map(len, groups)) > MOST_CORNERS:
-            raise ValueError(f"holds no piece, more than {MOST_PIECES}, or one of more than {MOST_CORNERS} corners")
+            raise ValueError(
+                f"holds no piece, more than {MOST_PIECES}, or one of more than {MOST_CORNERS}"
+                " corners"
+            )
         return tuple(piece(np.array(points)) for points in groups)
     except (OSError, ValueError, IndexError, QhullError) as error:
-        raise ObjectError(f"{file}: not readable as collision pieces ({' '.join(str(error).split())[:120]})") from error
+        raise ObjectError(
+            f"{file}: not readable as collision pieces ({' '.join(str(error).split())[:120]})"
+        ) from error
 
 
 def piece(points: NDArray[np.float64]) -> Collider:
-    """The convex hull of points (N,3) m as a collision piece that knows its volume. Raises ValueError and QhullError."""
+    """The convex hull of points (N,3) m as a collision piece that knows its volume. Raises
+    ValueError and QhullError."""
     if not np.isfinite(points).all():
         raise ValueError("a corner is not finite")
     return Collider("convex", (), IDENTITY, points, measured=float(ConvexHull(points).volume))

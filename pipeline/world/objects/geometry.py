@@ -1,6 +1,8 @@
-"""Parametric surfaces, low in triangles and with uvs: revolve, box, cylinder, sphere, capsule, sweep, loft, extrude, decals.
+"""Parametric surfaces, low in triangles and with uvs: revolve, box, cylinder, sphere, capsule,
+sweep, loft, extrude, decals.
 
-Lengths in metres, z up. Revolved and extruded things stand on their own z values; boxes, spheres and capsules are centred.
+Lengths in metres, z up. Revolved and extruded things stand on their own z values; boxes, spheres
+and capsules are centred.
 """
 
 from collections.abc import Sequence
@@ -22,7 +24,8 @@ def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 
 
 @deferred
 def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
-    """The mesh stretched along the axes by positive factors; normals go with the inverse factors."""
+    """The mesh stretched along the axes by positive factors; normals go with the inverse
+    factors."""
     factors = np.array([x, y, z], np.float32)
     normals = mesh.normals / factors
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -31,22 +34,29 @@ def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
 
 @deferred
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
-    """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material on its left.
+    """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material on
+    its left.
 
-    Bottom centre, outer wall upwards, top is such a walk. u goes once round, v falls along the profile from 1 to 0.
+    Bottom centre, outer wall upwards, top is such a walk. u goes once round, v falls along the
+    profile from 1 to 0.
     """
     profile = np.asarray(profile, float)
     radius, z = profile.T
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
     v = 1 - length / length[-1]
     angle = 2 * np.pi * np.arange(sides) / sides
-    points = np.stack([np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius), np.tile(z, (sides, 1))], -1)
+    points = np.stack(
+        [np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius), np.tile(z, (sides, 1))],
+        -1,
+    )
     k = len(profile)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(sides), np.arange(k - 1), indexing="ij"))
     n = (i + 1) % sides
     low, low_next, high, high_next = i * k + j, n * k + j, i * k + j + 1, n * k + j + 1
     u0, u1, v0, v1 = i / sides, (i + 1) / sides, v[j], v[j + 1]
-    faces = np.concatenate([np.stack([low, low_next, high_next], 1), np.stack([low, high_next, high], 1)])
+    faces = np.concatenate(
+        [np.stack([low, low_next, high_next], 1), np.stack([low, high_next, high], 1)]
+    )
     first = np.stack([np.stack([u0, v0], 1), np.stack([u1, v0], 1), np.stack([u1, v1], 1)], 1)
     second = np.stack([np.stack([u0, v0], 1), np.stack([u1, v1], 1), np.stack([u0, v1], 1)], 1)
     return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
@@ -60,16 +70,28 @@ def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int
     """
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-    points = np.concatenate([np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)])
+    points = np.concatenate(
+        [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
+    )
     i = np.arange(sides)
-    faces = np.concatenate([np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)])
-    uv = np.column_stack([np.tile(np.linspace(0, prints, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)])
+    faces = np.concatenate(
+        [np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)]
+    )
+    uv = np.column_stack(
+        [np.tile(np.linspace(0, prints, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)]
+    )
     return finish(points, faces, uv[faces], 60.0)
 
 
 @deferred
-def decal(width: float, height: float, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
-    """A rectangle in the local xy plane facing +z, the image upright along +y, placed by `position` and `quaternion`."""
+def decal(
+    width: float,
+    height: float,
+    position: ArrayLike = (0, 0, 0),
+    quaternion: ArrayLike = (1, 0, 0, 0),
+) -> Mesh:
+    """A rectangle in the local xy plane facing +z, the image upright along +y, placed by `position`
+    and `quaternion`."""
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [width / 2, height / 2, 1]
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
@@ -78,14 +100,17 @@ def decal(width: float, height: float, position: ArrayLike = (0, 0, 0), quaterni
 
 @deferred
 def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
-    """Box of half extents, centred, its edges and corners chamfered by `bevel` (m); 12 or 44 triangles, uv per side."""
+    """Box of half extents, centred, its edges and corners chamfered by `bevel` (m); 12 or 44
+    triangles, uv per side."""
     half = np.array([hx, hy, hz])
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     if bevel <= 0:
         points = signs * half
     else:
         inset = np.minimum(half - 1e-5, half - bevel)
-        points = np.concatenate([signs * np.where(np.arange(3) == axis, half, inset) for axis in range(3)])
+        points = np.concatenate(
+            [signs * np.where(np.arange(3) == axis, half, inset) for axis in range(3)]
+        )
     faces = hull_faces(points)
     return finish(points, faces, box_uv(points, faces), 50.0)
 
@@ -106,13 +131,29 @@ def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) 
     if bevel <= 0:
         return revolve([(0, 0), (radius, 0), (radius, height), (0, height)], sides)
     b = bevel
-    return revolve([(0, 0), (radius - b, 0), (radius, b), (radius, height - b), (radius - b, height), (0, height)], sides, 50.0)
+    return revolve(
+        [
+            (0, 0),
+            (radius - b, 0),
+            (radius, b),
+            (radius, height - b),
+            (radius - b, height),
+            (0, height),
+        ],
+        sides,
+        50.0,
+    )
 
 
-def arc(centre: Sequence[float], radius: float, start: float, end: float, n: int) -> list[tuple[float, float]]:
+def arc(
+    centre: Sequence[float], radius: float, start: float, end: float, n: int
+) -> list[tuple[float, float]]:
     """`n` + 1 points of a circle in the (r, z) or (x, y) plane between two angles in degrees."""
     angle = np.radians(np.linspace(start, end, n + 1))
-    return [(float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a))) for a in angle]
+    return [
+        (float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a)))
+        for a in angle
+    ]
 
 
 @deferred
@@ -128,16 +169,20 @@ def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
     """Capsule along z, centred: a cylinder of half length `half` with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
-    profile = np.column_stack([radius * np.cos(angle), radius * np.sin(angle) + half * np.sign(np.round(angle, 9))])
+    profile = np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle) + half * np.sign(np.round(angle, 9))]
+    )
     profile[[0, -1], 0] = 0
     return revolve(profile, sides, 60.0)
 
 
 @deferred
 def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
-    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction of travel.
+    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction
+    of travel.
 
-    With `caps`, flat fans close the ends. u goes round, v runs from 1 at the first section to 0 at the last.
+    With `caps`, flat fans close the ends. u goes round, v runs from 1 at the first section to 0 at
+    the last.
     """
     sections = np.asarray(sections, float)
     s, k, _ = sections.shape
@@ -155,7 +200,9 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
         ring = np.arange(k)
         for index, reverse in ((0, True), (s - 1, False)):
             points = np.concatenate([points, sections[index].mean(0, keepdims=True)])
-            fan = np.stack([np.full(k, len(points) - 1), index * k + ring, index * k + (ring + 1) % k], 1)
+            fan = np.stack(
+                [np.full(k, len(points) - 1), index * k + ring, index * k + (ring + 1) % k], 1
+            )
             faces.append(fan[:, ::-1] if reverse else fan)
             turn = 2 * np.pi * np.stack([np.zeros(k), ring, ring + 1], 1) / k
             disc = 0.5 + 0.5 * np.stack([np.cos(turn), np.sin(turn)], -1)
@@ -166,7 +213,8 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
 
 @deferred
 def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
-    """Round tube of `radius` (m; a number or one per point) along `path` (N,3); flat ends, or a loop when `closed`."""
+    """Round tube of `radius` (m; a number or one per point) along `path` (N,3); flat ends, or a
+    loop when `closed`."""
     path = np.asarray(path, float)
     radius = np.broadcast_to(np.asarray(radius, float), len(path))
     ahead = np.roll(path, -1, 0) - path
@@ -182,7 +230,10 @@ def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = Fal
         path, radius, tangent = (np.concatenate([a, a[:1]]) for a in (path, radius, tangent))
         side = np.concatenate([side, side[:1]])
     angle = 2 * np.pi * np.arange(sides) / sides
-    ring = np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * np.cross(tangent, side)[:, None]
+    ring = (
+        np.cos(angle)[:, None] * side[:, None]
+        + np.sin(angle)[:, None] * np.cross(tangent, side)[:, None]
+    )
     return loft(path[:, None] + radius[:, None, None] * ring, caps=not closed, crease=60.0)
 
 
@@ -198,7 +249,8 @@ def _transported(tangent: NDArray) -> NDArray[np.float64]:
 
 @deferred
 def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave, both rims chamfered by `bevel`."""
+    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave,
+    both rims chamfered by `bevel`."""
     outline = np.asarray(outline, float)
     k = len(outline)
     if bevel > 0:
@@ -210,7 +262,12 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
     j = np.arange(k)
     n = (j + 1) % k
     walls = [
-        np.concatenate([np.stack([s * k + j, s * k + n, s * k + k + n], 1), np.stack([s * k + j, s * k + k + n, s * k + k + j], 1)])
+        np.concatenate(
+            [
+                np.stack([s * k + j, s * k + n, s * k + k + n], 1),
+                np.stack([s * k + j, s * k + k + n, s * k + k + j], 1),
+            ]
+        )
         for s in range(len(rings) - 1)
     ]
     lid = np.asarray(triangulate([rings[0][0].tolist()]), int)
@@ -219,7 +276,8 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
 
 
 def inset(outline: ArrayLike, distance: float) -> NDArray[np.float64]:
-    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m) along the mitres (at most two distances long)."""
+    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m) along the mitres (at most
+    two distances long)."""
     outline = np.asarray(outline, float)
     edge = np.roll(outline, -1, 0) - outline
     normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
@@ -232,7 +290,12 @@ def inset(outline: ArrayLike, distance: float) -> NDArray[np.float64]:
 def rounded_rectangle(hx: float, hy: float, radius: float, n: int = 4) -> NDArray[np.float64]:
     """Counter-clockwise outline (4(n+1),2) of a rectangle of half extents with round corners."""
     r = min(radius, hx, hy)
-    corners = [((hx - r, hy - r), 0), ((r - hx, hy - r), 90), ((r - hx, r - hy), 180), ((hx - r, r - hy), 270)]
+    corners = [
+        ((hx - r, hy - r), 0),
+        ((r - hx, hy - r), 90),
+        ((r - hx, r - hy), 180),
+        ((hx - r, r - hy), 270),
+    ]
     return np.array([p for centre, start in corners for p in arc(centre, r, start, start + 90, n)])
 
 
@@ -243,18 +306,24 @@ def ellipse(a: float, b: float, n: int = 24) -> NDArray[np.float64]:
 
 
 def side_prism(outline: ArrayLike, half: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, between y = -`half` and y = `half`."""
-    return at(extrude(outline, 2 * half, bevel, crease), (0, half, 0), quat_about((1, 0, 0), np.pi / 2))
+    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, between y = -`half`
+    and y = `half`."""
+    return at(
+        extrude(outline, 2 * half, bevel, crease), (0, half, 0), quat_about((1, 0, 0), np.pi / 2)
+    )
 
 
 def stacked(outline: ArrayLike, levels: ArrayLike) -> NDArray[np.float64]:
     """Rings (L,K,3): the outline (K,2) at each level (z, scale x, scale y)."""
     outline, levels = np.asarray(outline, float), np.asarray(levels, float)
     rings = outline[None] * levels[:, None, 1:]
-    return np.concatenate([rings, np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))], axis=-1)
+    return np.concatenate(
+        [rings, np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))], axis=-1
+    )
 
 
 @deferred
 def stack(outline: ArrayLike, levels: ArrayLike, crease: float = 50.0) -> Mesh:
-    """Closed body through scaled copies of `outline` (K,2) at levels (L,3) of (z, scale x, scale y), from the bottom up."""
+    """Closed body through scaled copies of `outline` (K,2) at levels (L,3) of (z, scale x, scale
+    y), from the bottom up."""
     return loft(stacked(outline, levels), crease=crease)

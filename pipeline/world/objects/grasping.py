@@ -1,9 +1,10 @@
 """Grasp candidates for simple forms: round bodies, rims, boxes, bars, handles.
 
-A candidate's pose is the tcp in the object frame: x = approach, y = opening direction. Pitch is the approach's angle below
-horizontal in degrees: 90 is straight down. Candidates whose palm would certainly sit inside the object's own outline are left
-out; everything else (table, reach, other bodies) is for the planner to reject. One of the two wrist rolls of a pinch is listed;
-the other is the same pinch with the jaws exchanged.
+A candidate's pose is the tcp in the object frame: x = approach, y = opening direction. Pitch is the
+approach's angle below horizontal in degrees: 90 is straight down. Candidates whose palm would
+certainly sit inside the object's own outline are left out; everything else (table, reach, other
+bodies) is for the planner to reject. One of the two wrist rolls of a pinch is listed; the other is
+the same pinch with the jaws exchanged.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,13 +21,17 @@ PITCHES = (0, 15, 30, 45, 60, 75, 90)
 TILTED = (30, 45, 60, 75, 90)
 PALM = 0.036  # m from tcp back to the nearest palm of the supported grippers
 HALF_PALM = 0.018  # m, half thickness of the palm across the opening direction
-RETREATS = (0.0, 0.004, 0.008)  # m the tcp may stay short of the middle so that the palm keeps clear
+# m the tcp may stay short of the middle so that the palm keeps clear
+RETREATS = (0.0, 0.004, 0.008)
 
 Grasps = tuple[Grasp, ...]
 
 
-def pinches(tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float, kind: str = "side") -> Grasps:
-    """Candidates from (position, approach, opening) of the tcp, fingers `width` (m) apart along `opening`.
+def pinches(
+    tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float, kind: str = "side"
+) -> Grasps:
+    """Candidates from (position, approach, opening) of the tcp, fingers `width` (m) apart along
+    `opening`.
 
     Approaches may have any length; openings are made perpendicular to them.
     """
@@ -37,7 +42,9 @@ def pinches(tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float
     y = y - x * np.einsum("ij,ij->i", x, y)[:, None]
     y = y / np.linalg.norm(y, axis=1, keepdims=True)
     turn = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=2)).as_quat(scalar_first=True)
-    return tuple(Grasp(pose, float(width), kind) for pose in np.concatenate([position, turn], axis=1))
+    return tuple(
+        Grasp(pose, float(width), kind) for pose in np.concatenate([position, turn], axis=1)
+    )
 
 
 def _low_enough(height: float, pitch: float, top: float) -> bool:
@@ -53,7 +60,8 @@ def turned(grasps: Grasps, yaw: float) -> Grasps:
 def low_heights(top: float) -> tuple[float, ...]:
     """Tcp heights (m) above the table for a thing of height `top` that is taken from above.
 
-    Finger ends reach 9 to 20 mm past the tcp, depending on the gripper, so low things get several heights for the planner to try.
+    Finger ends reach 9 to 20 mm past the tcp, depending on the gripper, so low things get several
+    heights for the planner to try.
     """
     if top >= 0.035:
         return (max(0.022, top - 0.025),)
@@ -68,17 +76,23 @@ def side_pinches(
     outline: ArrayLike | None = None,
     kind: str = "side",
 ) -> Grasps:
-    """Pinches across the diameter of an upright round body of `radius` at `heights`, from all around, level to straight down.
+    """Pinches across the diameter of an upright round body of `radius` at `heights`, from all
+    around, level to straight down.
 
-    `outline` (K,2) of (radius, z), heights ascending, leaves out approaches whose palm would hit the body; for thick bodies the tcp
-    stays up to 8 mm short of the axis so that the palm does not touch.
+    `outline` (K,2) of (radius, z), heights ascending, leaves out approaches whose palm would hit
+    the body; for thick bodies the tcp stays up to 8 mm short of the axis so that the palm does not
+    touch.
     """
     limits = None if outline is None else np.asarray(outline, float)
 
     def hits(r: np.ndarray, z: np.ndarray) -> bool:
         if limits is None:
             return False
-        return bool(np.any(np.abs(r) < np.interp(z, limits[:, 1], limits[:, 0], left=-1.0, right=-1.0) + 0.001))
+        return bool(
+            np.any(
+                np.abs(r) < np.interp(z, limits[:, 1], limits[:, 0], left=-1.0, right=-1.0) + 0.001
+            )
+        )
 
     found = []
     for height in np.atleast_1d(np.asarray(heights, float)):
@@ -87,7 +101,10 @@ def side_pinches(
             if retreat is None:
                 continue
             for a in 2 * np.pi * np.arange(azimuths) / azimuths:
-                out, across = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
+                out, across = (
+                    np.array([np.cos(a), np.sin(a), 0.0]),
+                    np.array([-np.sin(a), np.cos(a), 0.0]),
+                )
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
                 position = out * retreat * np.cos(p) + [0, 0, height + retreat * np.sin(p)]
                 found.append((position, approach, across))
@@ -95,12 +112,18 @@ def side_pinches(
 
 
 def _retreat(
-    hits: Callable[[np.ndarray, np.ndarray], bool], height: float, pitch: float, retreats: Sequence[float] = RETREATS
+    hits: Callable[[np.ndarray, np.ndarray], bool],
+    height: float,
+    pitch: float,
+    retreats: Sequence[float] = RETREATS,
 ) -> float | None:
     t = np.linspace(-HALF_PALM, HALF_PALM, 7)
     for retreat in retreats:
         back = PALM + retreat
-        if not hits(back * np.cos(pitch) - t * np.sin(pitch), height + back * np.sin(pitch) + t * np.cos(pitch)):
+        if not hits(
+            back * np.cos(pitch) - t * np.sin(pitch),
+            height + back * np.sin(pitch) + t * np.cos(pitch),
+        ):
             return retreat
     return None
 
@@ -113,10 +136,11 @@ def rim_pinches(
     pitches: Sequence[float] = (45, 60, 75, 90),
     flare: float = 0.0,
 ) -> Grasps:
-    """One finger inside, one outside a hollow round thing whose rim has outer `radius`, thickness `wall` and height `height`.
+    """One finger inside, one outside a hollow round thing whose rim has outer `radius`, thickness
+    `wall` and height `height`.
 
-    The wall leans outwards by `flare` degrees; the opening is across it and the approach comes down along it, tilted along the
-    rim to both sides. The tcp lies `depth` below the rim.
+    The wall leans outwards by `flare` degrees; the opening is across it and the approach comes down
+    along it, tilted along the rim to both sides. The tcp lies `depth` below the rim.
     """
     found = []
     f = np.radians(flare)
@@ -146,9 +170,10 @@ def box_pinches(
 ) -> Grasps:
     """Pinches of a box of half extents from above, tilted about the opening axis to both sides.
 
-    The box stands on the table unless its `centre` (3,) says otherwise. Each horizontal dimension in `axes` that is at most
-    `widest` m is pinched across, at `offsets` times the half extent along the other. `heights` are of the tcp above the box's
-    base, by default those of `low_heights`. `retreats` are the distances (m) tried by which the tcp stays short of the middle.
+    The box stands on the table unless its `centre` (3,) says otherwise. Each horizontal dimension
+    in `axes` that is at most `widest` m is pinched across, at `offsets` times the half extent along
+    the other. `heights` are of the tcp above the box's base, by default those of `low_heights`.
+    `retreats` are the distances (m) tried by which the tcp stays short of the middle.
     """
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
@@ -165,10 +190,22 @@ def box_pinches(
                     if not _low_enough(height, p, 2 * hz):
                         continue
                     for side in (1, -1) if pitch < 90 else (1,):
-                        centre_line = -side * shift  # the box's middle lies here as seen from the palm's side
+                        # the box's middle lies here as seen from the palm's side
+                        centre_line = -side * shift
 
-                        def hits(r: np.ndarray, z: np.ndarray, middle: float = centre_line, reach: float = reach) -> bool:
-                            return bool(np.any((np.abs(r + middle) < reach + 0.001) & (z < 2 * hz + 0.001) & (z > 0)))
+                        def hits(
+                            r: np.ndarray,
+                            z: np.ndarray,
+                            middle: float = centre_line,
+                            reach: float = reach,
+                        ) -> bool:
+                            return bool(
+                                np.any(
+                                    (np.abs(r + middle) < reach + 0.001)
+                                    & (z < 2 * hz + 0.001)
+                                    & (z > 0)
+                                )
+                            )
 
                         retreat = _retreat(hits, height, p, retreats)
                         if retreat is None:
@@ -188,10 +225,12 @@ def bar_pinches(
     rolls: Sequence[float] = (0,),
     kind: str = "bar",
 ) -> Grasps:
-    """Pinches of a horizontal bar along x, its axis at `height` above the table, at x = `positions`, opening across the bar.
+    """Pinches of a horizontal bar along x, its axis at `height` above the table, at x =
+    `positions`, opening across the bar.
 
-    The approach leans along the bar to both sides by `pitches`; `rolls` (degrees) turn the pinch about the bar, raising one finger.
-    The tcp lies on the axis or a little above it, as `low_heights` says.
+    The approach leans along the bar to both sides by `pitches`; `rolls` (degrees) turn the pinch
+    about the bar, raising one finger. The tcp lies on the axis or a little above it, as
+    `low_heights` says.
     """
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     found = []
@@ -200,7 +239,10 @@ def bar_pinches(
             p = np.radians(pitch)
             for side in (1, -1) if pitch < 90 else (1,):
                 for t in np.radians(rolls):
-                    down, across = np.array([0, np.sin(t), -np.cos(t)]), np.array([0, np.cos(t), np.sin(t)])
+                    down, across = (
+                        np.array([0, np.sin(t), -np.cos(t)]),
+                        np.array([0, np.cos(t), np.sin(t)]),
+                    )
                     approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
                     found += [
                         (np.array([x, 0, height]) - lift * down, approach, across)
@@ -218,13 +260,19 @@ def handle_pinches(
     leans: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
     kind: str = "handle",
 ) -> Grasps:
-    """Pinches of a straight grip at `position`: the grip runs `along`, `out` points from it towards the gripper.
+    """Pinches of a straight grip at `position`: the grip runs `along`, `out` points from it towards
+    the gripper.
 
-    The opening is across both; the approach is -`out`, leaned by `leans` (degrees) in the plane of `along` and `out`.
+    The opening is across both; the approach is -`out`, leaned by `leans` (degrees) in the plane of
+    `along` and `out`.
     """
     along, out = np.asarray(along, float), np.asarray(out, float)
     along = along / np.linalg.norm(along)
     out = out - along * (out @ along)
     out /= np.linalg.norm(out)
     across = np.cross(out, along)
-    return pinches([(position, -out * np.cos(t) + along * np.sin(t), across) for t in np.radians(leans)], thickness, kind)
+    return pinches(
+        [(position, -out * np.cos(t) + along * np.sin(t), across) for t in np.radians(leans)],
+        thickness,
+        kind,
+    )

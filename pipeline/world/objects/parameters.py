@@ -1,4 +1,5 @@
-"""Parameters that are declared with how they are drawn: `Parametric` draws them in their order and derives the words.
+"""Parameters that are declared with how they are drawn: `Parametric` draws them in their order and
+derives the words.
 
 Each draw has the generator and the parameters declared before it. A family reads like a table:
 
@@ -25,20 +26,31 @@ WIDE = ("narrow", "medium-sized", "wide")
 
 
 def drawn(how: Callable[[np.random.Generator, Any], Any], **notes: Any) -> Any:
-    """A parameter that `how` draws from a generator and the parameters before it, as attributes; `notes` join its metadata."""
+    """A parameter that `how` draws from a generator and the parameters before it, as attributes;
+    `notes` join its metadata."""
     return field(metadata={"draw": how, **notes})
 
 
 def between(low: float, high: float, of: str = "", size: tuple[str, str, str] | None = None) -> Any:
-    """A number between two bounds, times the parameter `of`. Its third of the range is the word `size` of the object."""
-    return drawn(lambda rng, so_far: rng.uniform(low, high) * (getattr(so_far, of) if of else 1.0), range=(low, high), size=size)
+    """A number between two bounds, times the parameter `of`. Its third of the range is the word
+    `size` of the object."""
+    return drawn(
+        lambda rng, so_far: rng.uniform(low, high) * (getattr(so_far, of) if of else 1.0),
+        range=(low, high),
+        size=size,
+    )
 
 
-def one_of(options: Sequence[Any] | Mapping[str, Sequence[Any]], other_than: str = "", also: str = "", by: str = "") -> Any:
+def one_of(
+    options: Sequence[Any] | Mapping[str, Sequence[Any]],
+    other_than: str = "",
+    also: str = "",
+    by: str = "",
+) -> Any:
     """One of `options`, all equally likely.
 
-    `other_than` names a parameter whose value is left out, `also` one whose value joins them in front; `by` names the one whose
-    value is the key of a mapping of options.
+    `other_than` names a parameter whose value is left out, `also` one whose value joins them in
+    front; `by` names the one whose value is the key of a mapping of options.
     """
 
     def how(rng: np.random.Generator, so_far: Any) -> Any:
@@ -78,10 +90,14 @@ class Parametric(Family):
         """
         found = {name: value for name, value in vars(self).items() if isinstance(value, str)}
         if material := found.get("material"):
-            found |= {"material": "wooden", "plain": ""} if material == "wood" else {"plain": material}
+            found |= (
+                {"material": "wooden", "plain": ""} if material == "wood" else {"plain": material}
+            )
         for parameter in fields(self):  # pyright: ignore[reportArgumentType]
             if words := parameter.metadata.get("size"):
-                found["size"] = size_word(getattr(self, parameter.name), parameter.metadata["range"], words)
+                found["size"] = size_word(
+                    getattr(self, parameter.name), parameter.metadata["range"], words
+                )
         return found
 
     def words(self) -> Words:

@@ -1,4 +1,5 @@
-"""From bare triangles to a `Mesh`: welding, normals by crease angle, uv projections, joining and solid modelling.
+"""From bare triangles to a `Mesh`: welding, normals by crease angle, uv projections, joining and
+solid modelling.
 
 Corner uvs are (M,3,2); u runs to the right, v runs down, as images are stored (row 0 is v = 0).
 """
@@ -14,29 +15,39 @@ WELD = 1e-6  # m: points closer than this are one point
 
 
 @deferred
-def finish(points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, crease: float = 40.0) -> Mesh:
-    """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise, with optional corner uvs (M,3,2).
+def finish(
+    points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, crease: float = 40.0
+) -> Mesh:
+    """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise, with optional corner
+    uvs (M,3,2).
 
-    Each corner's normal is the area-weighted mean of the faces around its point whose normals lie within `crease` degrees of its
-    own face, so bevels look round while large faces stay flat. Faces without area are dropped.
+    Each corner's normal is the area-weighted mean of the faces around its point whose normals lie
+    within `crease` degrees of its own face, so bevels look round while large faces stay flat. Faces
+    without area are dropped.
     """
     points, faces = np.asarray(points, float), np.asarray(faces, int).reshape(-1, 3)
     keys, point_of = np.unique(np.rint(points / WELD).astype(np.int64), axis=0, return_inverse=True)
     welded = np.zeros((len(keys), 3))
     welded[point_of.ravel()] = points
     faces = point_of.ravel()[faces]
-    area_normal = np.cross(welded[faces[:, 1]] - welded[faces[:, 0]], welded[faces[:, 2]] - welded[faces[:, 0]])
+    area_normal = np.cross(
+        welded[faces[:, 1]] - welded[faces[:, 0]], welded[faces[:, 2]] - welded[faces[:, 0]]
+    )
     size = np.linalg.norm(area_normal, axis=1)
     keep = size > 1e-12
     faces, area_normal, size = faces[keep], area_normal[keep], size[keep]
-    normals = _corner_normals(faces, area_normal, area_normal / size[:, None], np.cos(np.radians(crease)))
+    normals = _corner_normals(
+        faces, area_normal, area_normal / size[:, None], np.cos(np.radians(crease))
+    )
     corners = faces.ravel()
     columns = [corners[:, None], np.rint(normals * 2e3).astype(np.int64)]
     corner_uv = None
     if uv is not None:
         corner_uv = np.asarray(uv, float)[keep].reshape(-1, 2)
         columns.append(np.rint(corner_uv * 1e5).astype(np.int64))
-    _, first, index = np.unique(np.concatenate(columns, axis=1), axis=0, return_index=True, return_inverse=True)
+    _, first, index = np.unique(
+        np.concatenate(columns, axis=1), axis=0, return_index=True, return_inverse=True
+    )
     return Mesh(
         welded[corners[first]].astype(np.float32),
         index.reshape(-1, 3).astype(np.uint32),
@@ -45,7 +56,9 @@ def finish(points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, cre
     )
 
 
-def _corner_normals(faces: NDArray, area_normal: NDArray, unit: NDArray, threshold: float) -> NDArray[np.float64]:
+def _corner_normals(
+    faces: NDArray, area_normal: NDArray, unit: NDArray, threshold: float
+) -> NDArray[np.float64]:
     corner = np.argsort(faces.ravel(), kind="stable")
     _, counts = np.unique(faces.ravel(), return_counts=True)
     repeats = np.repeat(counts, counts)
@@ -62,7 +75,8 @@ def _corner_normals(faces: NDArray, area_normal: NDArray, unit: NDArray, thresho
 
 
 def box_uv(points: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
-    """Corner uvs (M,3,2) by projecting each face along its dominant axis; the bounding box's sides fill the unit square."""
+    """Corner uvs (M,3,2) by projecting each face along its dominant axis; the bounding box's sides
+    fill the unit square."""
     points, faces = np.asarray(points, float), np.asarray(faces, int)
     lower = points.min(0)
     unit = (points - lower) / np.maximum(np.ptp(points, axis=0), 1e-9)
@@ -75,7 +89,8 @@ def box_uv(points: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     corners = unit[faces]
     u = np.take_along_axis(corners, across[:, None, None], 2)[..., 0]
     v = np.take_along_axis(corners, up[:, None, None], 2)[..., 0]
-    mirrored = np.where(axis == 1, positive, ~positive)  # seen from outside, +x, -y and +z faces read left to right
+    # seen from outside, +x, -y and +z faces read left to right
+    mirrored = np.where(axis == 1, positive, ~positive)
     return np.stack([np.where(mirrored[:, None], 1 - u, u), 1 - v], axis=-1)
 
 
@@ -86,14 +101,17 @@ def join(*meshes: Mesh) -> Mesh:
     uvs = [m.uvs for m in meshes if m.uvs is not None]
     return Mesh(
         np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(np.uint32),
+        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(
+            np.uint32
+        ),
         np.concatenate([m.normals for m in meshes]),
         np.concatenate(uvs) if len(uvs) == len(meshes) else None,
     )
 
 
 def cut(body: Mesh, *tools: Mesh, crease: float = 40.0) -> Mesh:
-    """`body` minus the solid `tools`, with box uvs. Raises ValueError if a mesh is not a closed solid."""
+    """`body` minus the solid `tools`, with box uvs. Raises ValueError if a mesh is not a closed
+    solid."""
     solid = _solid(body)
     for tool in tools:
         solid = solid - _solid(tool)
@@ -101,12 +119,18 @@ def cut(body: Mesh, *tools: Mesh, crease: float = 40.0) -> Mesh:
 
 
 def _solid(mesh: Mesh) -> Manifold:
-    keys, index = np.unique(np.rint(mesh.vertices / WELD).astype(np.int64), axis=0, return_inverse=True)
+    keys, index = np.unique(
+        np.rint(mesh.vertices / WELD).astype(np.int64), axis=0, return_inverse=True
+    )
     points = np.zeros((len(keys), 3), np.float32)
     points[index.ravel()] = mesh.vertices
-    solid = Manifold(SolidMesh(vert_properties=points, tri_verts=index.ravel()[mesh.triangles].astype(np.uint32)))
+    solid = Manifold(
+        SolidMesh(vert_properties=points, tri_verts=index.ravel()[mesh.triangles].astype(np.uint32))
+    )
     if solid.is_empty():
-        raise ValueError(f"mesh of {len(mesh.triangles)} triangles is not a closed solid ({solid.status()})")
+        raise ValueError(
+            f"mesh of {len(mesh.triangles)} triangles is not a closed solid ({solid.status()})"
+        )
     return solid
 
 
@@ -117,6 +141,7 @@ def _from_solid(solid: Manifold, crease: float) -> Mesh:
 
 
 def volume(mesh: Mesh) -> float:
-    """Enclosed volume (m^3) of a closed mesh, by the divergence theorem: sum of det(a, b, c) / 6."""
+    """Enclosed volume (m^3) of a closed mesh, by the divergence theorem: sum of det(a, b, c) /
+    6."""
     a, b, c = mesh.vertices.astype(float)[mesh.triangles].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

@@ -1,4 +1,5 @@
-"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts that its parameters fix."""
+"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts
+that its parameters fix."""
 
 import re
 import sys
@@ -19,20 +20,30 @@ class LanguageError(DominoError, ValueError):
 
 
 def describe(family: str, noun: str, **facts: str) -> Words:
-    """Words of an instance: the first `SEEN` and `UNSEEN` phrases of its family whose slots are all filled by `facts`.
+    """Words of an instance: the first `SEEN` and `UNSEEN` phrases of its family whose slots are all
+    filled by `facts`.
 
-    A slot such as {colour} stands for a fact of that name; a phrase whose fact is missing or "" is passed over, and so is one that
-    says what another one said. `noun` is the object's plain name. Raises LanguageError, naming the file, where too few are left.
+    A slot such as {colour} stands for a fact of that name; a phrase whose fact is missing or "" is
+    passed over, and so is one that says what another one said. `noun` is the object's plain name.
+    Raises LanguageError, naming the file, where too few are left.
     """
     if noun in FAMILIES and family not in FAMILIES:
-        raise LanguageError(f"describe({family!r}, {noun!r}): {noun!r} is the family, which comes first, then the noun: swap them")
+        raise LanguageError(
+            f"describe({family!r}, {noun!r}): {noun!r} is the family, which comes first, then the"
+            " noun: swap them"
+        )
     known = {name: fact for name, fact in facts.items() if fact}
     splits, met = [], set[str]()
-    for split, phrases, wanted in zip(("seen", "unseen"), read_phrases(family), (SEEN, UNSEEN), strict=True):
+    for split, phrases, wanted in zip(
+        ("seen", "unseen"), read_phrases(family), (SEEN, UNSEEN), strict=True
+    ):
         true = [english(p.format(**known)) for p in phrases if facts_of(p) <= known.keys()]
         found = [p for p in dict.fromkeys(true) if p not in met][:wanted]
         if len(found) < wanted:
-            raise LanguageError(f"phrases/{family}.txt gives {len(found)} {split} phrases for {known}: write at least {wanted}")
+            raise LanguageError(
+                f"phrases/{family}.txt gives {len(found)} {split} phrases for {known}: write at"
+                f" least {wanted}"
+            )
         met |= set(found)
         splits.append(tuple(found))
     return Words(noun, *splits)
@@ -40,13 +51,16 @@ def describe(family: str, noun: str, **facts: str) -> Words:
 
 @cache
 def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Seen and unseen phrases of a family. Raises LanguageError, naming the file, where it is missing or malformed."""
+    """Seen and unseen phrases of a family. Raises LanguageError, naming the file, where it is
+    missing or malformed."""
     where = f"phrases/{family}.txt"
     try:
         folder = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).parent
         text = folder.joinpath(where).read_text("utf-8")
     except (FileNotFoundError, UnknownName) as missing:
-        raise LanguageError(f"object family {family!r} has no descriptions: write {where}") from missing
+        raise LanguageError(
+            f"object family {family!r} has no descriptions: write {where}"
+        ) from missing
     return two_lists(text, where)
 
 
@@ -57,7 +71,9 @@ def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
-        raise LanguageError(f"{where} must be a line 'seen', one entry per line, a line 'unseen' and more entries")
+        raise LanguageError(
+            f"{where} must be a line 'seen', one entry per line, a line 'unseen' and more entries"
+        )
     middle = lines.index("unseen")
     return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
 

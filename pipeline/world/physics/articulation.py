@@ -1,4 +1,5 @@
-"""An arm's spec as a SAPIEN articulation, to the bit what SAPIEN's loader makes of the arm as URDF."""
+"""An arm's spec as a SAPIEN articulation, to the bit what SAPIEN's loader makes of the arm as
+URDF."""
 
 from functools import lru_cache
 
@@ -26,7 +27,9 @@ def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
     made: dict[str, sapien.LinkBuilder] = {}
     for name in _depth_first(arm):
         joint = joints.get(name)
-        made[name] = one = builder.create_link_builder(None if joint is None else made[joint.parent])
+        made[name] = one = builder.create_link_builder(
+            None if joint is None else made[joint.parent]
+        )
         one.set_name(name)
         one.set_joint_name("" if joint is None else joint.name)
         one.collision_groups = groups(side)

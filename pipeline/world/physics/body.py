@@ -15,19 +15,24 @@ TABLE_HALF = (0.6, 0.35)
 TABLE_THICKNESS = 0.05
 """Thickness of the table top in m."""
 
-TABLE_COLLISION = Collider("box", (*TABLE_HALF, TABLE_THICKNESS / 2), pose((0.0, 0.0, TABLE_TOP - TABLE_THICKNESS / 2)))
+TABLE_COLLISION = Collider(
+    "box", (*TABLE_HALF, TABLE_THICKNESS / 2), pose((0.0, 0.0, TABLE_TOP - TABLE_THICKNESS / 2))
+)
 """The table top as a collision piece in the world frame."""
 
 BORNE = 0.5
-"""Seconds for which a hook or a hand bears the weight of a target that was touched, until a gripper has closed on it."""
+"""Seconds for which a hook or a hand bears the weight of a target that was touched, until a gripper
+has closed on it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """`pose` (7,) is the manipulation pose in the world; a `fixed` body never moves (a goal pad glued to the table).
+    """`pose` (7,) is the manipulation pose in the world; a `fixed` body never moves (a goal pad
+    glued to the table).
 
-    `inside` names the body it begins in: balls in a bin ride along with it. With a `slide` it runs in that body like a drawer,
-    from where it stands. A `borne` one hangs or is held in the air: what bears it lets go `BORNE` s after the first touch.
+    `inside` names the body it begins in: balls in a bin ride along with it. With a `slide` it runs
+    in that body like a drawer, from where it stands. A `borne` one hangs or is held in the air:
+    what bears it lets go `BORNE` s after the first touch.
     """
 
     name: str

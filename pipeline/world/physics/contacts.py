@@ -19,8 +19,11 @@ def pushes(contact: Any) -> bool:
     return any(np.dot(p.impulse, p.impulse) > TOUCH_IMPULSE**2 for p in contact.points)
 
 
-def points_on(body: Any, side_of: Mapping[Any, str], contacts: Sequence[Any]) -> dict[str, NDArray[np.float64]]:
-    """Points (N,3) at which components push `body`, by the sides that `side_of` gives them, both in a fixed order."""
+def points_on(
+    body: Any, side_of: Mapping[Any, str], contacts: Sequence[Any]
+) -> dict[str, NDArray[np.float64]]:
+    """Points (N,3) at which components push `body`, by the sides that `side_of` gives them, both in
+    a fixed order."""
     found: dict[str, list[list[float]]] = {}
     for contact in contacts:
         a, b = contact.bodies
@@ -37,8 +40,8 @@ def points_on(body: Any, side_of: Mapping[Any, str], contacts: Sequence[Any]) ->
 
 def touching_pairs(index: Mapping[Any, int], contacts: Sequence[Any]) -> list[Pair]:
     """Pairs of the components of `index` that push each other, sorted."""
-    # A pair of bodies may touch with many pieces: the strongest is the pair's contact.
-    # Plain floats: there are a dozen pairs with four points each, where numpy takes five times as long.
+    # A pair of bodies may touch with many pieces: the strongest is the pair's contact. Plain
+    # floats: there are a dozen pairs with four points each, where numpy takes five times as long.
     found: dict[tuple[int, int], tuple[float, tuple[float, ...], int]] = {}
     for contact in contacts:
         first, second = contact.bodies
@@ -54,4 +57,6 @@ def touching_pairs(index: Mapping[Any, int], contacts: Sequence[Any]) -> list[Pa
             at = [p.position.tolist() for _, p in pushing]
             mean = tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True))
             found[pair] = max(found.get(pair, (0.0, (), 0)), (strength, mean, len(at)))
-    return [(a, b, impulse, np.array(point), n) for (a, b), (impulse, point, n) in sorted(found.items())]
+    return [
+        (a, b, impulse, np.array(point), n) for (a, b), (impulse, point, n) in sorted(found.items())
+    ]

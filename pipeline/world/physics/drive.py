@@ -1,4 +1,5 @@
-"""The drive of a target under `contact: hold`: it pulls a touched body back to its motion, with bounded force, until it is held."""
+"""The drive of a target under `contact: hold`: it pulls a touched body back to its motion, with
+bounded force, until it is held."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -12,13 +13,15 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.poses import Pose, quat_conjugate, quat_multiply, quat_rotate, rotation_vector
 
 FORCE, TORQUE = 3.0, 0.1
-"""N and N m; the most that the drive exerts at the centre of mass, besides carrying the body's weight."""
+"""N and N m; the most that the drive exerts at the centre of mass, besides carrying the body's
+weight."""
 
 RATE = 40.0
 """rad/s; natural frequency of the critically damped drive where its force suffices."""
 
 REACH, TURN = 0.01, 0.2
-"""m and rad; a body further from its motion is pulled no harder, so that it returns at RATE * REACH / 2 = 0.2 m/s."""
+"""m and rad; a body further from its motion is pulled no harder, so that it returns at RATE * REACH
+/ 2 = 0.2 m/s."""
 
 HELD = 0.2
 """Seconds without a break for which a body must be held before the drive ends."""
@@ -28,8 +31,8 @@ Twist = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Hold:
-    """What holds a target: at least one of `grips`, of which every part touches it. A part is a set of names of links or bodies,
-    one of which must touch."""
+    """What holds a target: at least one of `grips`, of which every part touches it. A part is a set
+    of names of links or bodies, one of which must touch."""
 
     grips: tuple[tuple[frozenset[str], ...], ...]
 
@@ -39,12 +42,13 @@ class Hold:
 
 
 AfterTouch = Literal["stop", "continue"] | Hold
-"""What the first touch does to a target: it ends its own motion, nothing, or a drive keeps the touched body on its motion until
-it is held."""
+"""What the first touch does to a target: it ends its own motion, nothing, or a drive keeps the
+touched body on its motion until it is held."""
 
 
 class Drive:
-    """Keeps one dynamic body on a motion until it is held. Its weight is carried as long as it is driven."""
+    """Keeps one dynamic body on a motion until it is held. Its weight is carried as long as it is
+    driven."""
 
     def __init__(self, body: PhysxRigidDynamicComponent, hold: Hold) -> None:
         self._body, self._hold, self._steps = body, hold, 0
@@ -54,27 +58,34 @@ class Drive:
         body.set_disable_gravity(True)
 
     def push(self, pose: Pose, twist: Twist, later: Twist) -> None:
-        """Apply the force and torque of the next physics step: the motion is at `pose` (7,) with `twist` (6,) now, and has the
-        twist `later` after the step."""
+        """Apply the force and torque of the next physics step: the motion is at `pose` (7,) with
+        `twist` (6,) now, and has the twist `later` after the step."""
         body, now = self._body, self._body.entity_pose
         q = np.asarray(now.q, float)
         goal, there = (
-            origin + quat_rotate(turn, self._centre) for origin, turn in ((pose[:3], pose[3:]), (np.asarray(now.p, float), q))
+            origin + quat_rotate(turn, self._centre)
+            for origin, turn in ((pose[:3], pose[3:]), (np.asarray(now.p, float), q))
         )
         gap = _bounded(goal - there, REACH)
         arm = quat_rotate(pose[3:], self._centre)
         speed, next_speed = (v[:3] + np.cross(v[3:], arm) for v in (twist, later))
-        pull = RATE**2 * gap + 2 * RATE * (speed - np.asarray(body.linear_velocity, float)) + (next_speed - speed) * PHYSICS_HZ
+        pull = (
+            RATE**2 * gap
+            + 2 * RATE * (speed - np.asarray(body.linear_velocity, float))
+            + (next_speed - speed) * PHYSICS_HZ
+        )
         turn = _bounded(rotation_vector(quat_multiply(pose[3:], quat_conjugate(q))), TURN)
         spin = RATE**2 * turn + 2 * RATE * (twist[3:] - np.asarray(body.angular_velocity, float))
         principal = quat_multiply(q, self._axes)
-        torque = quat_rotate(principal, self._inertia * quat_rotate(quat_conjugate(principal), spin))
+        torque = quat_rotate(
+            principal, self._inertia * quat_rotate(quat_conjugate(principal), spin)
+        )
         force = _bounded(self._mass * pull, FORCE)
         body.add_force_torque(force.astype(np.float32), _bounded(torque, TORQUE).astype(np.float32))
 
     def is_held(self, touching: Collection[str]) -> bool:
-        """Whether the body has been held without a break for HELD seconds; called after every physics step with the links and
-        bodies that push it."""
+        """Whether the body has been held without a break for HELD seconds; called after every
+        physics step with the links and bodies that push it."""
         self._steps = self._steps + 1 if self._hold.holds(touching) else 0
         return self._steps >= round(HELD * PHYSICS_HZ)
 

@@ -7,7 +7,8 @@ from pipeline.poses import Pose
 from pipeline.world.physics.body import Body
 
 Outline = tuple[Pose, NDArray[np.float64]]
-"""World pose (7,) of an upright body, and the box (2,3) of lower and upper corner around it in its own frame."""
+"""World pose (7,) of an upright body, and the box (2,3) of lower and upper corner around it in its
+own frame."""
 
 
 def outline_of(body: Body) -> Outline:

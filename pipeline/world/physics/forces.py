@@ -1,8 +1,10 @@
-"""What the robot may press on, and how hard: the contract of contacts that every demonstration keeps.
+"""What the robot may press on, and how hard: the contract of contacts that every demonstration
+keeps.
 
-Fingers touch bodies, to grasp, hold, press or push them. What they hold may touch anything. A robot touches nothing else:
-its two arms do not touch each other, its palms and links touch no body, its fingers do not touch the table. Planning keeps
-clear of all that; what drives and physics add is allowed up to FORCES.
+Fingers touch bodies, to grasp, hold, press or push them. What they hold may touch anything. A robot
+touches nothing else: its two arms do not touch each other, its palms and links touch no body, its
+fingers do not touch the table. Planning keeps clear of all that; what drives and physics add is
+allowed up to FORCES.
 """
 
 import math
@@ -16,13 +18,15 @@ from pipeline.world.robots.contract import Embodiment
 
 @dataclass(frozen=True)
 class Forces:
-    """The largest force (N) of one contact, the impulse of a physics step over its time, by what touches."""
+    """The largest force (N) of one contact, the impulse of a physics step over its time, by what
+    touches."""
 
     arms: float = 10.0
     """A link of one arm on a link of the other."""
 
     hands: float = 30.0
-    """Among these, a link of one hand on a link of the other: hands come that near only in a hand-over."""
+    """Among these, a link of one hand on a link of the other: hands come that near only in a
+    hand-over."""
 
     palm: float = 50.0
     """A link that is no finger on a body, also on one in its own jaws, or on the table."""
@@ -70,22 +74,30 @@ class ContactKinds:
 
 
 class ForceWatch:
-    """Finds contacts of a running scene that are stronger than allowed. `names` maps its components to their names.
+    """Finds contacts of a running scene that are stronger than allowed. `names` maps its components
+    to their names.
 
-    Contacts of fingers with bodies, of which there are many all the time, are looked at in every FINGERS_EVERY-th step.
+    Contacts of fingers with bodies, of which there are many all the time, are looked at in every
+    FINGERS_EVERY-th step.
     """
 
-    def __init__(self, embodiment: Embodiment, names: Mapping[Any, str], allowed: Forces = FORCES) -> None:
+    def __init__(
+        self, embodiment: Embodiment, names: Mapping[Any, str], allowed: Forces = FORCES
+    ) -> None:
         kinds, most = ContactKinds(embodiment), asdict(allowed)
         found = {(a, b): kinds.of(names[a], names[b]) for a in names for b in names if a is not b}
         self._names = names
         self._limits = {pair: most[kind] / PHYSICS_HZ for pair, kind in found.items() if kind}
-        self._rare = {pair: limit for pair, limit in self._limits.items() if found[pair] != "finger"}
+        self._rare = {
+            pair: limit for pair, limit in self._limits.items() if found[pair] != "finger"
+        }
 
     def overloads(self, contacts: Iterable[Any], step: int, rigid: str = "") -> list[Overload]:
-        """The contacts of a step that exceed their limits, sorted: SAPIEN lists contacts in no fixed order.
+        """The contacts of a step that exceed their limits, sorted: SAPIEN lists contacts in no
+        fixed order.
 
-        The part `rigid` is left out: a target that is touched in this step, kinematic, does not give way before the next one.
+        The part `rigid` is left out: a target that is touched in this step, kinematic, does not
+        give way before the next one.
         """
         limits = self._rare if step % FINGERS_EVERY else self._limits
         found = list[Overload]()
@@ -94,7 +106,9 @@ class ForceWatch:
             limit = limits.get(pair)
             if limit is None:
                 continue
-            impulse = math.hypot(*map(math.fsum, zip(*(p.impulse.tolist() for p in contact.points), strict=True)))
+            impulse = math.hypot(
+                *map(math.fsum, zip(*(p.impulse.tolist() for p in contact.points), strict=True))
+            )
             if impulse > limit:
                 one, other = sorted(self._names[part] for part in pair)
                 if rigid not in (one, other):

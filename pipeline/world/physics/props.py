@@ -15,7 +15,9 @@ def parts_of(prop: Prop) -> Parts:
 
 def colliders_of(prop: Prop) -> tuple[Collider, ...]:
     """The pieces of a prop as collision pieces in its own frame."""
-    return tuple(Collider(piece.kind, piece.size, np.asarray(piece.at, float)) for piece in prop.pieces)
+    return tuple(
+        Collider(piece.kind, piece.size, np.asarray(piece.at, float)) for piece in prop.pieces
+    )
 
 
 def _mesh(piece: Piece) -> Mesh:

@@ -17,7 +17,8 @@ CONTACT_EVERY = 8
 
 
 class _Rows:
-    """Rows of one kind in an array that doubles when it is full: appending costs the same however long an episode is."""
+    """Rows of one kind in an array that doubles when it is full: appending costs the same however
+    long an episode is."""
 
     def __init__(self, row: NDArray[Any]) -> None:
         self._held, self._count = np.empty((256, *row.shape), row.dtype), 0
@@ -39,11 +40,13 @@ class _Rows:
 
 
 class Recorder:
-    """Call `before_step` ahead of every physics step and `after_step` behind it; `log` is the episode so far.
+    """Call `before_step` ahead of every physics step and `after_step` behind it; `log` is the
+    episode so far.
 
-    Frame k is the state after 16 k steps (at 15 Hz over 240 Hz); its action is the command of the interval's last step.
-    The first contacts of the arms in `watched`, none at first, with the target are noted to the physics step, which takes 30 us a
-    step until all have touched it. Raises ValueError when `fps` does not divide the physics rate.
+    Frame k is the state after 16 k steps (at 15 Hz over 240 Hz); its action is the command of the
+    interval's last step. The first contacts of the arms in `watched`, none at first, with the
+    target are noted to the physics step, which takes 30 us a step until all have touched it. Raises
+    ValueError when `fps` does not divide the physics rate.
     """
 
     def __init__(self, simulation: Simulation, fps: int = 15) -> None:
@@ -76,14 +79,16 @@ class Recorder:
     def _watch(self) -> None:
         """Note the first contact with the target of the arms that are watched."""
         s = self.simulation
-        for side, points in s.target_contacts([side for side in self.watched if side not in self._first]).items():
+        for side, points in s.target_contacts(
+            [side for side in self.watched if side not in self._first]
+        ).items():
             centre = tuple(math.fsum(axis) / len(points) for axis in points.T)
             poses = tuple(tuple(map(float, pose)) for pose in (s.tcp(side), s.pose(s.target)))
             self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
 
     def _measured(self) -> tuple[Floats, ...]:
-        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools (S,7), the target's linear and
-        angular velocity (3,)."""
+        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools
+        (S,7), the target's linear and angular velocity (3,)."""
         s = self.simulation
         qpos, qvel = s.qpos()
         tcp = np.stack([s.tcp(side) for side in s.embodiment.sides])
@@ -100,9 +105,14 @@ class Recorder:
 
     @property
     def past(self) -> NDArray[np.float64]:
-        """Poses (T,B,7) at the frames so far, and after them those of this moment where it is none of them."""
+        """Poses (T,B,7) at the frames so far, and after them those of this moment where it is none
+        of them."""
         rows = self._columns[0].rows
-        return rows if self.simulation.steps % self._every == 0 else np.concatenate([rows, self.simulation.poses()[None]])
+        return (
+            rows
+            if self.simulation.steps % self._every == 0
+            else np.concatenate([rows, self.simulation.poses()[None]])
+        )
 
     def log(self) -> StateLog:
         """The state log up to the last full frame."""

@@ -1,4 +1,5 @@
-"""SAPIEN things out of specs: the table, bodies, slides and arms of one physics scene, each by one function."""
+"""SAPIEN things out of specs: the table, bodies, slides and arms of one physics scene, each by one
+function."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ from pipeline.world.shapes import Collider
 _TABLE_FRICTION = 0.5
 _SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
 _STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
-_X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
+# SAPIEN's capsules and cylinders lie along x
+_X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])
 
 
 def to_sapien(p: Pose) -> sapien.Pose:
@@ -34,7 +36,8 @@ def to_sapien(p: Pose) -> sapien.Pose:
 
 @dataclass(frozen=True, eq=False)
 class BuiltArm:
-    """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws in the order of its spec."""
+    """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws
+    in the order of its spec."""
 
     robot: PhysxArticulation
     active: list[PhysxArticulationJoint]
@@ -43,12 +46,17 @@ class BuiltArm:
     gripper: Gripper
 
     def drive(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """Set the drives of the next physics step: positions and velocities (n+1,) of the joints, then the gripper (0-1, 1/s)."""
+        """Set the drives of the next physics step: positions and velocities (n+1,) of the joints,
+        then the gripper (0-1, 1/s)."""
         for joint, position, speed in zip(self.joints, command[:-1], velocity[:-1], strict=True):
             joint.set_drive_target(position)
             joint.set_drive_velocity_target(speed)
         closed, opened = self.gripper.closed, self.gripper.opened
-        value = command[-1] if len(closed) <= 2 else coupled_value(self.gripper, self.jaw_positions(), command[-1])
+        value = (
+            command[-1]
+            if len(closed) <= 2
+            else coupled_value(self.gripper, self.jaw_positions(), command[-1])
+        )
         for k, jaw in enumerate(self.jaws):
             jaw.set_drive_target(closed[k] + value * (opened[k] - closed[k]))
             jaw.set_drive_velocity_target(velocity[-1] * (opened[k] - closed[k]))
@@ -76,7 +84,11 @@ def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
     """A body at a world pose (7,): static where it is fixed, dynamic otherwise."""
     shape = body.instance.shape()
     material = PhysxMaterial(shape.friction, shape.friction, 0.0)
-    component = sapien.physx.PhysxRigidStaticComponent() if body.fixed else sapien.physx.PhysxRigidDynamicComponent()
+    component = (
+        sapien.physx.PhysxRigidStaticComponent()
+        if body.fixed
+        else sapien.physx.PhysxRigidDynamicComponent()
+    )
     for piece in _pieces(shape.collision, material, shape.mass):
         component.attach(piece)
     entity = sapien.Entity()
@@ -87,12 +99,16 @@ def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
     return entity
 
 
-def add_slide(body: Body, parent: Body, entity: sapien.Entity, parent_entity: sapien.Entity) -> None:
+def add_slide(
+    body: Body, parent: Body, entity: sapien.Entity, parent_entity: sapien.Entity
+) -> None:
     """Make a body with a slide run in its parent, from where it stands."""
     assert body.slide is not None
     x = np.asarray(body.slide.axis, float)
     y = np.array([0.0, 0.0, 1.0])
-    along = frame((0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0]))
+    along = frame(
+        (0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0])
+    )
     drive = sapien.physx.PhysxDriveComponent(physical(entity))
     drive.set_parent(physical(parent_entity))
     drive.set_pose_in_child(to_sapien(along))
@@ -101,7 +117,8 @@ def add_slide(body: Body, parent: Body, entity: sapien.Entity, parent_entity: sa
     drive.set_limit_y(0.0, 0.0)
     drive.set_limit_z(0.0, 0.0)
     drive.set_limit_twist(0.0, 0.0)
-    drive.set_drive_property_swing(*_STIFF)  # SAPIEN's cone and pyramid limits do not hold the two other turns
+    # SAPIEN's cone and pyramid limits do not hold the two other turns
+    drive.set_drive_property_swing(*_STIFF)
     drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
     entity.add_component(drive)
 
@@ -123,13 +140,21 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
         joint.set_drive_properties(arm.stiffness, arm.damping, limits[name].effort, "force")
         joint.set_friction(0.0)
     for name in arm.gripper.joints:
-        by_name[name].set_drive_properties(arm.gripper.stiffness, arm.gripper.damping, arm.gripper.force, "force")
+        by_name[name].set_drive_properties(
+            arm.gripper.stiffness, arm.gripper.damping, arm.gripper.force, "force"
+        )
         by_name[name].set_friction(0.0)
     qpos = dict(zip(arm.arm_joints, arm.home, strict=True)) | dict(
         zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True)
     )
     robot.set_qpos(np.array([qpos[j.name] for j in active]))
-    return BuiltArm(robot, active, [by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints], arm.gripper)
+    return BuiltArm(
+        robot,
+        active,
+        [by_name[n] for n in arm.arm_joints],
+        [by_name[n] for n in arm.gripper.joints],
+        arm.gripper,
+    )
 
 
 def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
@@ -138,7 +163,9 @@ def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
     surface = material()
     for link in robot.links:
         for piece in hulls[link.name]:
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface)
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(
+                np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface
+            )
             shape.set_local_pose(to_sapien(piece.pose))
             shape.set_collision_groups(groups(side))
             link.attach(shape)
@@ -157,7 +184,9 @@ def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
     return component
 
 
-def _pieces(pieces: Sequence[Collider], material: PhysxMaterial, mass: float) -> list[PhysxCollisionShape]:
+def _pieces(
+    pieces: Sequence[Collider], material: PhysxMaterial, mass: float
+) -> list[PhysxCollisionShape]:
     """Collision shapes with densities that add up to `mass` (kg)."""
     density = mass / sum(c.weight * c.volume() for c in pieces)
     shapes = []
@@ -168,9 +197,15 @@ def _pieces(pieces: Sequence[Collider], material: PhysxMaterial, mass: float) ->
         elif c.kind == "sphere":
             shape = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
         elif c.kind == "convex":
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material)
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(
+                np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material
+            )
         else:
-            along_x = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
+            along_x = (
+                sapien.physx.PhysxCollisionShapeCylinder
+                if c.kind == "cylinder"
+                else sapien.physx.PhysxCollisionShapeCapsule
+            )
             shape, at = along_x(c.size[0], c.size[1], material), at * _X_TO_Z
         shape.set_local_pose(at)
         shape.set_density(density * c.weight)

@@ -1,7 +1,9 @@
-"""Physics only: a table, two arms, the bodies of a scene and one target that moves on its own until something touches it.
+"""Physics only: a table, two arms, the bodies of a scene and one target that moves on its own until
+something touches it.
 
-`scene_building` makes them, here they are stepped and read. SAPIEN 3 on CPU PhysX. Fresh simulations that are given the same
-commands produce the same bytes. No renderer is ever opened here.
+`scene_building` makes them, here they are stepped and read. SAPIEN 3 on CPU PhysX. Fresh
+simulations that are given the same commands produce the same bytes. No renderer is ever opened
+here.
 """
 
 import math
@@ -16,12 +18,28 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
 from pipeline.motion.company import others_of
-from pipeline.poses import Pose, compose, inverse, quat_conjugate, quat_multiply, quat_rotate, rotation_vector
+from pipeline.poses import (
+    Pose,
+    compose,
+    inverse,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    rotation_vector,
+)
 from pipeline.world.physics.body import BORNE, TABLE_TOP, Body
 from pipeline.world.physics.contacts import Pair, points_on, pushes, touching_pairs
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold
 from pipeline.world.physics.forces import ForceWatch, Overload
-from pipeline.world.physics.scene_building import add_arm, add_body, add_slide, add_table, physical, rigid_of, to_sapien
+from pipeline.world.physics.scene_building import (
+    add_arm,
+    add_body,
+    add_slide,
+    add_table,
+    physical,
+    rigid_of,
+    to_sapien,
+)
 from pipeline.world.physics.target_motion import Motion, Standing
 from pipeline.world.robots.contract import Embodiment
 
@@ -29,17 +47,21 @@ _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock star
 
 
 def _array(p: sapien.Pose) -> Pose:
-    return np.array(p.__getstate__())  # the seven numbers x, y, z, w, x, y, z; several times faster than reading p and q
+    # the seven numbers x, y, z, w, x, y, z; several times faster than reading p and q
+    return np.array(p.__getstate__())
 
 
 class Simulation:
-    """One scene. `step` advances 1/240 s under a command vector [left arm, left gripper, right arm, right gripper].
+    """One scene. `step` advances 1/240 s under a command vector [left arm, left gripper, right arm,
+    right gripper].
 
-    The target is kinematic on `motion` until its first impulse with a robot link or with a free body, and `after_touch` says what
-    follows; `release` ends its own motion at the latest. Bodies that move beside it, as the motion has them, are released with it,
-    or before that by a touch of their own. It is then a dynamic body with the velocity it had. `events` then holds
-    "meeting" and "release"; `touched_by` names what touched it first, `touched_at` the step. It also holds the first
-    "clutter_touched" of each body of `clutter`, by anything but the table and the rest of the clutter.
+    The target is kinematic on `motion` until its first impulse with a robot link or with a free
+    body, and `after_touch` says what follows; `release` ends its own motion at the latest. Bodies
+    that move beside it, as the motion has them, are released with it, or before that by a touch of
+    their own. It is then a dynamic body with the velocity it had. `events` then holds "meeting" and
+    "release"; `touched_by` names what touched it first, `touched_at` the step. It also holds the
+    first "clutter_touched" of each body of `clutter`, by anything but the table and the rest of the
+    clutter.
     """
 
     def __init__(
@@ -52,7 +74,12 @@ class Simulation:
         after_touch: AfterTouch = "stop",
         clutter: Collection[str] = (),
     ) -> None:
-        self.embodiment, self.bodies, self.target, self.motion = embodiment, tuple(bodies), target, motion
+        self.embodiment, self.bodies, self.target, self.motion = (
+            embodiment,
+            tuple(bodies),
+            target,
+            motion,
+        )
         self._after_touch, self._drive = after_touch, None
         self._beside = dict(others_of(motion))
         self._scenery, self._stood = motion.scenery(), math.inf
@@ -62,13 +89,18 @@ class Simulation:
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
         table = add_table(self._scene)
-        self._entities = {b.name: add_body(self._scene, b, pose) for b, pose in zip(self.bodies, self._first_poses(), strict=True)}
+        self._entities = {
+            b.name: add_body(self._scene, b, pose)
+            for b, pose in zip(self.bodies, self._first_poses(), strict=True)
+        }
         self._rigid = {name: rigid_of(entity) for name, entity in self._entities.items()}
         by_name = {b.name: b for b in self.bodies}
         for b in self.bodies:
             if b.slide is not None:
                 add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
-        self._arms = {side: add_arm(self._scene, side, arm) for side, arm in embodiment.arms.items()}
+        self._arms = {
+            side: add_arm(self._scene, side, arm) for side, arm in embodiment.arms.items()
+        }
         self._robots = [self._arms[side].robot for side in self._arms]
         self._before: tuple[sapien.Pose, NDArray[np.float64]] | None = None
         self._moved = self._dynamic(target)
@@ -77,13 +109,33 @@ class Simulation:
         self._borne = next(b.borne for b in self.bodies if b.name == target)
         self._free = {b.name for b in self.bodies if not b.fixed and b.name != target}
         links = {side: self._arms[side].robot.links for side in self._arms}
-        self._link_names = tuple(f"{side}_{link.name}" for side in self._arms for link in links[side])
-        self._posed = [*self._entities.values(), *(link.entity for side in self._arms for link in links[side])]
-        self._hands = {side: next(x.entity for x in links[side] if x.name == embodiment.arms[side].hand) for side in self._arms}
-        self.names = (*(b.name for b in self.bodies), *self._link_names, *(prop.name for prop in self._scenery), "table")
-        solids = [*map(physical, self._entities.values()), *(x for side in self._arms for x in links[side])]
-        self._index = {component: i for i, component in enumerate(solids)} | {table: len(self.names) - 1}
-        self._forces = ForceWatch(embodiment, {component: self.names[i] for component, i in self._index.items()})
+        self._link_names = tuple(
+            f"{side}_{link.name}" for side in self._arms for link in links[side]
+        )
+        self._posed = [
+            *self._entities.values(),
+            *(link.entity for side in self._arms for link in links[side]),
+        ]
+        self._hands = {
+            side: next(x.entity for x in links[side] if x.name == embodiment.arms[side].hand)
+            for side in self._arms
+        }
+        self.names = (
+            *(b.name for b in self.bodies),
+            *self._link_names,
+            *(prop.name for prop in self._scenery),
+            "table",
+        )
+        solids = [
+            *map(physical, self._entities.values()),
+            *(x for side in self._arms for x in links[side]),
+        ]
+        self._index = {component: i for i, component in enumerate(solids)} | {
+            table: len(self.names) - 1
+        }
+        self._forces = ForceWatch(
+            embodiment, {component: self.names[i] for component, i in self._index.items()}
+        )
         self._side_of: dict[Any, str] = {link: side for side in self._arms for link in links[side]}
         riders = {b.name for b in self.bodies if b.inside == target}
         touchers = (self._free - riders).union(self._link_names)
@@ -91,29 +143,49 @@ class Simulation:
         self._touchers = {component for component, name in named if name in touchers}
         self._untouched = {component: name for component, name in named if name in clutter}
         self._harmless = {*self._untouched, table}
-        self.joint_names = tuple(f"{side}_{j.name}" for side in self._arms for j in self._arms[side].active)
+        self.joint_names = tuple(
+            f"{side}_{j.name}" for side in self._arms for j in self._arms[side].active
+        )
         self._index_vector()
         self.command = self.home_vector()
 
     def _index_vector(self) -> None:
-        """Where the state vector finds its numbers among the joints; a gripper's place is filled from its jaws."""
+        """Where the state vector finds its numbers among the joints; a gripper's place is filled
+        from its jaws."""
         at = {name: i for i, name in enumerate(self.joint_names)}
-        places, self._jaws = list[int](), list[tuple[int, NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]]()
+        places, self._jaws = (
+            list[int](),
+            list[tuple[int, NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]](),
+        )
         for side in self._arms:
             arm = self.embodiment.arms[side]
             closed, opened = np.array(arm.gripper.closed), np.array(arm.gripper.opened)
             places += [at[f"{side}_{n}"] for n in arm.arm_joints]
-            self._jaws.append((len(places), np.array([at[f"{side}_{n}"] for n in arm.gripper.joints]), closed, opened - closed))
+            self._jaws.append(
+                (
+                    len(places),
+                    np.array([at[f"{side}_{n}"] for n in arm.gripper.joints]),
+                    closed,
+                    opened - closed,
+                )
+            )
             places.append(0)
         self._vector_from = np.array(places)
 
     def _first_poses(self) -> list[Pose]:
-        """Where the bodies begin: the target and what lies in it at the start of its motion, the others where they stand."""
+        """Where the bodies begin: the target and what lies in it at the start of its motion, the
+        others where they stand."""
         end = next(b.pose for b in self.bodies if b.name == self.target)
         start = np.asarray(self.motion.pose(np.zeros(())), float)
         riding = {self.target, *(b.name for b in self.bodies if b.inside == self.target)}
-        found = {b.name: compose(start, compose(inverse(end), b.pose)) if b.name in riding else b.pose for b in self.bodies}
-        found |= {name: np.asarray(motion.pose(np.zeros(())), float) for name, motion in self._beside.items()}
+        found = {
+            b.name: compose(start, compose(inverse(end), b.pose)) if b.name in riding else b.pose
+            for b in self.bodies
+        }
+        found |= {
+            name: np.asarray(motion.pose(np.zeros(())), float)
+            for name, motion in self._beside.items()
+        }
         return list(found.values())
 
     def _dynamic(self, name: str) -> sapien.physx.PhysxRigidDynamicComponent:
@@ -126,7 +198,8 @@ class Simulation:
         """Command vector with both arms at home and both grippers open."""
         return np.concatenate([[*self.embodiment.arms[side].home, 1.0] for side in self._arms])
 
-    # --- stepping -------------------------------------------------------------------------------------------------------
+    # --- stepping
+    # ------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
@@ -134,7 +207,8 @@ class Simulation:
         return self.steps / PHYSICS_HZ
 
     def step(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """Advance one physics step with drive targets `command` and `velocity` (vector layout; gripper entries 0-1 and 1/s)."""
+        """Advance one physics step with drive targets `command` and `velocity` (vector layout;
+        gripper entries 0-1 and 1/s)."""
         first = 0
         for arm in self._arms.values():
             end = first + len(arm.joints) + 1
@@ -147,7 +221,9 @@ class Simulation:
             self._moved.set_kinematic_target(to_sapien(self._target_pose(self.steps + 1)))
         for name, motion in self._beside.items():
             later = 0.0 if self._waiting else (self.steps + 1) / PHYSICS_HZ
-            self._dynamic(name).set_kinematic_target(to_sapien(np.asarray(motion.pose(later), float)))
+            self._dynamic(name).set_kinematic_target(
+                to_sapien(np.asarray(motion.pose(later), float))
+            )
         if self._borne and self.time > self._stood + BORNE:
             self._moved.set_disable_gravity(False)
             self._moved.wake_up()
@@ -162,24 +238,40 @@ class Simulation:
             self.release()
 
     def _target_pose(self, step: int) -> Pose:
-        """The motion's pose at a step, evaluated a second at a time because one array call costs as much as one pose."""
+        """The motion's pose at a step, evaluated a second at a time because one array call costs as
+        much as one pose."""
         if not 0 <= step - self._upcoming_from < len(self._upcoming):
-            self._upcoming_from, self._upcoming = step, self.motion.pose((step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ)
+            self._upcoming_from, self._upcoming = (
+                step,
+                self.motion.pose((step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ),
+            )
         return self._upcoming[step - self._upcoming_from]
 
     def settle(self) -> bool:
-        """Let free bodies come to rest before the clock starts: at least 12 steps, at most 1 s, until every speed is below _QUIET.
+        """Let free bodies come to rest before the clock starts: at least 12 steps, at most 1 s,
+        until every speed is below _QUIET.
 
-        The target waits at the start of its motion, the arms at home. Returns whether rest was reached.
+        The target waits at the start of its motion, the arms at home. Returns whether rest was
+        reached.
         """
         command, still = self.home_vector(), np.zeros(len(self.command))
-        motion, self.motion, self._waiting = self.motion, Standing(self.motion.pose(np.zeros(()))), True
+        motion, self.motion, self._waiting = (
+            self.motion,
+            Standing(self.motion.pose(np.zeros(()))),
+            True,
+        )
         for n in range(PHYSICS_HZ):
             self.step(command, still)
             if n >= 12 and all(self.speed(name) < _QUIET for name in self._free):
                 break
-        self.settle_steps, self.steps, self.motion, self._upcoming = self.steps, 0, motion, self._upcoming[:0]
-        self.events = [e for e in self.events if e.name != "clutter_touched"]  # the clock starts now
+        self.settle_steps, self.steps, self.motion, self._upcoming = (
+            self.steps,
+            0,
+            motion,
+            self._upcoming[:0],
+        )
+        # the clock starts now
+        self.events = [e for e in self.events if e.name != "clutter_touched"]
         rests = all(self.speed(name) < _QUIET for name in self._free)
         self._waiting = False
         return rests and not self.touched_by
@@ -187,14 +279,20 @@ class Simulation:
     def _watch(self, contacts: Sequence[Any]) -> None:
         """Note the first touch of the target and of every distractor.
 
-        SAPIEN lists contacts in no fixed order: of several that touch the target in one step, the first of `names` counts.
+        SAPIEN lists contacts in no fixed order: of several that touch the target in one step, the
+        first of `names` counts.
         """
         found, disturbed = list[int](), set[str]()
         beside = {self._rigid[name]: name for name in self._beside}
         for contact in contacts:
             a, b = contact.bodies
             for one, other in ((a, b), (b, a)):
-                if one is self._moved and not self.touched_by and other in self._touchers and pushes(contact):
+                if (
+                    one is self._moved
+                    and not self.touched_by
+                    and other in self._touchers
+                    and pushes(contact)
+                ):
                     found.append(self._index[other])
                 if one in beside and other in self._touchers and pushes(contact):
                     self._let_go(beside.pop(one))
@@ -202,7 +300,9 @@ class Simulation:
                     disturbed.add(self._untouched[one])
         for name in sorted(disturbed):
             self.events.append(Event("clutter_touched", self.time, name))
-        self._untouched = {body: name for body, name in self._untouched.items() if name not in disturbed}
+        self._untouched = {
+            body: name for body, name in self._untouched.items() if name not in disturbed
+        }
         if found:
             self.touched_by, self.touched_at = self.names[min(found)], self.steps
             self.events.append(Event("meeting", self.time, self.touched_by))
@@ -248,45 +348,66 @@ class Simulation:
 
     def _touching(self) -> set[str]:
         """Names of the links and bodies that push the target now."""
-        pairs = [contact.bodies for contact in self._scene.get_contacts() if self._moved in contact.bodies and pushes(contact)]
-        return {self.names[self._index[body]] for pair in pairs for body in pair if body in self._touchers}
+        pairs = [
+            contact.bodies
+            for contact in self._scene.get_contacts()
+            if self._moved in contact.bodies and pushes(contact)
+        ]
+        return {
+            self.names[self._index[body]]
+            for pair in pairs
+            for body in pair
+            if body in self._touchers
+        }
 
-    # --- reading --------------------------------------------------------------------------------------------------------
+    # --- reading
+    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str) -> Pose:
         """World pose (7,) of a body of the scene."""
         return _array(self._entities[name].pose)
 
     def target_twist(self) -> NDArray[np.float64]:
-        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,) in the world frame.
+        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,) in the
+        world frame.
 
-        It is the twist of its motion until something ends that or a drive takes over, and then what its pose did over the last
-        physics step. PhysX's own velocities differ from that, those of a held body by 1 rad/s: it solves for them once more after
-        it has moved the bodies.
+        It is the twist of its motion until something ends that or a drive takes over, and then what
+        its pose did over the last physics step. PhysX's own velocities differ from that, those of a
+        held body by 1 rad/s: it solves for them once more after it has moved the bodies.
         """
         if self._before is None or not (self.released or self._drive):
             return np.asarray(self.motion.twist(self.time), float)
-        before, now = (np.array(pose.__getstate__()) for pose in (self._before[0], self._entities[self.target].pose))
+        before, now = (
+            np.array(pose.__getstate__())
+            for pose in (self._before[0], self._entities[self.target].pose)
+        )
         turn = rotation_vector(quat_multiply(now[3:], quat_conjugate(before[3:])))
         return np.concatenate([now[:3] - before[:3], turn]) * PHYSICS_HZ
 
     def speed(self, name: str) -> float:
-        """Fastest motion of a body: the mass centre's speed in m/s plus 5 cm times its angular speed in rad/s."""
+        """Fastest motion of a body: the mass centre's speed in m/s plus 5 cm times its angular
+        speed in rad/s."""
         body = self._rigid[name]
         if body is None:
             return 0.0
-        return float(np.linalg.norm(body.linear_velocity) + 0.05 * np.linalg.norm(body.angular_velocity))
+        return float(
+            np.linalg.norm(body.linear_velocity) + 0.05 * np.linalg.norm(body.angular_velocity)
+        )
 
     def poses(self) -> NDArray[np.float64]:
-        """World poses (B, 7) of all bodies, links, scenery and the table, in the order of `names`."""
+        """World poses (B, 7) of all bodies, links, scenery and the table, in the order of
+        `names`."""
         rows = [entity.pose.__getstate__() for entity in self._posed]  # see _array
         rows += [prop.pose(min(self.time, self._stood)) for prop in self._scenery]
         return np.array([*rows, (0.0, 0.0, TABLE_TOP, 1.0, 0.0, 0.0, 0.0)])
 
     def qpos(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Measured joint positions and their velocities over the last physics step (J,), jaws included, as in `joint_names`."""
+        """Measured joint positions and their velocities over the last physics step (J,), jaws
+        included, as in `joint_names`."""
         now = self._joint_positions()
-        return now, np.zeros_like(now) if self._before is None else (now - self._before[1]) * PHYSICS_HZ
+        return now, (
+            np.zeros_like(now) if self._before is None else (now - self._before[1]) * PHYSICS_HZ
+        )
 
     def _joint_positions(self) -> NDArray[np.float64]:
         return np.concatenate([robot.qpos for robot in self._robots]).astype(float)
@@ -303,12 +424,14 @@ class Simulation:
         return compose(_array(self._hands[side].pose), self.embodiment.arms[side].tcp)
 
     def target_contacts(self, sides: Collection[str] = SIDES) -> dict[str, NDArray[np.float64]]:
-        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; of `sides`, those that do."""
+        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; of
+        `sides`, those that do."""
         side_of = {link: side for link, side in self._side_of.items() if side in sides}
         return points_on(self._moved, side_of, self._scene.get_contacts())
 
     def overloads(self) -> list[Overload]:
-        """Contacts of the robot in the last step that are stronger than the contract of forces.py allows."""
+        """Contacts of the robot in the last step that are stronger than the contract of forces.py
+        allows."""
         rigid = self.target if self.steps == self.touched_at else ""
         return self._forces.overloads(self._scene.get_contacts(), self.steps, rigid)
 

@@ -1,5 +1,5 @@
-"""The embodiments, by name. `get_embodiment("piper+franka-panda")` pairs a left piper with a right franka-panda, and
-`get_embodiment("piper+none")` is a left piper alone."""
+"""The embodiments, by name. `get_embodiment("piper+franka-panda")` pairs a left piper with a right
+franka-panda, and `get_embodiment("piper+none")` is a left piper alone."""
 
 from functools import cache
 from pathlib import Path
@@ -22,12 +22,14 @@ class UnknownEmbodiment(DominoError):
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f'no embodiment {name!r}: choose {", ".join(MODELS)} or a pair "left+right" of these, one of which may be "none"'
+            f'no embodiment {name!r}: choose {", ".join(MODELS)} or a pair "left+right" of these,'
+            ' one of which may be "none"'
         )
 
 
 def canonical_name(name: str) -> str:
-    """Registry name of a name, an alias (any case, `_` for `-`) or a pair "left+right", one of which may be `none`.
+    """Registry name of a name, an alias (any case, `_` for `-`) or a pair "left+right", one of
+    which may be `none`.
 
     Raises UnknownEmbodiment.
     """
@@ -44,7 +46,8 @@ def canonical_name(name: str) -> str:
 
 
 def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:
-    """The embodiment of a name, an alias, a pair "left+right" or a single arm, built once per process.
+    """The embodiment of a name, an alias, a pair "left+right" or a single arm, built once per
+    process.
 
     Its bases stand at our places, or at those of the original system (`layout`).
 

@@ -1,6 +1,8 @@
-"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data; urdf.py turns it into URDF.
+"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data; urdf.py
+turns it into URDF.
 
-An arm's joint and link names are local to the arm; in the world every name carries its side: `left_joint1`, `right_link6`.
+An arm's joint and link names are local to the arm; in the world every name carries its side:
+`left_joint1`, `right_link6`.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +15,8 @@ from pipeline.world.shapes import Collider, Parts
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A URDF joint: `origin` is the child frame in the parent link at zero, `axis` in the child frame; rad or m, N m or N."""
+    """A URDF joint: `origin` is the child frame in the parent link at zero, `axis` in the child
+    frame; rad or m, N m or N."""
 
     name: str
     kind: str  # revolute | prismatic | fixed
@@ -29,9 +32,11 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid link: mass kg, centre of mass m, inertia kg m2, visuals and collision in the link frame.
+    """A rigid link: mass kg, centre of mass m, inertia kg m2, visuals and collision in the link
+    frame.
 
-    The inertia (ixx, iyy, izz) and products (ixy, ixz, iyz) are about the centre of mass, along the link's axes."""
+    The inertia (ixx, iyy, izz) and products (ixy, ixz, iyz) are about the centre of mass, along the
+    link's axes."""
 
     name: str
     mass: float
@@ -44,10 +49,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Gripper:
-    """Two fingers, moved by coupled joints: two slides, a linkage of hinges, or one hinge of a jaw that meets a fixed one.
+    """Two fingers, moved by coupled joints: two slides, a linkage of hinges, or one hinge of a jaw
+    that meets a fixed one.
 
-    `closed`/`opened` are the positions (m or rad) of each joint; opening in m between the pads. The normalised gripper value is
-    0 closed, 1 open, linear in the joint positions.
+    `closed`/`opened` are the positions (m or rad) of each joint; opening in m between the pads. The
+    normalised gripper value is 0 closed, 1 open, linear in the joint positions.
     """
 
     joints: tuple[str, ...]
@@ -71,7 +77,8 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """One arm. `base` places its root link in the world, `tcp` is the tool frame in `hand` (x approach, y opening)."""
+    """One arm. `base` places its root link in the world, `tcp` is the tool frame in `hand` (x
+    approach, y opening)."""
 
     model: str
     base: Pose
@@ -86,15 +93,16 @@ class Arm:
     stiffness: float = 5000.0
     damping: float = 500.0
     acceleration: float = 10.0  # rad/s2, planning limit
-    allowed_overlap: tuple[tuple[str, str], ...] = ()  # reviewed link pairs whose collision pieces overlap at rest
+    # reviewed link pairs whose collision pieces overlap at rest
+    allowed_overlap: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Embodiment:
     """A robot of two arms or one.
 
-    Holds the arms by side, left before right, the fixed furniture in the world frame, and the head camera's world pose (x forward,
-    z up).
+    Holds the arms by side, left before right, the fixed furniture in the world frame, and the head
+    camera's world pose (x forward, z up).
     """
 
     name: str
@@ -106,8 +114,11 @@ class Embodiment:
 
     @property
     def vector_names(self) -> tuple[str, ...]:
-        """Names of the state and action vector: joints and gripper of the left arm, then of the right one."""
-        return tuple(f"{side}_{n}" for side, arm in self.arms.items() for n in (*arm.arm_joints, "gripper"))
+        """Names of the state and action vector: joints and gripper of the left arm, then of the
+        right one."""
+        return tuple(
+            f"{side}_{n}" for side, arm in self.arms.items() for n in (*arm.arm_joints, "gripper")
+        )
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -116,12 +127,14 @@ class Embodiment:
 
 
 def jaw_positions(gripper: Gripper, value: float) -> np.ndarray:
-    """Joint positions (J,) in m or rad of the jaws for a normalised value 0 (closed) to 1 (open)."""
+    """Joint positions (J,) in m or rad of the jaws for a normalised value 0 (closed) to 1
+    (open)."""
     return np.array(gripper.closed) + value * (np.array(gripper.opened) - np.array(gripper.closed))
 
 
 def jaw_value(gripper: Gripper, positions: np.ndarray) -> float:
-    """Normalised value (0 closed, 1 open) of measured jaw positions (J,) in m or rad; the mean of all joints."""
+    """Normalised value (0 closed, 1 open) of measured jaw positions (J,) in m or rad; the mean of
+    all joints."""
     closed, opened = np.array(gripper.closed), np.array(gripper.opened)
     return float(np.mean((positions - closed) / (opened - closed)))
 
@@ -131,10 +144,11 @@ LEAD = 0.05
 
 
 def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> float:
-    """What the joints of a gripper at measured `positions` (J,) are driven to for a commanded normalised `value`.
+    """What the joints of a gripper at measured `positions` (J,) are driven to for a commanded
+    normalised `value`.
 
-    In a linkage (more than two joints) each link holds the others back: none is driven further from their mean than LEAD, so that
-    all stop where one meets an object.
+    In a linkage (more than two joints) each link holds the others back: none is driven further from
+    their mean than LEAD, so that all stop where one meets an object.
     """
     if len(gripper.joints) <= 2:
         return value

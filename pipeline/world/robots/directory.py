@@ -1,7 +1,9 @@
-"""A robot is a directory: `robot.urdf` (kinematics, inertia, collision), `meshes/` (what it looks like), `robot.toml` (the rest).
+"""A robot is a directory: `robot.urdf` (kinematics, inertia, collision), `meshes/` (what it looks
+like), `robot.toml` (the rest).
 
-`robot.toml` says what a URDF cannot: which link is the hand and where its tool frame is, which joints are the jaws, the rest
-configuration, the wrist camera, where both arms stand, limits that the URDF lacks, and the licence.
+`robot.toml` says what a URDF cannot: which link is the hand and where its tool frame is, which
+joints are the jaws, the rest configuration, the wrist camera, where both arms stand, limits that
+the URDF lacks, and the licence.
 """
 
 from collections.abc import Mapping
@@ -29,7 +31,8 @@ type BySide[T] = dict[str, T]
 
 
 class Tcp(Table):
-    """The tool frame in the hand's link (m): `approach` is its x axis, `opening`, along which the fingers open, its y axis."""
+    """The tool frame in the hand's link (m): `approach` is its x axis, `opening`, along which the
+    fingers open, its y axis."""
 
     position: Triple
     approach: Triple
@@ -37,7 +40,8 @@ class Tcp(Table):
 
 
 class Jaws(Table):
-    """The gripper: its driven joints, two finger links, joint positions closed and open (rad or m), opening of the pads (m)."""
+    """The gripper: its driven joints, two finger links, joint positions closed and open (rad or m),
+    opening of the pads (m)."""
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]
@@ -51,7 +55,8 @@ class Jaws(Table):
 
 
 class WristCamera(Table):
-    """The wrist camera, `behind` and `above` the tool frame (m), pitched down by `pitch` (rad), on the hand."""
+    """The wrist camera, `behind` and `above` the tool frame (m), pitched down by `pitch` (rad), on
+    the hand."""
 
     behind: float = 0.095
     above: float = 0.085
@@ -59,14 +64,16 @@ class WristCamera(Table):
 
 
 class Place(Table):
-    """World pose of a root link: position (m) and unit quaternion wxyz; (0.707..., 0, 0, 0.707...) faces the table along its x."""
+    """World pose of a root link: position (m) and unit quaternion wxyz; (0.707..., 0, 0, 0.707...)
+    faces the table along its x."""
 
     position: Triple
     quaternion: tuple[float, float, float, float]
 
 
 class Drive(Table):
-    """The drives of the arm's joints: stiffness N m/rad, damping N m s/rad; acceleration rad/s2 is a limit of planning."""
+    """The drives of the arm's joints: stiffness N m/rad, damping N m s/rad; acceleration rad/s2 is
+    a limit of planning."""
 
     stiffness: float = 5000.0
     damping: float = 500.0
@@ -83,7 +90,8 @@ class Limit(Table):
 
 
 class Body(Table):
-    """What carries both arms in place of two stands: a GLB and boxes (lower and upper corner, m), both in the world frame."""
+    """What carries both arms in place of two stands: a GLB and boxes (lower and upper corner, m),
+    both in the world frame."""
 
     mesh: str
     boxes: tuple[tuple[Triple, Triple], ...]
@@ -110,7 +118,8 @@ class RobotToml(Table):
 
 
 class Model:
-    """A robot of a directory. `settings` are read at once; links and joints when an arm is first asked for."""
+    """A robot of a directory. `settings` are read at once; links and joints when an arm is first
+    asked for."""
 
     def __init__(self, directory: Path, name: str | None = None) -> None:
         """Raises RobotError for a `robot.toml` that is missing or wrong."""
@@ -119,26 +128,35 @@ class Model:
         self.settings = read_settings(directory)
 
     def arm(self, side: str) -> Arm:
-        """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that cannot be used."""
+        """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that
+        cannot be used."""
         settings, place = self.settings, self.settings.place[side]
         base = np.array([*place.position, *place.quaternion])
         return replace(self._arm, base=base, home=settings.home[side])
 
     def body(self) -> Stand | None:
-        """The body that carries both arms, instead of two stands, if both are this model; None if there is none."""
+        """The body that carries both arms, instead of two stands, if both are this model; None if
+        there is none."""
         body = self.settings.body
         if body is None:
             return None
-        return read_glb(_inside(self.directory, body.mesh)), tuple(box(*corners) for corners in body.boxes)
+        return read_glb(_inside(self.directory, body.mesh)), tuple(
+            box(*corners) for corners in body.boxes
+        )
 
     @cached_property
     def _arm(self) -> Arm:
         settings = self.settings
         robot = read_urdf(self.directory / URDF, self.directory)
         approach, opening = settings.tcp.approach, settings.tcp.opening
-        tcp = frame(settings.tcp.position, approach, np.cross(np.cross(approach, opening), approach))
+        tcp = frame(
+            settings.tcp.position, approach, np.cross(np.cross(approach, opening), approach)
+        )
         camera, jaws = settings.camera, settings.gripper
-        joints = tuple(_limited(joint, settings.limits.get(joint.name)) for joint in robot.parent_joint.values())
+        joints = tuple(
+            _limited(joint, settings.limits.get(joint.name))
+            for joint in robot.parent_joint.values()
+        )
         return Arm(
             model=self.name,
             base=HEAD_CAMERA,  # of no side yet
@@ -152,7 +170,9 @@ class Model:
                 *(jaws.force, jaws.speed, jaws.stiffness, jaws.damping),
             ),
             home=(),
-            camera=Mount(settings.hand, wrist_camera(tcp, camera.behind, camera.above, camera.pitch)),
+            camera=Mount(
+                settings.hand, wrist_camera(tcp, camera.behind, camera.above, camera.pitch)
+            ),
             stiffness=settings.drive.stiffness,
             damping=settings.drive.damping,
             acceleration=settings.drive.acceleration,
@@ -161,20 +181,31 @@ class Model:
 
 
 def content_key(directory: Path) -> dict[str, str]:
-    """Two hashes of what a robot's directory holds: of the GLB meshes, which can change images only, and of all other files."""
+    """Two hashes of what a robot's directory holds: of the GLB meshes, which can change images
+    only, and of all other files."""
     files = sorted(p for p in directory.rglob("*") if p.is_file() and not p.name.startswith("."))
     hashes = {p.relative_to(directory).as_posix(): file_hash(p) for p in files}
     looks = {name: value for name, value in hashes.items() if name.endswith(".glb")}
-    return {"looks": digest(looks), "physics": digest({name: value for name, value in hashes.items() if name not in looks})}
+    return {
+        "looks": digest(looks),
+        "physics": digest({name: value for name, value in hashes.items() if name not in looks}),
+    }
 
 
 def read_settings(directory: Path) -> RobotToml:
-    """`robot.toml` of a directory. Raises RobotError, one line that names the file, the key and what is wrong."""
+    """`robot.toml` of a directory. Raises RobotError, one line that names the file, the key and
+    what is wrong."""
     path = directory / TOML
     settings = read_toml(path, RobotToml, RobotError)
-    for key, sides in (("home", settings.home), ("place", settings.place), ("original", settings.original or _SIDES)):
+    for key, sides in (
+        ("home", settings.home),
+        ("place", settings.place),
+        ("original", settings.original or _SIDES),
+    ):
         if set(sides) != set(_SIDES):
-            raise RobotError(f"{path}: {key}: give both sides, left and right (got {', '.join(sides) or 'none'})")
+            raise RobotError(
+                f"{path}: {key}: give both sides, left and right (got {', '.join(sides) or 'none'})"
+            )
     return settings
 
 
@@ -182,7 +213,8 @@ _SIDES: Mapping[str, None] = {"left": None, "right": None}
 
 
 def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
-    """The joints from the root to a link, in this order; none for a link that the robot does not have."""
+    """The joints from the root to a link, in this order; none for a link that the robot does not
+    have."""
     path: list[Joint] = []
     while hand in robot.parent_joint and len(path) <= len(robot.links):
         path.append(robot.parent_joint[hand])
@@ -197,7 +229,15 @@ def _limited(joint: Joint, limit: Limit | None) -> Joint:
 def _link(directory: Path, name: str, link: UrdfLink) -> Link:
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = link.inertia.tolist()
     x, y, z = link.com.tolist()
-    return Link(name, link.mass, (x, y, z), (ixx, iyy, izz), _looks(link.visuals), _solids(link.collisions), (ixy, ixz, iyz))
+    return Link(
+        name,
+        link.mass,
+        (x, y, z),
+        (ixx, iyy, izz),
+        _looks(link.visuals),
+        _solids(link.collisions),
+        (ixy, ixz, iyz),
+    )
 
 
 def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
@@ -209,7 +249,8 @@ def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
         except GlbError:
             others.append(shape)
     if others:
-        from pipeline.world.robots.surfaces import load_visual  # trimesh takes longer than the rest of a robot
+        # trimesh takes longer than the rest of a robot
+        from pipeline.world.robots.surfaces import load_visual
 
         parts += load_visual(others)
     return tuple(parts)

@@ -1,4 +1,5 @@
-"""Forward kinematics of an arm in plain numpy: for building, checking and drawing (planning uses the compiled version)."""
+"""Forward kinematics of an arm in plain numpy: for building, checking and drawing (planning uses
+the compiled version)."""
 
 from collections.abc import Mapping
 
@@ -10,7 +11,8 @@ from pipeline.world.robots.contract import Arm, Joint, jaw_positions
 
 
 def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
-    """Poses (..., 7) of the moved child frame in the unmoved one, for joint positions (...) in rad or m."""
+    """Poses (..., 7) of the moved child frame in the unmoved one, for joint positions (...) in rad
+    or m."""
     position = np.asarray(position, float)
     axis = np.asarray(joint.axis, float)
     moved = np.zeros((*position.shape, 7))
@@ -24,7 +26,8 @@ def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
 
 
 def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
-    """World poses (..., 7) of every link by its local name, for joint positions (...) by local joint name; missing ones are 0."""
+    """World poses (..., 7) of every link by its local name, for joint positions (...) by local
+    joint name; missing ones are 0."""
     poses = {root_link(arm): np.array(arm.base)}
     for joint in arm.joints:
         local = compose(joint.origin, joint_motion(joint, positions.get(joint.name, 0.0)))
@@ -33,9 +36,12 @@ def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
 
 
 def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
-    """Like `link_poses` for an arm configuration (dof,) rad and a normalised gripper value (0 closed, 1 open)."""
+    """Like `link_poses` for an arm configuration (dof,) rad and a normalised gripper value (0
+    closed, 1 open)."""
     positions = dict(zip(arm.arm_joints, np.asarray(q, float).tolist(), strict=True))
-    positions |= dict(zip(arm.gripper.joints, jaw_positions(arm.gripper, gripper).tolist(), strict=True))
+    positions |= dict(
+        zip(arm.gripper.joints, jaw_positions(arm.gripper, gripper).tolist(), strict=True)
+    )
     return link_poses(arm, positions)
 
 

@@ -1,4 +1,5 @@
-"""Frames of robots in short: URDF origins, the wrist camera, the head camera; and boxes between two corners."""
+"""Frames of robots in short: URDF origins, the wrist camera, the head camera; and boxes between two
+corners."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +19,14 @@ def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
     return pose(xyz, quat_from_rpy(*rpy))
 
 
-def wrist_camera(tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55) -> Pose:
-    """Camera pose in the hand link, `behind` and `above` the tool frame (m), pitched down by `pitch` (rad).
+def wrist_camera(
+    tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
+) -> Pose:
+    """Camera pose in the hand link, `behind` and `above` the tool frame (m), pitched down by
+    `pitch` (rad).
 
-    RoboTwin's mounts (further forward or unpitched) cut off the pads or a finger in a 37 degree image; from here both fingers and
-    what they hold are in view at any opening up to 9 cm.
+    RoboTwin's mounts (further forward or unpitched) cut off the pads or a finger in a 37 degree
+    image; from here both fingers and what they hold are in view at any opening up to 9 cm.
     """
     return compose(tcp, at((-behind, 0, above), (0, pitch, 0)))
 

@@ -1,4 +1,5 @@
-"""Where the meshes of a robot's file lie: beside it, or in directories of packages by their names."""
+"""Where the meshes of a robot's file lie: beside it, or in directories of packages by their
+names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,13 +25,16 @@ class Folders:
     @cached_property
     def _above(self) -> list[Path]:
         """The folders of the URDF, from its own up to the root."""
-        return [folder for folder in self.urdf.resolve().parents if folder.is_relative_to(self.root)]
+        return [
+            folder for folder in self.urdf.resolve().parents if folder.is_relative_to(self.root)
+        ]
 
     def find(self, name: str) -> tuple[Path, Path]:
         """The file that a URDF names, and the folder that it may not leave. Raises MeshError.
 
-        `package://NAME/FILE` is a file of the package NAME: of the directory that the user gives for it, of a folder above the
-        URDF that is called so or whose package.xml says so, or of a folder NAME beside one of these.
+        `package://NAME/FILE` is a file of the package NAME: of the directory that the user gives
+        for it, of a folder above the URDF that is called so or whose package.xml says so, or of a
+        folder NAME beside one of these.
         """
         scheme, _, rest = name.rpartition("://")
         if scheme not in SCHEMES:
@@ -38,7 +42,10 @@ class Folders:
         package, _, file = rest.partition("/")
         folder = self._package(package)
         if folder is None:
-            raise MeshError(f"{name[:120]!r} is of the package {package[:60]!r}, which is not here: give --package {package}=DIR")
+            raise MeshError(
+                f"{name[:120]!r} is of the package {package[:60]!r}, which is not here: give"
+                f" --package {package}=DIR"
+            )
         return find_file(file, folder, folder), folder
 
     def _package(self, name: str) -> Path | None:
@@ -47,14 +54,21 @@ class Folders:
         if not name or name.startswith("."):
             return None
         own = [folder for folder in self._above if name in (folder.name, _package_name(folder))]
-        return next((folder for folder in (*own, *(f / name for f in self._above)) if folder.is_dir()), None)
+        return next(
+            (folder for folder in (*own, *(f / name for f in self._above)) if folder.is_dir()), None
+        )
 
 
-def folders_of(urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None) -> Folders:
-    """The folders of a file. Without a `root` it is that of its package, else FOLDERS_ABOVE its own."""
+def folders_of(
+    urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
+) -> Folders:
+    """The folders of a file. Without a `root` it is that of its package, else FOLDERS_ABOVE its
+    own."""
     above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
     packaged = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
-    return Folders(urdf, packaged if root is None or not root.is_dir() else root.resolve(), packages or {})
+    return Folders(
+        urdf, packaged if root is None or not root.is_dir() else root.resolve(), packages or {}
+    )
 
 
 def _package_name(folder: Path) -> str | None:

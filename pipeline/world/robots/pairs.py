@@ -1,4 +1,5 @@
-"""The robots that exist, and two single arms as one embodiment: the same model twice, or a mixed pair."""
+"""The robots that exist, and two single arms as one embodiment: the same model twice, or a mixed
+pair."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +20,11 @@ ALIASES: dict[str, str] = {}
 
 
 def register(directory: Path) -> Model:
-    """Enter the robot of a directory under the directory's name, which is lower case with hyphens; one that is entered stays.
+    """Enter the robot of a directory under the directory's name, which is lower case with hyphens;
+    one that is entered stays.
 
-    Raises RobotError for a name or alias that another robot has or that has another form, and for a wrong `robot.toml`.
+    Raises RobotError for a name or alias that another robot has or that has another form, and for a
+    wrong `robot.toml`.
     """
     known = MODELS.get(directory.name)
     if known is not None and known.directory == directory:
@@ -29,21 +32,33 @@ def register(directory: Path) -> Model:
     model = Model(directory)
     for word in (model.name, *model.settings.aliases):
         if word in MODELS or word in ALIASES:
-            raise RobotError(f"{directory / TOML}: another robot is called {word!r}; rename the directory or the alias")
-        if word != word.strip().lower() or not word or any(c in word for c in "+_,/ ") or word == NONE:
-            raise RobotError(f"{directory / TOML}: {word!r} is no name of a robot; use lower case and hyphens")
+            raise RobotError(
+                f"{directory / TOML}: another robot is called {word!r}; rename the directory or the"
+                " alias"
+            )
+        if (
+            word != word.strip().lower()
+            or not word
+            or any(c in word for c in "+_,/ ")
+            or word == NONE
+        ):
+            raise RobotError(
+                f"{directory / TOML}: {word!r} is no name of a robot; use lower case and hyphens"
+            )
     ALIASES.update(dict.fromkeys(model.settings.aliases, model.name))
     return MODELS.add(model.name, model)
 
 
 def register_all(folder: Path) -> None:
-    """Enter every robot whose directory is in a folder, in the order of their names. Raises RobotError."""
+    """Enter every robot whose directory is in a folder, in the order of their names. Raises
+    RobotError."""
     for path in sorted(folder.glob(f"*/{TOML}")):
         register(path.parent)
 
 
 def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]:
-    """An arm and what stands under it; its base where the original system has it, turned as ours is, for that layout."""
+    """An arm and what stands under it; its base where the original system has it, turned as ours
+    is, for that layout."""
     arm = model.arm(side)
     if layout == "original" and model.settings.original is not None:
         arm = replace(arm, base=np.concatenate([model.settings.original[side], arm.base[3:]]))
@@ -52,12 +67,15 @@ def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]
 
 
 def pair(left: Model | None, right: Model | None, layout: Layout = "ours") -> Embodiment:
-    """Embodiment with the left arm of one model and the right arm of another, each at its own place and on its own stand.
+    """Embodiment with the left arm of one model and the right arm of another, each at its own place
+    and on its own stand.
 
-    None stands for an arm that is not there; one there must be. With `layout="original"` the places are those of the original
-    system. Raises RobotError for an arm whose spec is not sound.
+    None stands for an arm that is not there; one there must be. With `layout="original"` the places
+    are those of the original system. Raises RobotError for an arm whose spec is not sound.
     """
-    models = {side: model for side, model in zip(SIDES, (left, right), strict=True) if model is not None}
+    models = {
+        side: model for side, model in zip(SIDES, (left, right), strict=True) if model is not None
+    }
     twin = left if left is right else None
     arms, parts = {}, []
     for side, model in models.items():

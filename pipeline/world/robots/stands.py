@@ -21,7 +21,8 @@ GAP = 0.003  # between the stand's collision and the base link, m
 
 
 def pedestal(base: Triple, half: float) -> Stand:
-    """A stand in the world frame for a base at `base` (m) whose foot fits a square of half edge `half` (m).
+    """A stand in the world frame for a base at `base` (m) whose foot fits a square of half edge
+    `half` (m).
 
     The column keeps behind the table edge; only the plate under the foot may reach over the table.
     """
@@ -31,8 +32,26 @@ def pedestal(base: Triple, half: float) -> Stand:
     width = half - 0.012
     visual = painted(
         (CHARCOAL, [block((x - half, column_y - half, z - 0.018), (x + half, front, z), 0.003)]),
-        (SILVER, [block((x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017), 0.004)]),
-        (GREY, [block((x - half - 0.05, column_y - half - 0.06, 0), (x + half + 0.05, column_y + half, 0.03), 0.004)]),
+        (
+            SILVER,
+            [
+                block(
+                    (x - width, column_y - width, 0.03),
+                    (x + width, column_y + width, z - 0.017),
+                    0.004,
+                )
+            ],
+        ),
+        (
+            GREY,
+            [
+                block(
+                    (x - half - 0.05, column_y - half - 0.06, 0),
+                    (x + half + 0.05, column_y + half, 0.03),
+                    0.004,
+                )
+            ],
+        ),
     )
     solid = (
         box((x - half, column_y - half, z - 0.018), (x + half, front, z - GAP)),
@@ -49,4 +68,8 @@ def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
 
 def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
     """One joined mesh per material: fewer draw calls than one per part."""
-    return tuple((join(*meshes), material) for material, meshes in ((m, tuple(g)) for m, g in groups) if meshes)
+    return tuple(
+        (join(*meshes), material)
+        for material, meshes in ((m, tuple(g)) for m, g in groups)
+        if meshes
+    )

@@ -1,4 +1,5 @@
-"""The shapes of a URDF as triangles in their link's frame: what is drawn of them, and hulls that collide."""
+"""The shapes of a URDF as triangles in their link's frame: what is drawn of them, and hulls that
+collide."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -43,7 +44,9 @@ def hull(shape: UrdfShape) -> Floats:
     try:
         return np.asarray(trimesh.convex.convex_hull(points).vertices, float)
     except Exception as error:  # qhull reports a flat mesh in errors of its own
-        raise UrdfError(f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness") from error
+        raise UrdfError(
+            f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness"
+        ) from error
 
 
 def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
@@ -55,7 +58,8 @@ def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
 
 
 def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
-    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and the notes on its file.
+    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and the
+    notes on its file.
 
     Raises UrdfError.
     """
@@ -69,7 +73,9 @@ def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
     parts = [replace(part, points=transform(shape.origin, part.points)) for part in scaled]
     for part in parts:
         if not (np.abs(part.points) <= LARGEST).all():
-            raise UrdfError(f"{shape.file}: has a vertex more than {LARGEST:g} m away; mind its scale")
+            raise UrdfError(
+                f"{shape.file}: has a vertex more than {LARGEST:g} m away; mind its scale"
+            )
     if not any(area_vectors(part.points, part.faces).any() for part in parts):
         raise UrdfError(f"{shape.file}: all its triangles have no area; mind its scale")
     return parts, tuple(f"{shape.file.name}: {note}" for note in read.notes)

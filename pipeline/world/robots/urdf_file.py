@@ -1,7 +1,8 @@
 """Reads a URDF file: links with inertia, shapes and mesh files, joints with limits and mimic rules.
 
-Everything that a simulator would accept in silence and get wrong is refused in one line: broken XML, document types, values that
-are not finite, links that hang on nothing, joints in a ring, meshes outside the robot's directory.
+Everything that a simulator would accept in silence and get wrong is refused in one line: broken
+XML, document types, values that are not finite, links that hang on nothing, joints in a ring,
+meshes outside the robot's directory.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,24 +27,38 @@ MAX_URDF_BYTES = 8_000_000
 MAX_LINKS = 500
 MAX_NAME = 500  # characters of a link's or joint's name
 FREE = ("floating", "planar")
-_KINDS = {kind: kind for kind in ("revolute", "prismatic", "fixed", *FREE)} | {"continuous": "revolute"}
+_KINDS = {kind: kind for kind in ("revolute", "prismatic", "fixed", *FREE)} | {
+    "continuous": "revolute"
+}
 _VECTORS = {"xyz": (3,), "rpy": (3,), "scale": (1, 3), "rgba": (3, 4), "size": (3,)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_NUMBERS = ("radius", "length", "lower", "upper", "effort", "velocity", "multiplier", "offset", *_INERTIA)
+_NUMBERS = (
+    "radius",
+    "length",
+    "lower",
+    "upper",
+    "effort",
+    "velocity",
+    "multiplier",
+    "offset",
+    *_INERTIA,
+)
 
 type Color = tuple[float, float, float]
 
 
 class UrdfError(DominoError):
-    """A URDF, or a mesh that it names, that cannot be used; the message names the file and the fix."""
+    """A URDF, or a mesh that it names, that cannot be used; the message names the file and the
+    fix."""
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfShape:
-    """One `<visual>` or `<collision>`: a `kind` of mesh, box (half extents), cylinder (radius, half length) or sphere (radius).
+    """One `<visual>` or `<collision>`: a `kind` of mesh, box (half extents), cylinder (radius, half
+    length) or sphere (radius).
 
-    `origin` places it in the link; a mesh has a file and a scale (3,), and may name other files below `within`. `color` (sRGB 0-1)
-    is None where the URDF has none.
+    `origin` places it in the link; a mesh has a file and a scale (3,), and may name other files
+    below `within`. `color` (sRGB 0-1) is None where the URDF has none.
     """
 
     kind: str
@@ -57,7 +72,8 @@ class UrdfShape:
 
 @dataclass(frozen=True, eq=False)
 class UrdfLink:
-    """A link: mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes, and its shapes."""
+    """A link: mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes,
+    and its shapes."""
 
     mass: float
     com: NDArray[np.float64]
@@ -77,7 +93,8 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class UrdfRobot:
-    """Links by name in file order, the joint above each link by the link's name, and mimic rules by joint name."""
+    """Links by name in file order, the joint above each link by the link's name, and mimic rules by
+    joint name."""
 
     path: Path
     links: dict[str, UrdfLink]
@@ -89,11 +106,15 @@ class UrdfRobot:
         return [link for link in self.links if link not in self.parent_joint]
 
     def link_poses(self, base: str, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
-        """Poses (..., 7) of the links below `base` in its frame, for joint positions (...) rad or m by child link; others 0."""
+        """Poses (..., 7) of the links below `base` in its frame, for joint positions (...) rad or m
+        by child link; others 0."""
         poses = {base: pose()}
         for link in self.below(base)[1:]:
             joint = self.parent_joint[link]
-            poses[link] = compose(poses[joint.parent], compose(joint.origin, joint_motion(joint, positions.get(link, 0.0))))
+            poses[link] = compose(
+                poses[joint.parent],
+                compose(joint.origin, joint_motion(joint, positions.get(link, 0.0))),
+            )
         return poses
 
     def below(self, base: str) -> list[str]:
@@ -107,17 +128,23 @@ class UrdfRobot:
         return found
 
 
-def read_urdf(path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None) -> UrdfRobot:
-    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package or the second one above it.
+def read_urdf(
+    path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
+) -> UrdfRobot:
+    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package or
+    the second one above it.
 
-    `packages` are directories of packages by name. Raises UrdfError, one line, for anything else: xacro, broken XML, values that
-    are no finite numbers, joints of unknown links or in a ring, meshes that are missing or elsewhere.
+    `packages` are directories of packages by name. Raises UrdfError, one line, for anything else:
+    xacro, broken XML, values that are no finite numbers, joints of unknown links or in a ring,
+    meshes that are missing or elsewhere.
     """
     document = _parse(path)
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
         raise UrdfError(f"{path}: has {len(elements)} links; a robot has at most {MAX_LINKS}")
-    paints = {m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)}
+    paints = {
+        m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)
+    }
     shapes = _Shapes(folders_of(path, root, packages), paints)
     links = {_name(e, path): _link(e, shapes) for e in elements}
     names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
@@ -129,19 +156,27 @@ def read_urdf(path: Path, root: Path | None = None, packages: Mapping[str, Path]
         joint = _joint(element, path)
         for link in (joint.parent, joint.child):
             if link not in links:
-                raise UrdfError(f"{path}: joint {joint.name!r} names link {link!r}, which the file does not have")
+                raise UrdfError(
+                    f"{path}: joint {joint.name!r} names link {link!r}, which the file does not"
+                    " have"
+                )
         if joint.child in joints:
             others = f"{joint.name!r} and {joints[joint.child].name!r}"
             raise UrdfError(f"{path}: joints {others} both move link {joint.child!r}")
         joints[joint.child] = joint
         rule = element.find("mimic")
         if rule is not None:
-            mimics[joint.name] = Mimic(rule.get("joint", ""), float(rule.get("multiplier", 1)), float(rule.get("offset", 0)))
+            mimics[joint.name] = Mimic(
+                rule.get("joint", ""),
+                float(rule.get("multiplier", 1)),
+                float(rule.get("offset", 0)),
+            )
     return UrdfRobot(path, links, joints, mimics)
 
 
 def read_xml(path: Path) -> Any:
-    """The root element of a robot's file. Raises UrdfError for one that is too large, broken, or has a document type."""
+    """The root element of a robot's file. Raises UrdfError for one that is too large, broken, or
+    has a document type."""
     try:
         data = read_bytes(path)
         if len(data) > MAX_URDF_BYTES:
@@ -155,7 +190,10 @@ def _parse(path: Path) -> Any:
     root = read_xml(path)
     elements = list(root.iter(etree.Element))
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
-        raise UrdfError(f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro > out.urdf`")
+        raise UrdfError(
+            f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro >"
+            " out.urdf`"
+        )
     for element in elements:
         _check_numbers(element, path)
     return root
@@ -174,7 +212,10 @@ def _check_numbers(element: Any, path: Path) -> None:
             values = []
         if len(values) not in counts or not np.isfinite(values).all():
             what = f"{path}: line {element.sourceline}: <{element.tag}> has {key}={text[:60]!r}"
-            raise UrdfError(f"{what}, which is not {' or '.join(map(str, counts))} finite number{'s' * (counts != (1,))}")
+            raise UrdfError(
+                f"{what}, which is not {' or '.join(map(str, counts))} finite"
+                f" number{'s' * (counts != (1,))}"
+            )
 
 
 @dataclass(frozen=True)
@@ -190,7 +231,11 @@ class _Shapes:
             geometry, material = element.find("geometry"), element.find("material")
             found = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
             if found is not None:
-                color = None if material is None else _color(material) or self.paints.get(material.get("name"))
+                color = (
+                    None
+                    if material is None
+                    else _color(material) or self.paints.get(material.get("name"))
+                )
                 yield self._shape(found, _origin(element), color)
 
     def _shape(self, found: Any, origin: Pose, color: Color | None) -> UrdfShape:
@@ -209,7 +254,8 @@ class _Shapes:
         }
         if found.tag not in sizes or min(size := sizes[found.tag]()) <= 0:
             raise UrdfError(
-                f"{urdf}: line {found.sourceline}: <{found.tag}> is no mesh, box, cylinder or sphere with a size above 0"
+                f"{urdf}: line {found.sourceline}: <{found.tag}> is no mesh, box, cylinder or"
+                " sphere with a size above 0"
             )
         return UrdfShape(found.tag, origin, size, color=color)
 
@@ -226,13 +272,17 @@ def _link(e: Any, shapes: _Shapes) -> UrdfLink:
         if (origin[3:] != (1, 0, 0, 0)).any():
             turn = quat_to_matrix(origin[3:])
             inertia = turn @ inertia @ turn.T
-    return UrdfLink(mass, com, inertia, tuple(shapes.of(e, "visual")), tuple(shapes.of(e, "collision")))
+    return UrdfLink(
+        mass, com, inertia, tuple(shapes.of(e, "visual")), tuple(shapes.of(e, "collision"))
+    )
 
 
 def _joint(e: Any, path: Path) -> Joint:
     name = _name(e, path)
     kind = _KINDS.get(e.get("type", ""))
-    ends = [x.get("link", "") if (x := e.find(tag)) is not None else "" for tag in ("parent", "child")]
+    ends = [
+        x.get("link", "") if (x := e.find(tag)) is not None else "" for tag in ("parent", "child")
+    ]
     if kind is None or not all(ends):
         kinds = ", ".join(k for k in (*_KINDS,) if k not in FREE)
         raise UrdfError(f"{path}: joint {name!r} needs a parent, a child and a type of {kinds}")
@@ -246,16 +296,24 @@ def _joint(e: Any, path: Path) -> Joint:
     length = float(np.linalg.norm(axis))
     x, y, z = (axis if abs(length - 1) < 1e-12 else axis / length).tolist()
     limit = e.find("limit")
-    lower, upper, velocity, effort = (_number(limit, k) for k in ("lower", "upper", "velocity", "effort"))
+    lower, upper, velocity, effort = (
+        _number(limit, k) for k in ("lower", "upper", "velocity", "effort")
+    )
     if e.get("type") == "continuous":
         lower, upper = -2 * np.pi, 2 * np.pi
-    return Joint(name, kind, ends[0], ends[1], _origin(e), (x, y, z), lower, upper, velocity, effort)
+    return Joint(
+        name, kind, ends[0], ends[1], _origin(e), (x, y, z), lower, upper, velocity, effort
+    )
 
 
 def _name(e: Any, path: Path) -> str:
     name = e.get("name", "")
-    if not name or len(name) > MAX_NAME or set(name) & set("/\\"):  # files of a robot's directory are named after links
-        raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name without slashes")
+    # files of a robot's directory are named after links
+    if not name or len(name) > MAX_NAME or set(name) & set("/\\"):
+        raise UrdfError(
+            f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name"
+            " without slashes"
+        )
     return name
 
 

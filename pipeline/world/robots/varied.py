@@ -1,4 +1,5 @@
-"""The same robot standing a little higher, or looking from a slightly different place: what the randomized domain does to it."""
+"""The same robot standing a little higher, or looking from a slightly different place: what the
+randomized domain does to it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,24 +12,35 @@ from pipeline.world.robots.contract import Embodiment
 from pipeline.world.shapes import Mesh
 
 _STRETCHES = 0.6
-"""m; furniture below this height stretches, so that it goes on standing on the floor, and what is above rises."""
+"""m; furniture below this height stretches, so that it goes on standing on the floor, and what is
+above rises."""
 
 
 def raised(embodiment: Embodiment, by: float) -> Embodiment:
-    """Arms, furniture and head camera `by` m higher above the table: what a table lowered by as much is to the robot."""
+    """Arms, furniture and head camera `by` m higher above the table: what a table lowered by as
+    much is to the robot."""
     up = pose((0, 0, by))
     return replace(
         embodiment,
-        arms={side: replace(arm, base=compose(up, arm.base)) for side, arm in embodiment.arms.items()},
-        furniture=tuple((_stretched(mesh, by), material) for mesh, material in embodiment.furniture),
-        furniture_collision=tuple(replace(c, pose=compose(up, c.pose)) for c in embodiment.furniture_collision),
+        arms={
+            side: replace(arm, base=compose(up, arm.base)) for side, arm in embodiment.arms.items()
+        },
+        furniture=tuple(
+            (_stretched(mesh, by), material) for mesh, material in embodiment.furniture
+        ),
+        furniture_collision=tuple(
+            replace(c, pose=compose(up, c.pose)) for c in embodiment.furniture_collision
+        ),
         head_camera=compose(up, embodiment.head_camera),
     )
 
 
 def looking(embodiment: Embodiment, shift: ArrayLike, turn: Sequence[float]) -> Embodiment:
-    """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad of roll, pitch and yaw, in its own frame."""
-    return replace(embodiment, head_camera=compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn))))
+    """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad of roll, pitch and yaw,
+    in its own frame."""
+    return replace(
+        embodiment, head_camera=compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn)))
+    )
 
 
 def _stretched(mesh: Mesh, by: float) -> Mesh:

@@ -46,13 +46,19 @@ def test_everything_that_is_written_is_read(tmp_path, made):
         for key, value in vars(episode.log).items():
             if isinstance(value, np.ndarray):
                 got = getattr(back.log, key)
-                assert (got.dtype, got.shape, got.tobytes()) == (value.dtype, value.shape, value.tobytes()), key
+                assert (got.dtype, got.shape, got.tobytes()) == (
+                    value.dtype,
+                    value.shape,
+                    value.tobytes(),
+                ), key
             else:
                 assert getattr(back.log, key) == value, key
         for view in views:
             group = f"observation/{view.camera.name}"
             np.testing.assert_array_equal(file.array(f"{group}/depth"), view.depth)
-            np.testing.assert_array_equal(file.array(f"{group}/actor_segmentation"), view.segmentation)
+            np.testing.assert_array_equal(
+                file.array(f"{group}/actor_segmentation"), view.segmentation
+            )
             np.testing.assert_array_equal(file.array(f"{group}/pose"), view.poses)
     assert [p.name for p in path.parent.iterdir()] == ["e.hdf5"]
 
@@ -81,15 +87,27 @@ def test_what_is_not_what_was_written_is_named(tmp_path, made):
     assert damaged(lambda f: None) == []
     with h5py.File(path) as f:
         arrays = {}
-        f.visititems(lambda name, found: arrays.update({name: found[()]}) if isinstance(found, h5py.Dataset) else None)
-    turned = [name for name, values in arrays.items() if np.ndim(values) and values[::-1].tobytes() != values.tobytes()]
+        f.visititems(
+            lambda name, found: (
+                arrays.update({name: found[()]}) if isinstance(found, h5py.Dataset) else None
+            )
+        )
+    turned = [
+        name
+        for name, values in arrays.items()
+        if np.ndim(values) and values[::-1].tobytes() != values.tobytes()
+    ]
     assert len(turned) > 30
-    assert {name: damaged(replaced(name, lambda values: values[::-1])) for name in turned} == {name: [name] for name in turned}
+    assert {name: damaged(replaced(name, lambda values: values[::-1])) for name in turned} == {
+        name: [name] for name in turned
+    }
     assert damaged(replaced("events", lambda _: "[]")) == ["events"]
     assert damaged(lambda f: f.pop("state/qpos")) == ["state/qpos"]
     assert damaged(lambda f: f.create_dataset("more", data=1)) == ["more"]
     for attributes in (lambda f: f.attrs, lambda f: f["joint_state"].attrs):
-        assert damaged(lambda f, of=attributes: of(f).update({next(iter(of(f))): "x"})) == ["header"]
+        assert damaged(lambda f, of=attributes: of(f).update({next(iter(of(f))): "x"})) == [
+            "header"
+        ]
 
 
 def test_arrays_of_the_interception_group_come_back_by_key(tmp_path, made):
@@ -103,7 +121,10 @@ def test_arrays_of_the_interception_group_come_back_by_key(tmp_path, made):
     with open_episode(tmp_path / "e.hdf5") as file:
         back = file.interception()
     assert set(back) == set(arrays)
-    assert all(np.array_equal(back[key], values) and back[key].dtype == values.dtype for key, values in arrays.items())
+    assert all(
+        np.array_equal(back[key], values) and back[key].dtype == values.dtype
+        for key, values in arrays.items()
+    )
 
 
 def test_arms_and_grippers_are_columns_of_the_vector(tmp_path):
@@ -126,7 +147,9 @@ def test_frames_are_true_rgb_for_another_decoder(tmp_path, made):
                     theirs = np.asarray(image).astype(int)
                 marked = (rgb == COLORS[view.camera.name]).all(-1)
                 if marked.sum() > 200:
-                    np.testing.assert_allclose(np.median(theirs[marked], axis=0), COLORS[view.camera.name], atol=12)
+                    np.testing.assert_allclose(
+                        np.median(theirs[marked], axis=0), COLORS[view.camera.name], atol=12
+                    )
                 assert np.abs(theirs - rgb).mean() < 3
                 assert np.abs(theirs - ours[t]).max() <= 3
                 np.testing.assert_array_equal(file.rgb(view.camera.name, t), ours[t])
@@ -137,7 +160,10 @@ def test_a_size_is_that_of_a_whole_header_and_not_too_large():
     header = bytes(encode_frames(np.zeros((1, 16, 40, 3), np.uint8))[0])
     assert stated_size(header) == (40, 16)
     at = header.index(b"\xff\xc0") + 5
-    for wrong, said in ((header[:at], "does not decode"), (header[:at] + b"\xff\xff" + header[at + 2 :], "65535 pixels")):
+    for wrong, said in (
+        (header[:at], "does not decode"),
+        (header[:at] + b"\xff\xff" + header[at + 2 :], "65535 pixels"),
+    ):
         with pytest.raises(EpisodeError, match=said):
             stated_size(wrong)
 
@@ -186,7 +212,10 @@ def test_what_stands_in_place_of_an_array_is_refused_and_named(tmp_path, key, pu
         if key in f:
             del f[key]
         put(f, key)
-    with EpisodeFile(path) as file, pytest.raises(EpisodeError, match=rf"e\.hdf5.*{key}.*{said}|e\.hdf5: {said} {key}"):
+    with (
+        EpisodeFile(path) as file,
+        pytest.raises(EpisodeError, match=rf"e\.hdf5.*{key}.*{said}|e\.hdf5: {said} {key}"),
+    ):
         (file.interception if key.startswith("interception") else lambda: file.array(key))()
 
 
@@ -197,7 +226,10 @@ def test_other_files_are_refused(tmp_path):
         f["x"] = 1
     with pytest.raises(EpisodeError, match="schema"):
         EpisodeFile(tmp_path / "other.hdf5")
-    with EpisodeFile(make_episode(tmp_path / "e.hdf5", frames=2)) as file, pytest.raises(EpisodeError, match="no nothing"):
+    with (
+        EpisodeFile(make_episode(tmp_path / "e.hdf5", frames=2)) as file,
+        pytest.raises(EpisodeError, match="no nothing"),
+    ):
         file.array("nothing")
     for data in (b"", b"\xff\xd8 not a image"):
         with pytest.raises(EpisodeError, match="JPEG"):

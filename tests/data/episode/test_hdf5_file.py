@@ -1,4 +1,5 @@
-"""HDF5 files: on a disk that refuses, the error is the system's, in one line, nothing stays open; damage hangs no reader."""
+"""HDF5 files: on a disk that refuses, the error is the system's, in one line, nothing stays open;
+damage hangs no reader."""
 
 import errno
 import fcntl
@@ -31,7 +32,10 @@ def test_a_full_disk_is_one_error_of_the_system_wherever_it_is_met(tmp_path, cap
     for size in range(0, len(whole), 999):
         with pytest.raises(OSError, match="File too large") as refused, longest_file(size):
             write(path)
-        assert (refused.value.errno, refused.value.filename) == (errno.EFBIG, str(path)) and "\n" not in str(refused.value)
+        assert (refused.value.errno, refused.value.filename) == (
+            errno.EFBIG,
+            str(path),
+        ) and "\n" not in str(refused.value)
         assert left_open() == before
     write(path)
     assert path.read_bytes() == whole
@@ -53,7 +57,9 @@ def test_what_is_written_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("left", [16, 8, 0, -8, -(2**40)])
-def test_a_wrong_size_in_a_collection_of_texts_is_refused_before_the_library_hangs_on_it(tmp_path, left):
+def test_a_wrong_size_in_a_collection_of_texts_is_refused_before_the_library_hangs_on_it(
+    tmp_path, left
+):
     path = tmp_path / "a.h5"
     with new_hdf5(path) as file:
         file.attrs["text"] = "x" * 50
@@ -61,8 +67,12 @@ def test_a_wrong_size_in_a_collection_of_texts_is_refused_before_the_library_han
     with open_hdf5(path) as file:
         assert file.attrs["text"] == "x" * 50
     start = whole.index(b"GCOL")
-    header = start + 16  # of the first text: it gets all but `left` bytes; of 16 zeros behind it the library never returns
-    whole[header + 8 : header + 16] = (int.from_bytes(whole[start + 8 : header], "little") - 32 - left).to_bytes(8, "little")
+    # of the first text: it gets all but `left` bytes; of 16 zeros behind it the library never
+    # returns
+    header = start + 16
+    whole[header + 8 : header + 16] = (
+        int.from_bytes(whole[start + 8 : header], "little") - 32 - left
+    ).to_bytes(8, "little")
     path.write_bytes(whole)
     if left in (0, 8):  # nothing fits behind it
         with open_hdf5(path) as file:

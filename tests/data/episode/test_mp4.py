@@ -13,7 +13,8 @@ def test_the_same_frames_give_the_same_bytes_whatever_the_memory_held_before(siz
     frames = [rng.integers(0, 255, (*size, 3), np.uint8) for _ in range(7)]
     held, films = [], set()
     for _ in range(40):
-        held = [*held[-20:], rng.bytes(int(rng.integers(1000, 400000)))]  # so that buffers come from memory that was written to
+        # so that buffers come from memory that was written to
+        held = [*held[-20:], rng.bytes(int(rng.integers(1000, 400000)))]
         films.add(encode_mp4(iter(frames), 30))
     assert len(films) == 1
 

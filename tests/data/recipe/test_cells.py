@@ -22,7 +22,9 @@ def test_largest_remainder_as_defined_with_fractions(weights, total):
     shares = [Fraction(total * weight, sum(weights)) for weight in weights]
     counts = largest_remainder(weights, total)
     assert sum(counts) == total
-    assert all(floor(share) <= count <= ceil(share) for share, count in zip(shares, counts, strict=True))
+    assert all(
+        floor(share) <= count <= ceil(share) for share, count in zip(shares, counts, strict=True)
+    )
     # nobody who got nothing more has a larger remainder than one who did
     left = {True: [Fraction(-1)], False: [Fraction(-1)]}
     for share, count in zip(shares, counts, strict=True):
@@ -62,7 +64,12 @@ def test_a_recipe_may_name_its_total():
     recipe = recipe_from(
         {
             **{"tasks": TASKS, "levels": [0, 1, 2, 3], "domains": ["clean", "randomized"]},
-            **{"episodes": {"clean": 1, "randomized": 4}, "total": 1003, "variants": 2, "visuals": "randomized"},
+            **{
+                "episodes": {"clean": 1, "randomized": 4},
+                "total": 1003,
+                "variants": 2,
+                "visuals": "randomized",
+            },
         }
     )
     slots = list(recipe.physical_slots())
@@ -80,12 +87,20 @@ def test_a_recipe_may_name_its_total():
 
 
 def test_paired_cells_try_the_same_scenes():
-    wanted = {"tasks": TASKS[:2], "levels": [0, 1, 3], "domains": ["clean", "randomized"], "alpha": [0.1, 0.2], "episodes": 2}
+    wanted = {
+        "tasks": TASKS[:2],
+        "levels": [0, 1, 3],
+        "domains": ["clean", "randomized"],
+        "alpha": [0.1, 0.2],
+        "episodes": 2,
+    }
     recipe = recipe_from(wanted | {"paired": ["levels", "alpha"]})
     seeds: dict = {}
     for slot in recipe.physical_slots():
         spec = recipe.spec(slot, 1)
-        seeds.setdefault((slot.cell.task, slot.cell.domain, slot.index), set()).add((spec.seed, spec.slot_seed))
+        seeds.setdefault((slot.cell.task, slot.cell.domain, slot.index), set()).add(
+            (spec.seed, spec.slot_seed)
+        )
     assert len(seeds) == 2 * 2 * 2 and all(len(same) == 1 for same in seeds.values())
     assert len({next(iter(same)) for same in seeds.values()}) == 8
     unpaired = recipe_from(wanted)
@@ -99,7 +114,9 @@ def test_paired_cells_try_the_same_scenes():
 
 
 def test_a_scene_is_complete_where_every_cell_accepted_it():
-    recipe = recipe_from({"tasks": "click_bell", "levels": [1, 2], "episodes": 3, "paired": ["levels"]})
+    recipe = recipe_from(
+        {"tasks": "click_bell", "levels": [1, 2], "episodes": 3, "paired": ["levels"]}
+    )
     slots = list(recipe.physical_slots())
     seeds: dict[Slot, int | None] = {slot: recipe.spec(slot, 0).seed for slot in slots}
     assert pairs_of(recipe, seeds) == Pairs(3, 3, 3)
@@ -111,18 +128,30 @@ def test_a_scene_is_complete_where_every_cell_accepted_it():
     assert pairs_of(recipe, seeds) == Pairs(3, 2, 0)
 
 
-@pytest.mark.parametrize("paired", [["levels"], ["domains"], ["alpha"], ["levels", "domains", "alpha"]])
+@pytest.mark.parametrize(
+    "paired", [["levels"], ["domains"], ["alpha"], ["levels", "domains", "alpha"]]
+)
 def test_cells_share_scenes_where_they_differ_in_nothing_else(paired):
     keys = {"levels": "level", "domains": "domain", "alpha": "alpha"}
-    cells = [Cell(t, "e", n, a, d) for t in "st" for n in (1, 2) for a in (0.05, 0.1) for d in ("clean", "randomized")]
+    cells = [
+        Cell(t, "e", n, a, d)
+        for t in "st"
+        for n in (1, 2)
+        for a in (0.05, 0.1)
+        for d in ("clean", "randomized")
+    ]
     for a in cells:
         for b in cells:
             differ = {key for key, name in keys.items() if getattr(a, name) != getattr(b, name)}
-            assert (a.scenes(paired) == b.scenes(paired)) == (a.task == b.task and differ <= set(paired))
+            assert (a.scenes(paired) == b.scenes(paired)) == (
+                a.task == b.task and differ <= set(paired)
+            )
 
 
 def test_seeds_of_recipes_that_pair_nothing_stay_what_they_were():
-    recipe = recipe_from({"tasks": "click_bell", "levels": [1], "alpha": [0.1, 0.2], "episodes": 1, "seed": 3})
+    recipe = recipe_from(
+        {"tasks": "click_bell", "levels": [1], "alpha": [0.1, 0.2], "episodes": 1, "seed": 3}
+    )
     first, second = recipe.physical_slots()
     assert (recipe.spec(first, 0).seed, recipe.spec(first, 2).slot_seed) == (FIRST, SHARED)
     assert recipe.spec(second, 0).seed == SECOND

@@ -20,7 +20,9 @@ def several(*choices):
 
 def wants_an_episode(given_values):
     episodes = given_values.get("episodes", 50)
-    return isinstance(episodes, int) or any(episodes[domain] for domain in given_values.get("domains", ["clean"]))
+    return isinstance(episodes, int) or any(
+        episodes[domain] for domain in given_values.get("domains", ["clean"])
+    )
 
 
 values = st.fixed_dictionaries(
@@ -31,7 +33,8 @@ values = st.fixed_dictionaries(
         "domains": several("clean", "randomized"),
         "alpha": several(0.05, 0.1, 0.3),
         "episodes": st.one_of(
-            st.integers(1, 4), st.fixed_dictionaries({"clean": st.integers(0, 3), "randomized": st.integers(0, 3)})
+            st.integers(1, 4),
+            st.fixed_dictionaries({"clean": st.integers(0, 3), "randomized": st.integers(0, 3)}),
         ),
         "fps": st.sampled_from([15, 30, 60]),
     },
@@ -45,7 +48,11 @@ def test_a_recipe_expands_to_every_wanted_episode_once(given_values):
     cells = recipe.cells()
     moving = [level for level in recipe.levels if level]
     per_level = len(moving) * len(recipe.alpha) + (0 in recipe.levels)
-    assert len(cells) == len(set(cells)) == len(recipe.tasks) * len(recipe.embodiments) * len(recipe.domains) * per_level
+    assert (
+        len(cells)
+        == len(set(cells))
+        == len(recipe.tasks) * len(recipe.embodiments) * len(recipe.domains) * per_level
+    )
     slots = list(recipe.slots())
     assert len(slots) == len({s.path for s in slots}) == sum(recipe.wanted(c) for c in cells)
     for cell in cells:
@@ -66,15 +73,27 @@ def test_yaml_restores_a_recipe(given_values):
 
 
 def test_variants_follow_the_slot_whose_physics_they_show():
-    wanted = {"tasks": "click_bell", "levels": [1, 2], "episodes": 2, "visuals": "randomized", "variants": 3}
+    wanted = {
+        "tasks": "click_bell",
+        "levels": [1, 2],
+        "episodes": 2,
+        "visuals": "randomized",
+        "variants": 3,
+    }
     recipe = recipe_from(wanted)
     slots = list(recipe.slots())
     assert [s.physical for s in slots[::3]] == list(recipe.physical_slots()) == slots[::3]
     assert [s.variant for s in slots] == [0, 1, 2] * 4
-    assert [s.path.split("/")[-1] for s in slots[:3]] == ["episode_0000000", "episode_0000000_v1", "episode_0000000_v2"]
+    assert [s.path.split("/")[-1] for s in slots[:3]] == [
+        "episode_0000000",
+        "episode_0000000_v1",
+        "episode_0000000_v2",
+    ]
     assert len({s.path for s in slots}) == 12
     # the spec, and with it the physics, knows nothing of variants
-    assert {recipe.spec(s, 0) for s in slots} == {recipe.spec(s, 0) for s in recipe.physical_slots()}
+    assert {recipe.spec(s, 0) for s in slots} == {
+        recipe.spec(s, 0) for s in recipe.physical_slots()
+    }
 
 
 def test_cameras_go_by_short_or_long_names():
@@ -101,7 +120,12 @@ def test_a_recipe_frozen_with_the_retired_key_of_vendor_meshes_is_read():
 
 def test_single_values_aliases_and_repeats():
     recipe = recipe_from(
-        {"tasks": "click_bell", "embodiments": ["aloha", "aloha-agilex", "arx"], "levels": [1, 1, 0], "alpha": 0.2}
+        {
+            "tasks": "click_bell",
+            "embodiments": ["aloha", "aloha-agilex", "arx"],
+            "levels": [1, 1, 0],
+            "alpha": 0.2,
+        }
     )
     assert recipe.embodiments == ("aloha-agilex", "arx-x5")
     assert recipe.levels == (1, 0)
@@ -119,9 +143,18 @@ def test_paths_name_alpha_only_where_it_is_not_the_default():
 
 def test_domains_may_want_different_numbers():
     recipe = recipe_from(
-        {"tasks": "click_bell", "levels": 1, "domains": ["clean", "randomized"], "episodes": {"clean": 2, "randomized": 1}}
+        {
+            "tasks": "click_bell",
+            "levels": 1,
+            "domains": ["clean", "randomized"],
+            "episodes": {"clean": 2, "randomized": 1},
+        }
     )
-    assert [(s.cell.domain, s.index) for s in recipe.slots()] == [("clean", 0), ("randomized", 0), ("clean", 1)]
+    assert [(s.cell.domain, s.index) for s in recipe.slots()] == [
+        ("clean", 0),
+        ("randomized", 0),
+        ("clean", 1),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -134,10 +167,19 @@ def test_domains_may_want_different_numbers():
         ({"sight": {"noise": -1}}, "sight: noise must be greater"),
         ({"sight": "100 km"}, "sight is not written as a delay and an error, such as 100ms,5mm"),
         ({"sight": "100ms,5m"}, "sight: noise must be less than or equal to 0.1 (got 5.0)"),
-        ({"sight": "100ms,5mm"}, "sight: sets how the reactive expert sees: choose this expert, too"),
-        ({"takeover": "error"}, "takeover: sets when the expert takes over: name a policy to correct"),
+        (
+            {"sight": "100ms,5mm"},
+            "sight: sets how the reactive expert sees: choose this expert, too",
+        ),
+        (
+            {"takeover": "error"},
+            "takeover: sets when the expert takes over: name a policy to correct",
+        ),
         ({"corrections": "psychic"}, "corrections: 'psychic' is unknown"),
-        ({"perturb": "push"}, "perturb: perturbs the robot after a policy has acted: name a policy to correct"),
+        (
+            {"perturb": "push"},
+            "perturb: perturbs the robot after a policy has acted: name a policy to correct",
+        ),
         ({"perturb": "kick"}, "perturb must be 'pause' or 'push'"),
         ({"embodiments": ["r2d2"]}, "r2d2"),
         ({"embodiments": ["aloha+piper+ur5"]}, "piper"),
@@ -223,5 +265,9 @@ def test_a_recipe_cannot_be_changed():
 
 def test_a_recipe_alone_names_the_reactive_expert():
     recipe = Recipe(tasks=("click_bell",), expert="reactive", sight=Sight(delay=0.1))
-    assert recipe.reactive == Sight(delay=0.1) and recipe.setup.reactive is None and recipe.physics.reactive is None
+    assert (
+        recipe.reactive == Sight(delay=0.1)
+        and recipe.setup.reactive is None
+        and recipe.physics.reactive is None
+    )
     assert recipe.label == "strict-reactive-delay0.1-noise0" and Recipe().label == "strict"

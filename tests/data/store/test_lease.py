@@ -19,7 +19,13 @@ def store(tmp_path):
 
 def left(store, **said):
     now = time.time()
-    mine = {"host": os.uname().nodename, "process": os.getpid(), "id": "x", "since": now, "renewed": now}
+    mine = {
+        "host": os.uname().nodename,
+        "process": os.getpid(),
+        "id": "x",
+        "since": now,
+        "renewed": now,
+    }
     store.write(LEASE, json.dumps(mine | said).encode())
 
 
@@ -32,7 +38,9 @@ def test_a_second_writer_is_refused_until_the_first_ends(store):
     with hold_lease(store), pytest.raises(Busy, match=said) as refused, hold_lease(store):
         pass
     # a dead process of this machine is seen to be dead
-    assert str(refused.value).endswith("should that process be dead, its lease lapses at once, since it is on this machine")
+    assert str(refused.value).endswith(
+        "should that process be dead, its lease lapses at once, since it is on this machine"
+    )
     assert store.list() == {}
     with hold_lease(store):
         pass
@@ -52,7 +60,10 @@ def test_what_a_killed_writer_left_holds_only_while_it_may_live(store, said, ref
     until = said["until"]
     left(store, **said | {"until": until if isinstance(until, str) else time.time() + until})
     if refused:
-        with pytest.raises(Busy, match="should that process be dead, its lease lapses"), hold_lease(store):
+        with (
+            pytest.raises(Busy, match="should that process be dead, its lease lapses"),
+            hold_lease(store),
+        ):
             pass
     else:
         with hold_lease(store):
@@ -64,10 +75,14 @@ def test_a_writer_elsewhere_is_named_with_its_times(store):
     left(store, host="elsewhere", since=now - 7200, renewed=now - 20, until=now + 280)
     with pytest.raises(Busy) as refused, hold_lease(store):
         pass
-    since, until = (time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(at)) for at in (now - 7200, now + 280))
+    since, until = (
+        time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(at)) for at in (now - 7200, now + 280)
+    )
     said = str(refused.value)
     assert f"since {since} (process {os.getpid()} on elsewhere, last renewed 20 s ago)" in said
-    assert re.search(rf"should that process be dead, its lease lapses at {until}, in 2\d\d s$", said)
+    assert re.search(
+        rf"should that process be dead, its lease lapses at {until}, in 2\d\d s$", said
+    )
 
 
 @pytest.mark.parametrize("said", [{"until": 1e300}, {"since": "x"}, {"renewed": [1]}])

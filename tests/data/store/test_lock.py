@@ -23,7 +23,10 @@ with exclusive(sys.argv[1]):
 
 def test_a_lock_that_is_held_refuses_in_one_line_and_is_given_back(tmp_path):
     with exclusive(tmp_path):
-        with pytest.raises(Busy, match="another command is writing it") as refused, exclusive(tmp_path):
+        with (
+            pytest.raises(Busy, match="another command is writing it") as refused,
+            exclusive(tmp_path),
+        ):
             pass
         assert str(tmp_path) in str(refused.value) and "\n" not in str(refused.value)
     with exclusive(tmp_path):
@@ -46,7 +49,9 @@ def test_other_datasets_are_free(tmp_path):
 
 
 def test_a_killed_process_leaves_no_lock(tmp_path):
-    with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, tmp_path], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout and process.stdout.readline() == "held\n"
         with pytest.raises(Busy), exclusive(tmp_path):
             pass

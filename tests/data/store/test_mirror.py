@@ -1,4 +1,5 @@
-"""The directory that stands for a dataset on a store: what is fetched and when, what is sent, and what counts."""
+"""The directory that stands for a dataset on a store: what is fetched and when, what is sent, and
+what counts."""
 
 import os
 from pathlib import Path
@@ -10,7 +11,14 @@ from pipeline.data.keys import file_hash
 from pipeline.data.reading import read_regular
 from pipeline.data.store.files import StoreError
 from pipeline.data.store.lock import Busy
-from pipeline.data.store.mirror import Mirror, delete_uploaded, mirror_of, open_url, replace_directory, upload
+from pipeline.data.store.mirror import (
+    Mirror,
+    delete_uploaded,
+    mirror_of,
+    open_url,
+    replace_directory,
+    upload,
+)
 from pipeline.data.store.mirror_files import is_listed, is_new, state_of
 from pipeline.data.store.places import forget
 from pipeline.data.store.urls import url_of, with_urls
@@ -35,7 +43,12 @@ def elsewhere(tmp_path, monkeypatch):
 
 def fill(url):
     with open_url(url) as root:
-        for name in ("manifest.yaml", "index.sqlite", "episodes/t/r/L1/clean/episode_0000000.hdf5", "exports/x/data"):
+        for name in (
+            "manifest.yaml",
+            "index.sqlite",
+            "episodes/t/r/L1/clean/episode_0000000.hdf5",
+            "exports/x/data",
+        ):
             write_atomic(root / name, name.encode())
     return root
 
@@ -48,7 +61,11 @@ def test_what_one_command_writes_the_next_one_reads_elsewhere(url, elsewhere):
         assert root != first
         assert {path.relative_to(root): state_of(path) for path in root.rglob("*.*")} == stamps
         episode = root / "episodes/t/r/L1/clean/episode_0000000.hdf5"
-        assert is_listed(episode) and not is_listed(root / "manifest.yaml") and not is_listed(root / "index.sqlite")
+        assert (
+            is_listed(episode)
+            and not is_listed(root / "manifest.yaml")
+            and not is_listed(root / "index.sqlite")
+        )
         assert file_hash(episode) == file_hash(first / episode.relative_to(root))
         assert not is_listed(episode) and state_of(episode) == stamps[episode.relative_to(root)]
 
@@ -79,7 +96,10 @@ def test_files_are_sent_and_withdrawn_at_once_and_dropped_files_come_back(url):
         write_atomic(path, b"bytes")
         assert is_new(path)
         upload(path)
-        assert not is_new(path) and list(mirror.store.list()) == [".writing.json", "episodes/e.hdf5"]
+        assert not is_new(path) and list(mirror.store.list()) == [
+            ".writing.json",
+            "episodes/e.hdf5",
+        ]
         stamp = state_of(path)
         mirror.drop(path)
         assert is_listed(path) and state_of(path) == stamp and os.stat(path).st_blocks == 0
@@ -112,7 +132,9 @@ def test_a_directory_is_replaced_on_the_store_too_unless_that_fails(url):
     with open_url(url), replace_directory(root / "exports"):
         (root / "exports/x/data").unlink()
         write_atomic(root / "exports/x/other", b"")
-    assert [name for name in mirror_of(root).store.list() if name.startswith("exports")] == ["exports/x/other"]
+    assert [name for name in mirror_of(root).store.list() if name.startswith("exports")] == [
+        "exports/x/other"
+    ]
 
 
 def test_a_lost_cache_loses_nothing_of_the_store(url):
@@ -176,7 +198,17 @@ def test_a_url_that_is_too_long_is_one_line(url):
 
 @pytest.mark.parametrize(
     "text",
-    ["s4://b/x", "sftp://host/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"],
+    [
+        "s4://b/x",
+        "sftp://host/x",
+        "S3://b/x",
+        "s3://",
+        "s3:b/x",
+        "file:///x",
+        "http:/h/x",
+        "s3://b/q?versionId=1",
+        "s3://b/../x",
+    ],
 )
 def test_what_looks_like_a_url_and_is_none_is_refused_in_one_line(text):
     for given in (text, Path(text)):
@@ -191,7 +223,10 @@ def test_what_does_not_look_like_a_url_is_a_path(text):
 
 
 def test_a_command_whose_lease_was_taken_over_writes_no_more(url):
-    with pytest.raises(StoreError, match="another command has begun to write it"), open_url(url) as root:
+    with (
+        pytest.raises(StoreError, match="another command has begun to write it"),
+        open_url(url) as root,
+    ):
         write_atomic(root / "a", b"a")
         upload(root / "a")
         Mirror(root).store.write(".writing.json", b"{}")
@@ -215,7 +250,9 @@ def test_a_place_without_a_dataset_leaves_no_mirror(url, tmp_path, writes, monke
         with pytest.raises(StoreError, match=said), open_url(wrong, writes, made=True):
             pytest.fail("there is nothing to work on")
     assert kept(tmp_path) == before
-    assert mirror_of(Path(tmp_path / "cache/mirrors" / before[0])).store.stat(".writing.json") is None
+    assert (
+        mirror_of(Path(tmp_path / "cache/mirrors" / before[0])).store.stat(".writing.json") is None
+    )
 
 
 def test_a_command_that_makes_nothing_leaves_no_mirror(url, tmp_path):
@@ -246,9 +283,12 @@ def test_the_mirrors_of_a_url_are_listed_and_removed_unless_they_are_used(url, t
             forget(url)
     neighbour = fill(f"{url}2")
     before = kept(tmp_path)
-    assert [place.path for place in forget(url, dry_run=True)] == [str(root), str(second)] and kept(tmp_path) == before
+    assert [place.path for place in forget(url, dry_run=True)] == [str(root), str(second)] and kept(
+        tmp_path
+    ) == before
     one, other = forget(url)
-    assert one.size == 2 * other.size  # of four small files the second mirror has but two, the others are listed only
+    # of four small files the second mirror has but two, the others are listed only
+    assert one.size == 2 * other.size
     assert kept(tmp_path) == [neighbour.name, f"{neighbour.name}.lock"] and forget(url) == []
     with open_url(url, writes=False) as again:
         assert again == root and (root / "manifest.yaml").read_bytes() == b"manifest.yaml"

@@ -1,4 +1,5 @@
-"""Stores without what S3 has: they are read only; other names for what changed, the hub's own ways."""
+"""Stores without what S3 has: they are read only; other names for what changed, the hub's own
+ways."""
 
 import fsspec
 import huggingface_hub.constants
@@ -14,7 +15,8 @@ from tests.export.hub import running
 
 
 class Plain(MemoryFileSystem):
-    """A store without ETags and without conditions: what is there is written over, and a file has its length and a time."""
+    """A store without ETags and without conditions: what is there is written over, and a file has
+    its length and a time."""
 
     protocol, store, pseudo_dirs = "plain", {}, [""]
     said = ("name", "size", "type", "mtime")
@@ -30,7 +32,11 @@ class Plain(MemoryFileSystem):
         return found if detail else [each["name"] for each in found]
 
     def _less(self, info):
-        return {key: value for key, value in (info | {"mtime": info.get("created")}).items() if key in self.said}
+        return {
+            key: value
+            for key, value in (info | {"mtime": info.get("created")}).items()
+            if key in self.said
+        }
 
 
 @pytest.fixture
@@ -50,7 +56,9 @@ def hub(monkeypatch):
 
 
 @pytest.mark.parametrize("place", ["plain", "hub"])
-def test_a_store_without_conditions_is_read_and_never_written(place, request, tmp_path, monkeypatch):
+def test_a_store_without_conditions_is_read_and_never_written(
+    place, request, tmp_path, monkeypatch
+):
     url = request.getfixturevalue(place)
     monkeypatch.setenv(CACHE, str(tmp_path))
     for name, data in (("manifest.yaml", b"1"), ("episodes/e.hdf5", b"e" * 3000)):
@@ -72,13 +80,18 @@ def test_a_store_that_does_not_say_what_changed_is_refused_in_one_line(plain, mo
     Store(plain).write("a", b"")
     monkeypatch.setattr(Plain, "said", ("name", "size", "type"))
     with pytest.raises(
-        StoreError, match=r"^plain://sets/a/a: this store does not say which bytes an object has or when it changed"
+        StoreError,
+        match=(
+            r"^plain://sets/a/a: this store does not say which bytes an object has or when it"
+            r" changed"
+        ),
     ):
         Store(plain).list()
 
 
 class Refusing(Plain):
-    """A store whose library has errors of its own: for a condition that does not hold, and, as gcsfs, for a lack of permission."""
+    """A store whose library has errors of its own: for a condition that does not hold, and, as
+    gcsfs, for a lack of permission."""
 
     def pipe_file(self, path, value, mode="overwrite", **options):
         if mode == "create" and self.exists(path):
@@ -100,5 +113,10 @@ def test_a_refusal_in_words_only_is_told_with_its_fix(plain, monkeypatch):
         raise OSError("Forbidden: b/sets/o\nhas no storage.objects.list access")
 
     monkeypatch.setattr(Plain, "find", refuse)
-    with pytest.raises(StoreError, match=r"^cannot list plain://sets/a: the credential has no permission: grant it, .* access\)$"):
+    with pytest.raises(
+        StoreError,
+        match=(
+            r"^cannot list plain://sets/a: the credential has no permission: grant it, .* access\)$"
+        ),
+    ):
         Store(plain).list()

@@ -1,4 +1,5 @@
-"""Objects on a store: listed, written, read and deleted; what goes wrong there is one line, a lost connection is tried again."""
+"""Objects on a store: listed, written, read and deleted; what goes wrong there is one line, a lost
+connection is tried again."""
 
 import threading
 import time
@@ -28,7 +29,12 @@ def test_what_is_put_is_listed_and_got_by_the_same_name(store, tmp_path):
     sent = put(store, tmp_path, "a/b.txt", b"four")
     put(store, tmp_path, "c", b"")
     assert store.list() == {"a/b.txt": sent, "c": store.stat("c")}
-    assert (sent.size, store.stat("c").size, store.stat("a"), store.stat("none")) == (4, 0, None, None)
+    assert (sent.size, store.stat("c").size, store.stat("a"), store.stat("none")) == (
+        4,
+        0,
+        None,
+        None,
+    )
     store.get("a/b.txt", tmp_path / "got")
     assert (tmp_path / "got").read_bytes() == b"four" == store.read("a/b.txt")
     assert store.read("none") is None
@@ -70,7 +76,11 @@ def test_a_lost_connection_is_tried_again_a_few_times(monkeypatch, lost, works):
         assert store.list() == {}
     else:
         with pytest.raises(
-            StoreError, match=r"^cannot list dropping://x/set: the connection is lost .*Connection reset by peer\)$"
+            StoreError,
+            match=(
+                r"^cannot list dropping://x/set: the connection is lost .*Connection reset by"
+                r" peer\)$"
+            ),
         ):
             store.list()
     assert pauses == [1.0, 2.0][:lost]
@@ -89,7 +99,10 @@ class Silent(MemoryFileSystem):
 
 def test_a_server_that_does_not_answer_is_one_line_soon():
     fsspec.register_implementation("silent", Silent, clobber=True)
-    said = r"^cannot open silent://x/set: http://silent:9000 has not answered for 0 s: check the network and the endpoint"
+    said = (
+        r"^cannot open silent://x/set: http://silent:9000 has not answered for 0 s: check the"
+        r" network and the endpoint"
+    )
     with pytest.raises(StoreError, match=said):
         Store("silent://x/set", pauses=()).reach("manifest.yaml", seconds=0.05)
     Silent.ended.set()
@@ -107,7 +120,9 @@ def test_what_was_wrong_before_the_time_ran_out_is_said(monkeypatch):
 
     monkeypatch.setattr(Silent, "ended", threading.Event())
     monkeypatch.setattr(Silent, "cat_file", refused)
-    with pytest.raises(StoreError, match=r"check the network .*\(\[Errno 111\] Connection refused\)$"):
+    with pytest.raises(
+        StoreError, match=r"check the network .*\(\[Errno 111\] Connection refused\)$"
+    ):
         Store("silent://x/set", pauses=(0.0,)).reach("manifest.yaml", seconds=0.3)
     Silent.ended.set()
 
@@ -143,7 +158,8 @@ def test_a_full_disk_of_this_machine_is_no_fault_of_the_store(store, tmp_path):
 
 @contextmanager
 def answering(answers):
-    """The address of a server that answers every request with the error of S3 that `answers` ends with: its status and its code."""
+    """The address of a server that answers every request with the error of S3 that `answers` ends
+    with: its status and its code."""
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -151,7 +167,7 @@ def answering(answers):
         def answer(self):
             self.rfile.read(int(self.headers.get("Content-Length") or 0))
             status, code = answers[-1]
-            body = f"<Error><Code>{code}</Code><Message>The server says {code}.</Message></Error>".encode()
+            body = f"<Error><Code>{code}</Code><Message>The server says {code}.</Message></Error>".encode()  # noqa: E501
             self.send_response(status)
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
@@ -173,7 +189,10 @@ def answering(answers):
 
 
 REFUSALS = {
-    (400, "ExpiredToken"): "the credential has expired: renew it, then rerun the same command to resume",
+    (
+        400,
+        "ExpiredToken",
+    ): "the credential has expired: renew it, then rerun the same command to resume",
     (403, "InvalidAccessKeyId"): "the credential is not accepted: check it",
     (403, "AccessDenied"): "the credential has no permission: grant it",
     (404, "NoSuchBucket"): "there is no such bucket or repository: make it first",
@@ -181,7 +200,11 @@ REFUSALS = {
 
 
 def test_what_a_server_refuses_is_one_line_with_the_fix(monkeypatch, tmp_path):
-    for name, value in {"ACCESS_KEY_ID": "key", "SECRET_ACCESS_KEY": "secret", "DEFAULT_REGION": "us-east-1"}.items():
+    for name, value in {
+        "ACCESS_KEY_ID": "key",
+        "SECRET_ACCESS_KEY": "secret",
+        "DEFAULT_REGION": "us-east-1",
+    }.items():
         monkeypatch.setenv(f"AWS_{name}", value)
     answers = []
     with answering(answers) as address:
@@ -189,11 +212,19 @@ def test_what_a_server_refuses_is_one_line_with_the_fix(monkeypatch, tmp_path):
         store = Store("s3://bucket/set", pauses=())
         for answer, said in REFUSALS.items():
             answers.append(answer)
-            requests = {"list": store.list, "write": lambda: put(store, tmp_path, "a", b"four"), "open": lambda: store.reach("a")}
+            requests = {
+                "list": store.list,
+                "write": lambda: put(store, tmp_path, "a", b"four"),
+                "open": lambda: store.reach("a"),
+            }
             for words, request in requests.items():
-                with pytest.raises(StoreError, match=rf"cannot {words} s3://bucket/set(/a)?: {said}") as raised:
+                with pytest.raises(
+                    StoreError, match=rf"cannot {words} s3://bucket/set(/a)?: {said}"
+                ) as raised:
                     request()
-                assert "\n" not in str(raised.value) and f"The server says {answer[1]}." in str(raised.value)
+                assert "\n" not in str(raised.value) and f"The server says {answer[1]}." in str(
+                    raised.value
+                )
         assert _server(store._at[0]) == address
 
 

@@ -32,7 +32,9 @@ def case_of(task, level=1, embodiment="aloha-agilex", alpha=0.1, first=100_000, 
 
 
 def make(task, level=1, setup=BLIND, **options):
-    return gymnasium.make(env_id(task), level=level, setup=setup, disable_env_checker=True, **options)
+    return gymnasium.make(
+        env_id(task), level=level, setup=setup, disable_env_checker=True, **options
+    )
 
 
 def play(env, case, actions):
@@ -49,7 +51,9 @@ def test_every_task_is_registered():
     assert {env_id(task) for task in TASKS} <= set(gymnasium.registry)
 
 
-@pytest.mark.parametrize("options", [{"actions": "ee"}, {"observations": "state", "reward": "dense"}])
+@pytest.mark.parametrize(
+    "options", [{"actions": "ee"}, {"observations": "state", "reward": "dense"}]
+)
 def test_gymnasiums_checker_passes_without_images(options):
     env = make("click_bell", **options)
     spaces = env.observation_space.values() if "actions" in options else [env.observation_space]
@@ -80,7 +84,8 @@ def test_depth_is_the_distance_along_the_viewing_axis():
     assert env.observation_space.contains(observation)
     scene = env.unwrapped.trial.scene
     camera = cameras_of(scene.embodiment)[0]
-    # the ray of a pixel that shows the bare table (x forward, y left, z up in the camera) meets its plane there
+    # the ray of a pixel that shows the bare table (x forward, y left, z up in the camera) meets its
+    # plane there
     focal = 120 / np.tan(np.radians(37.0) / 2)
     for u, v in ((20, 40), (80, 130), (260, 220)):
         ray = quat_rotate(camera.pose[3:], [1.0, (160 - u - 0.5) / focal, (120 - v - 0.5) / focal])
@@ -139,7 +144,14 @@ def test_the_recorded_tool_poses_suffice_as_well():
     robot, planner = get_embodiment("aloha"), planner_for("aloha-agilex")
     rows = []
     for action in expert_actions(case):
-        rows.append(np.concatenate([np.append(planner.fk(side, q), value) for side, (q, value) in planner.split(action).items()]))
+        rows.append(
+            np.concatenate(
+                [
+                    np.append(planner.fk(side, q), value)
+                    for side, (q, value) in planner.split(action).items()
+                ]
+            )
+        )
     info, _ = play(make("click_bell", actions="ee"), case, np.array(rows))
     assert info["is_success"]
     env = make("click_bell", actions="delta_ee")
@@ -147,7 +159,10 @@ def test_the_recorded_tool_poses_suffice_as_well():
     simulation = env.unwrapped.trial.simulation
     for row in rows:
         tools = [simulation.tcp(side) for side in robot.sides]
-        poses = [np.append(compose(inverse(tools[i]), row[8 * i : 8 * i + 7]), row[8 * i + 7]) for i in range(2)]
+        poses = [
+            np.append(compose(inverse(tools[i]), row[8 * i : 8 * i + 7]), row[8 * i + 7])
+            for i in range(2)
+        ]
         _, _, ended, _, info = env.step(np.concatenate(poses).astype(np.float32))
         if ended:
             break
@@ -198,7 +213,9 @@ def test_actions_are_clipped_to_what_the_joints_can_do():
     assert trial.simulation.command[6] == 1
 
 
-@pytest.mark.parametrize("action", [np.zeros(13), np.full(14, np.nan), np.zeros((1, 14)), ["a"] * 14])
+@pytest.mark.parametrize(
+    "action", [np.zeros(13), np.full(14, np.nan), np.zeros((1, 14)), ["a"] * 14]
+)
 def test_an_action_that_is_none_is_refused(action):
     env = make("click_bell")
     env.reset(options={"case": case_of("click_bell", 1)})
@@ -231,4 +248,6 @@ def test_the_world_goes_on_while_the_robot_holds():
     trial.hold(12)
     assert trial.time == pytest.approx(0.05)
     assert (trial.simulation.command == command).all()
-    np.testing.assert_allclose(trial.simulation.pose("bell")[:3], case.target_motion.position(0.05), atol=1e-6)
+    np.testing.assert_allclose(
+        trial.simulation.pose("bell")[:3], case.target_motion.position(0.05), atol=1e-6
+    )

@@ -1,4 +1,5 @@
-"""The dense reward: what it adds up to for policies that work and for policies that cheat, and how far an episode is."""
+"""The dense reward: what it adds up to for policies that work and for policies that cheat, and how
+far an episode is."""
 
 import gymnasium
 import numpy as np
@@ -19,11 +20,14 @@ def make(task, **options):
 
 
 def play(env, case, actions):
-    """Discounted sum of an episode's rewards, its steps, the sums of its progress, and the observations."""
+    """Discounted sum of an episode's rewards, its steps, the sums of its progress, and the
+    observations."""
     first, _ = env.reset(options={"case": case})
     total, seen = 0.0, [first]
     for n in range(1000):
-        observation, reward, terminated, truncated, info = env.step(actions[min(n, len(actions) - 1)])
+        observation, reward, terminated, truncated, info = env.step(
+            actions[min(n, len(actions) - 1)]
+        )
         total, seen = total + DISCOUNT**n * reward, [*seen, observation]
         if terminated or truncated:
             return total, n, info, np.array(seen)
@@ -44,7 +48,9 @@ def test_only_a_success_adds_to_what_an_episode_is_worth(bell):
     actions = expert_actions(bell)
     start, _ = env.reset(options={"case": bell})
     names = env.state_names
-    potential = np.mean([start[names.index(name)] for name in ("approach", "hold", "lift", "place")])
+    potential = np.mean(
+        [start[names.index(name)] for name in ("approach", "hold", "lift", "place")]
+    )
     held = column(env, play(env, bell, actions)[3], "hold")
     near = actions[: int(np.argmax(held > 0)) - 8]
     cheats = {
@@ -72,7 +78,9 @@ def test_any_course_of_the_potential_adds_up_to_its_start():
         potentials = rng.random(50)
         shaped = Shaped(DISCOUNT, potentials[0])
         rewards = [shaped.reward(p, "" if n < 48 else ending) for n, p in enumerate(potentials[1:])]
-        assert np.sum(rewards * DISCOUNT ** np.arange(49)) == pytest.approx(base * DISCOUNT**48 - potentials[0])
+        assert np.sum(rewards * DISCOUNT ** np.arange(49)) == pytest.approx(
+            base * DISCOUNT**48 - potentials[0]
+        )
 
 
 def test_what_is_lifted_and_brought_counts():
@@ -80,8 +88,14 @@ def test_what_is_lifted_and_brought_counts():
     env = make("place_container_plate")
     _, _, info, seen = play(env, case, expert_actions(case))
     assert info["is_success"]
-    tools = [np.stack([column(env, seen, f"{side}_tool_{axis}") for axis in "xyz"], -1) for side in ("left", "right")]
-    container, plate = (np.stack([column(env, seen, f"{name}_{axis}") for axis in "xyz"], -1) for name in ("container", "plate"))
+    tools = [
+        np.stack([column(env, seen, f"{side}_tool_{axis}") for axis in "xyz"], -1)
+        for side in ("left", "right")
+    ]
+    container, plate = (
+        np.stack([column(env, seen, f"{name}_{axis}") for axis in "xyz"], -1)
+        for name in ("container", "plate")
+    )
     side = next(iter(env.trial.scene.arms.values())) == "right"
     held = column(env, seen, "hold") > 0
     nearness = 1 - np.tanh(3 * np.linalg.norm(tools[side] - container, axis=-1))
@@ -109,7 +123,13 @@ def test_the_expert_runs_once_for_the_scenes_of_an_environment(monkeypatch, tmp_
 
 def test_environments_step_together():
     vector = gymnasium.make_vec(
-        env_id("click_bell"), num_envs=2, vectorization_mode="sync", level=0, observations="state", reward="dense", scenes=1
+        env_id("click_bell"),
+        num_envs=2,
+        vectorization_mode="sync",
+        level=0,
+        observations="state",
+        reward="dense",
+        scenes=1,
     )
     observations, _ = vector.reset(seed=1)
     assert vector.observation_space.contains(observations)
@@ -136,8 +156,18 @@ def test_a_case_of_another_cell_is_refused(bell, options, named):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"reward": "much"}, {"observations": "all"}, {"discount": 0.0}, {"scenes": -1}, {"scenes": "a"}, {"manifests": "x"}]
+    "bad",
+    [
+        {"reward": "much"},
+        {"observations": "all"},
+        {"discount": 0.0},
+        {"scenes": -1},
+        {"scenes": "a"},
+        {"manifests": "x"},
+    ],
 )
 def test_an_option_of_learning_that_does_not_exist_is_refused(bad):
-    with pytest.raises((ValueError, RewardError), match=next(iter(bad)) if "manifests" not in bad else "scenes"):
+    with pytest.raises(
+        (ValueError, RewardError), match=next(iter(bad)) if "manifests" not in bad else "scenes"
+    ):
         gymnasium.make(env_id("click_bell"), **({"reward": "dense"} | bad))

@@ -1,4 +1,5 @@
-"""Policies written for other projects: stand-ins that play the expert's actions must succeed as the expert does."""
+"""Policies written for other projects: stand-ins that play the expert's actions must succeed as the
+expert does."""
 
 import json
 import re
@@ -75,7 +76,11 @@ def package(tmp_path, name, actions, deploy=DEPLOY):
 
 
 def episode(text, case, setup=BLIND):
-    return run_episode(EpisodeJob(case, replace(policy_name(text), process="evaluator"), parse_clock("sim"), setup=setup))
+    return run_episode(
+        EpisodeJob(
+            case, replace(policy_name(text), process="evaluator"), parse_clock("sim"), setup=setup
+        )
+    )
 
 
 @pytest.mark.parametrize("name", ["Played", "PlayedPoses"])
@@ -87,7 +92,10 @@ def test_a_deploy_policy_of_robotwin_runs_unmodified(tmp_path, name):
         planner, rows = planner_for("aloha-agilex"), []
         for action in actions:
             parts = planner.split(action)
-            poses = [np.append(compose(planner.fk(s, q), [-0.12, 0, 0, 1, 0, 0, 0]), value) for s, (q, value) in parts.items()]
+            poses = [
+                np.append(compose(planner.fk(s, q), [-0.12, 0, 0, 1, 0, 0, 0]), value)
+                for s, (q, value) in parts.items()
+            ]
             rows.append(np.concatenate(poses))
         actions = np.array(rows)
     text = package(tmp_path, name, actions)
@@ -107,11 +115,12 @@ def eval(TASK_ENV, model, observation):
     t = min(TASK_ENV.take_action_cnt, len(model) - 2)
     assert TASK_ENV.take_action_cnt > t or np.array_equal(observation["joint_action"]["vector"], model[t])
     TASK_ENV.take_action(model[t + 1])
-"""
+"""  # noqa: E501
 
 
 def test_training_pairs_and_task_env_agree(tmp_path):
-    """What a stock converter calls state t and action t is what TASK_ENV shows and takes t actions into the same episode."""
+    """What a stock converter calls state t and action t is what TASK_ENV shows and takes t actions
+    into the same episode."""
     case = case_of("click_bell", 1)
     log = expert(case.spec, case.setup).replay.log
     row = episode(package(tmp_path, "Pairs", drive_targets(log.state, log.action), PAIRS), case)
@@ -142,15 +151,26 @@ def test_observations_and_actions_are_those_of_the_original():
     seen, command = look(time=0.4, head_camera=image), np.linspace(0.2, 0.4, 14)
     told = robot.observation(seen, command)
     assert told["observation"]["head_camera"]["rgb"] is image
-    assert told["joint_action"]["left_arm"] + [told["joint_action"]["left_gripper"]] == command[:7].tolist()
+    assert (
+        told["joint_action"]["left_arm"] + [told["joint_action"]["left_gripper"]]
+        == command[:7].tolist()
+    )
     assert np.array_equal(told["joint_action"]["vector"], command)
-    assert told["endpose"]["left_gripper"] == command[6] and told["endpose"]["right_gripper"] == command[13]
-    tool, behind = planner.fk("right", seen.joints[7:13]), np.array(told["endpose"]["right_endpose"])
+    assert (
+        told["endpose"]["left_gripper"] == command[6]
+        and told["endpose"]["right_gripper"] == command[13]
+    )
+    tool, behind = (
+        planner.fk("right", seen.joints[7:13]),
+        np.array(told["endpose"]["right_endpose"]),
+    )
     # 0.12 m along the tool's x axis
     np.testing.assert_allclose(compose(inverse(behind), tool)[:3], [0.12, 0, 0], atol=1e-12)
     still = np.array([0, 0, 0, 1, 0, 0, 0, 0.5] * 2)
     moved = robot.joints(still, "delta_ee", seen.joints, seen.joints)
-    np.testing.assert_allclose(np.delete(moved, [6, 13]), np.delete(seen.joints, [6, 13]), atol=1e-3)
+    np.testing.assert_allclose(
+        np.delete(moved, [6, 13]), np.delete(seen.joints, [6, 13]), atol=1e-3
+    )
     assert moved[6] == moved[13] == 0.5
     forward = still.copy()
     forward[8] = 0.03
@@ -226,7 +246,7 @@ class Model:
         rows = rows if len(rows) else self.vector[None]
         keys = ("left_arm_joint_state", "left_ee_joint_state", "right_arm_joint_state", "right_ee_joint_state")
         return [dict(zip(keys, np.split(row, [6, 7, 13]))) for row in rows] if self.keyed else rows
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.parametrize("keyed", ["false", "true"])
@@ -234,7 +254,9 @@ def test_a_model_of_xpolicylab_runs(tmp_path, keyed):
     case, path = case_of("click_bell", 1), tmp_path / "model.py"
     path.write_text(XPOLICY)
     np.save(tmp_path / "actions.npy", expert_actions(case))
-    row = episode(f"xpolicylab:{path}?actions={tmp_path / 'actions.npy'}&length=6&keyed={keyed}", case)
+    row = episode(
+        f"xpolicylab:{path}?actions={tmp_path / 'actions.npy'}&length=6&keyed={keyed}", case
+    )
     assert row["success"] and row["asked"] == -(-row["periods"] // 6)
 
 
@@ -262,12 +284,14 @@ def test_a_name_that_leads_nowhere_is_one_line(text, said):
     assert "\n" not in str(error.value)
 
 
-# --- LeRobot ------------------------------------------------------------------------------------------------------------------
+# --- LeRobot
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def act_directory(tmp_path_factory):
-    """A tiny ACT with random weights for the head camera at 24x32, saved as lerobot saves policies; and its statistics."""
+    """A tiny ACT with random weights for the head camera at 24x32, saved as lerobot saves policies;
+    and its statistics."""
     pytest.importorskip("lerobot")
     import torch
     from lerobot.configs import FeatureType, PolicyFeature
@@ -311,12 +335,16 @@ def test_a_policy_of_lerobot_answers_what_its_network_says(act_directory):
 
     policy = make_here(policy_name(f"lerobot:{act_directory}?device=cpu"))
     image = np.random.default_rng(0).integers(0, 255, (24, 32, 3), np.uint8)
-    policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)}))
+    policy.reset(
+        Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)})
+    )
     answer = policy.act(look(head_camera=image))
     assert policy.inferences == 1
     batch = {
         "observation.state": torch.tensor((look().joints - 0.1) / 2, dtype=torch.float32)[None],
-        "observation.images.cam_high": torch.tensor((image.transpose(2, 0, 1) / 255 - 0.5) / 0.25, dtype=torch.float32)[None],
+        "observation.images.cam_high": torch.tensor(
+            (image.transpose(2, 0, 1) / 255 - 0.5) / 0.25, dtype=torch.float32
+        )[None],
     }
     by_hand = policy._policy.predict_action_chunk(batch)[0].numpy() * 0.05 + np.arange(14) / 10
     assert answer.shape == (50, 14)
@@ -358,27 +386,43 @@ def test_a_diffusion_policy_of_lerobot_is_charged_once_for_its_actions():
         "action": {"min": -one, "max": one},
     }
     policy = LerobotPolicy(
-        get_policy_class("diffusion")(config).eval(), make_pre_post_processors(config, dataset_stats=stats), False
+        get_policy_class("diffusion")(config).eval(),
+        make_pre_post_processors(config, dataset_stats=stats),
+        False,
     )
-    policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (64, 64)}))
+    policy.reset(
+        Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (64, 64)})
+    )
     counts = []
     for n in range(5):
-        assert policy.act(look(time=n / 15, head_camera=np.zeros((64, 64, 3), np.uint8))).shape == (1, 14)
+        assert policy.act(look(time=n / 15, head_camera=np.zeros((64, 64, 3), np.uint8))).shape == (
+            1,
+            14,
+        )
         counts.append(policy.inferences)
     assert counts == [1, 1, 2, 2, 3]
 
 
 def test_a_network_is_charged_however_it_is_run_and_cameras_may_be_renamed_or_empty():
-    """As SmolVLA's: select_action calls a method of its own, which runs layers and not a forward of the policy."""
+    """As SmolVLA's: select_action calls a method of its own, which runs layers and not a forward of
+    the policy."""
     torch = pytest.importorskip("torch")
 
     class Network(torch.nn.Module):
         def __init__(self):
             super().__init__()
-            shapes = {"observation.images.camera1": (3, 24, 32), "observation.images.empty_camera_0": (3, 8, 8)}
+            shapes = {
+                "observation.images.camera1": (3, 24, 32),
+                "observation.images.empty_camera_0": (3, 8, 8),
+            }
             images = {key: SimpleNamespace(shape=shape) for key, shape in shapes.items()}
             self.config = SimpleNamespace(
-                image_features=images, input_features={}, output_features={}, n_obs_steps=1, n_action_steps=2, empty_cameras=1
+                image_features=images,
+                input_features={},
+                output_features={},
+                n_obs_steps=1,
+                n_action_steps=2,
+                empty_cameras=1,
             )
             self.inner, self.queue = torch.nn.Sequential(torch.nn.Linear(14, 14)), []
 
@@ -408,7 +452,9 @@ def test_a_network_is_charged_however_it_is_run_and_cameras_may_be_renamed_or_em
             return action
 
     policy = LerobotPolicy(Network(), (Renaming(), Unchanged()), False)
-    policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)}))
+    policy.reset(
+        Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)})
+    )
     counts = []
     for _ in range(4):
         assert policy.act(look(head_camera=np.zeros((24, 32, 3), np.uint8))).shape == (2, 14)

@@ -1,4 +1,5 @@
-"""What a policy was made for against what an evaluation gives: the first difference is named with both values."""
+"""What a policy was made for against what an evaluation gives: the first difference is named with
+both values."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +10,15 @@ from pipeline.data.setup import Setup
 from pipeline.evaluate.policies.contract import Contract, check_contract, mismatch
 from pipeline.evaluate.policies.policy import PolicyError, Start
 
-START = Start("press the bell", "aloha-agilex", ("left_a", "left_gripper"), 15, ("head_camera",), 3, {"head_camera": (240, 320)})
+START = Start(
+    "press the bell",
+    "aloha-agilex",
+    ("left_a", "left_gripper"),
+    15,
+    ("head_camera",),
+    3,
+    {"head_camera": (240, 320)},
+)
 
 
 def test_a_policy_without_wishes_fits_everything():
@@ -23,8 +32,14 @@ def test_a_policy_without_wishes_fits_everything():
 @pytest.mark.parametrize(
     ("wanted", "both"),
     [
-        (Contract(action_names=("left_a", "right_gripper")), ("left_a right_gripper", "left_a left_gripper")),
-        (Contract(action_names=("left_gripper", "left_a")), ("left_gripper left_a", "left_a left_gripper")),
+        (
+            Contract(action_names=("left_a", "right_gripper")),
+            ("left_a right_gripper", "left_a left_gripper"),
+        ),
+        (
+            Contract(action_names=("left_gripper", "left_a")),
+            ("left_gripper left_a", "left_a left_gripper"),
+        ),
         (Contract(image_sizes={"head_camera": (480, 640)}), ("640x480", "320x240")),
         (Contract(image_sizes={"left_camera": (240, 320)}), ("left_camera", "head_camera")),
         (Contract(rate=50), ("50 Hz", "15 Hz")),
@@ -41,7 +56,14 @@ def test_a_difference_is_one_line_with_both_values(wanted, both):
     assert str(error.value) == reason
 
 
-WRIST = {"name": "wrist", "link": "right_link6", "pose": (0, 0, 0, 1, 0, 0, 0), "width": 64, "height": 48, "fovy": 60}
+WRIST = {
+    "name": "wrist",
+    "link": "right_link6",
+    "pose": (0, 0, 0, 1, 0, 0, 0),
+    "width": 64,
+    "height": 48,
+    "fovy": 60,
+}
 
 
 @pytest.mark.parametrize(
@@ -49,7 +71,11 @@ WRIST = {"name": "wrist", "link": "right_link6", "pose": (0, 0, 0, 1, 0, 0, 0), 
     [
         ({"fps": 30}, {}, "--fps 30"),
         ({"size": [160, 120]}, {}, "--size 160x120"),
-        ({"cameras": ["head_camera", "observer"]}, {"cameras": ["head"]}, "--cameras head_camera,observer_camera"),
+        (
+            {"cameras": ["head_camera", "observer"]},
+            {"cameras": ["head"]},
+            "--cameras head_camera,observer_camera",
+        ),
         ({"setup": Setup(camera="L515")}, {}, "--camera-type L515"),
         ({"setup": {"layout": "original"}}, {}, "--layout original"),
         ({"setup": Setup(depth=True)}, {}, "--depth, or --like"),
@@ -67,6 +93,11 @@ def test_a_policy_of_another_setup_is_refused_with_the_option_that_helps(policy,
 
 
 def test_a_policy_of_the_same_setup_or_of_less_is_taken():
-    start = replace(START, setup=Setup(fps=30, depth=True, cameras=("left", "head", "observer"), lead=1.0, rules="domino"))
+    start = replace(
+        START,
+        setup=Setup(
+            fps=30, depth=True, cameras=("left", "head", "observer"), lead=1.0, rules="domino"
+        ),
+    )
     check_contract(SimpleNamespace(setup=start.setup, size="large", cameras=3), start)
     check_contract(SimpleNamespace(fps=30, cameras=["head_camera"], setup={"depth": False}), start)

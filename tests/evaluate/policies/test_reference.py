@@ -1,4 +1,5 @@
-"""Where the interceptor believes it will meet the target: a fixed point of rehearsals, without the simulator."""
+"""Where the interceptor believes it will meet the target: a fixed point of rehearsals, without the
+simulator."""
 
 from types import SimpleNamespace
 
@@ -14,12 +15,15 @@ SPEED = np.array([0.0, -0.1, 0.0])
 
 
 def rehearsing(monkeypatch, reachable):
-    """Rehearsals that take 1 s and 4 s a metre of y, where `reachable(y)` holds; the aims asked for."""
+    """Rehearsals that take 1 s and 4 s a metre of y, where `reachable(y)` holds; the aims asked
+    for."""
     aims = []
 
     def rehearse(scene, aim, fps):
         aims.append(aim[1])
-        return Rehearsal(aim, np.zeros((1, 14)), 0, 1 + 4 * aim[1], {}) if reachable(aim[1]) else None
+        return (
+            Rehearsal(aim, np.zeros((1, 14)), 0, 1 + 4 * aim[1], {}) if reachable(aim[1]) else None
+        )
 
     monkeypatch.setattr(reference, "rehearse", rehearse)
     return aims

@@ -1,4 +1,5 @@
-"""Admitted seeds, results on disk, policies by name: without the simulator, where it does not matter."""
+"""Admitted seeds, results on disk, policies by name: without the simulator, where it does not
+matter."""
 
 import json
 from dataclasses import replace
@@ -11,7 +12,13 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError, chunk_of
 from pipeline.evaluate.scenes.case import Case
-from pipeline.evaluate.scenes.manifests import Manifest, Manifests, ProtocolError, first_seed, most_tries
+from pipeline.evaluate.scenes.manifests import (
+    Manifest,
+    Manifests,
+    ProtocolError,
+    first_seed,
+    most_tries,
+)
 from pipeline.evaluate.scoring.results import Results, ResultsError
 from pipeline.motion.planar.motion import PlanarMotion
 
@@ -21,13 +28,21 @@ MOTION = PlanarMotion.still([0.1, 0.2, 0.74, 1, 0, 0, 0], 2.0).to_json()
 
 
 def pretend(solved, calls=None):
-    """A runner that has an expert who solves the seeds for which `solved` holds; jobs end in reverse order."""
+    """A runner that has an expert who solves the seeds for which `solved` holds; jobs end in
+    reverse order."""
 
     def run(work, jobs):
         for job in reversed(list(jobs)):
             if calls is not None:
                 calls.append((job.cell.level, job.seed))
-            yield job, Case(job.spec, MOTION, 2.0, 30, "s", "e") if solved(job.seed) else "dry_run: no_success"
+            yield (
+                job,
+                (
+                    Case(job.spec, MOTION, 2.0, 30, "s", "e")
+                    if solved(job.seed)
+                    else "dry_run: no_success"
+                ),
+            )
 
     return run
 
@@ -44,23 +59,33 @@ def test_the_first_seeds_that_the_expert_solves_are_admitted(tmp_path):
     assert seeds(found[CELL]) == [200_000, 200_002, 200_003, 200_005]
     assert seeds(found[OTHER]) == seeds(found[CELL])
     assert len(calls) == len(set(calls)) == 12
-    assert manifests.read(CELL).refused == {200_001: "dry_run: no_success", 200_004: "dry_run: no_success"}
+    assert manifests.read(CELL).refused == {
+        200_001: "dry_run: no_success",
+        200_004: "dry_run: no_success",
+    }
 
 
 def test_alphas_apart_have_scenes_of_their_own(tmp_path):
     manifests, slow = Manifests(tmp_path, apart=True), replace(CELL, alpha=0.05)
     found = manifests.admitted([CELL, slow], 2, pretend(lambda seed: True))
     assert not set(seeds(found[CELL])) & set(seeds(found[slow]))
-    assert found == manifests.admitted([CELL, slow], 2, pretend(lambda seed: pytest.fail("tried again")))
+    assert found == manifests.admitted(
+        [CELL, slow], 2, pretend(lambda seed: pytest.fail("tried again"))
+    )
     assert Manifests(tmp_path).path(CELL) != manifests.path(CELL)
 
 
 def test_a_manifest_is_used_again_and_extended_in_order(tmp_path):
     manifests, calls = Manifests(tmp_path), []
     manifests.admitted([CELL], 2, pretend(lambda seed: True))
-    assert seeds(manifests.admitted([CELL], 2, pretend(lambda seed: True, calls))[CELL]) == [100_000, 100_001]
+    assert seeds(manifests.admitted([CELL], 2, pretend(lambda seed: True, calls))[CELL]) == [
+        100_000,
+        100_001,
+    ]
     assert calls == []
-    assert seeds(manifests.admitted([CELL], 3, pretend(lambda seed: True, calls))[CELL])[-1] == 100_002
+    assert (
+        seeds(manifests.admitted([CELL], 3, pretend(lambda seed: True, calls))[CELL])[-1] == 100_002
+    )
     assert calls == [(1, 100_002)]
     text = manifests.path(CELL).read_bytes()
     assert Manifest.from_json(text).to_json() == text
@@ -94,7 +119,8 @@ def test_a_manifest_of_another_cell_is_refused(tmp_path):
         manifests.read(CELL)
 
 
-# --- results ----------------------------------------------------------------------------------------------------------------
+# --- results
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_line_that_was_cut_off_is_dropped_and_written_again(tmp_path):
@@ -134,7 +160,8 @@ def test_rows_that_contradict_each_other_are_refused_and_so_is_another_writer(tm
         Results(path)
 
 
-# --- policies ---------------------------------------------------------------------------------------------------------------
+# --- policies
+# ------------------------------------------------------------------------------------------
 
 
 def test_built_in_policies_take_numbers():
@@ -143,14 +170,17 @@ def test_built_in_policies_take_numbers():
         policy_name("pi7")
     with pytest.raises(PolicyError, match="key=number"):
         policy_name("interceptor:noise")
-    with pytest.raises(PolicyError, match=r"interceptor has no wisdom; it takes noise, delay, chunk$"):
+    with pytest.raises(
+        PolicyError, match=r"interceptor has no wisdom; it takes noise, delay, chunk$"
+    ):
         policy_name("interceptor:wisdom=3")
 
 
 def test_a_file_makes_a_policy_and_carries_its_hash(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(
-        "class P:\n    def reset(self, start): pass\n    def act(self, o): return o.joints\ndef make_policy(): return P()\n"
+        "class P:\n    def reset(self, start): pass\n    def act(self, o): return o.joints\ndef"
+        " make_policy(): return P()\n"
     )
     name = policy_name(str(path))
     assert name.label.startswith("mine.py@")
@@ -160,7 +190,8 @@ def test_a_file_makes_a_policy_and_carries_its_hash(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("", "make_policy"), ("1/0", "ZeroDivisionError"), ("def make_policy(): return 3", "reset")]
+    ("text", "said"),
+    [("", "make_policy"), ("1/0", "ZeroDivisionError"), ("def make_policy(): return 3", "reset")],
 )
 def test_a_file_that_makes_none_is_refused_in_one_line(tmp_path, text, said):
     path = tmp_path / "bad.py"
@@ -181,7 +212,9 @@ def test_answers_are_actions_or_chunks():
 
 
 def test_cases_are_told_apart_by_their_motion():
-    case = Case(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3), MOTION, 2.0, 30, "s", "e")
+    case = Case(
+        EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3), MOTION, 2.0, 30, "s", "e"
+    )
     moved = PlanarMotion.still([0.1, 0.3, 0.74, 1, 0, 0, 0], 2.0).to_json()
     assert case.digest != replace(case, motion=moved).digest
     assert Case.from_dict(json.loads(json.dumps(case.to_dict()))) == case

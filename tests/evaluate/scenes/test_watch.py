@@ -22,19 +22,36 @@ def block_log(heights):
     poses[:, 0, 2] = heights
     empty = np.zeros((n, 0))
     contacts = np.empty(0, dtype=[("frame", "<i4")])
-    many = {"joints": (), "qpos": empty, "qvel": empty, "vector_names": (), "state": empty, "action": empty}
+    many = {
+        "joints": (),
+        "qpos": empty,
+        "qvel": empty,
+        "vector_names": (),
+        "state": empty,
+        "action": empty,
+    }
     return StateLog(
-        times=np.arange(n) / 15, bodies=("block",), poses=poses, **many, tcp=empty, target_velocity=empty, contacts=contacts
+        times=np.arange(n) / 15,
+        bodies=("block",),
+        poses=poses,
+        **many,
+        tcp=empty,
+        target_velocity=empty,
+        contacts=contacts,
     )
 
 
 @pytest.mark.parametrize(("peak", "lifted"), [(0.78, True), (0.76, False)])
 def test_a_lift_between_two_frames_counts(peak, lifted):
-    rise = {"conditions": lambda outcome, arms: {"was_lifted": outcome.highest_rise("block") > 0.03}}
+    rise = {
+        "conditions": lambda outcome, arms: {"was_lifted": outcome.highest_rise("block") > 0.03}
+    }
     task = SimpleNamespace(manipulated="block", target="block", **rise)
     scene = SimpleNamespace(task=task, bodies={}, embodiment=None, rules=STRICT, arms={})
     now = {"z": 0.74}
-    simulation = SimpleNamespace(pose=lambda name: np.array([0, 0, now["z"], 1, 0, 0, 0]), time=1 / 15)
+    simulation = SimpleNamespace(
+        pose=lambda name: np.array([0, 0, now["z"], 1, 0, 0, 0]), time=1 / 15
+    )
     watch = Watch(scene, simulation, SimpleNamespace(log=lambda: block_log([0.74, 0.74])))
     for now["z"] in (0.74, peak, 0.74):
         watch.after_step()

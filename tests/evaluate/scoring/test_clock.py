@@ -8,7 +8,15 @@ import pytest
 from pipeline.evaluate.scoring.clock import STEP_LOCKED_RATE, ClockError, parse_clock
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 
-MOTION = PlanarMotion(1, 0.1, 2.0, 0.0, 0.74, np.array([1.0, 0, 0, 0]), (Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.1, 0.0]])),))
+MOTION = PlanarMotion(
+    1,
+    0.1,
+    2.0,
+    0.0,
+    0.74,
+    np.array([1.0, 0, 0, 0]),
+    (Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.1, 0.0]])),),
+)
 
 
 def rng():

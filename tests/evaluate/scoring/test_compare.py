@@ -18,9 +18,29 @@ def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a"):
     """A run in `out`: seed i of the task solved where solved[i] holds, at every level."""
     results = Results(out / EPISODES)
     for level, (seed, success) in itertools.product(levels, enumerate(solved)):
-        spec = {"task": task, "embodiment": "r", "level": level, "alpha": 0.1, "domain": "clean", "seed": seed}
-        row = {"policy": policy, "probe": "", "clock": clock, "rules": "strict", "category": "tracking", "failure": ""} | spec
-        row |= {"success": bool(success), "same_start": True, "sees_truth": False, "failed": [], "penalties": []}
+        spec = {
+            "task": task,
+            "embodiment": "r",
+            "level": level,
+            "alpha": 0.1,
+            "domain": "clean",
+            "seed": seed,
+        }
+        row = {
+            "policy": policy,
+            "probe": "",
+            "clock": clock,
+            "rules": "strict",
+            "category": "tracking",
+            "failure": "",
+        } | spec
+        row |= {
+            "success": bool(success),
+            "same_start": True,
+            "sees_truth": False,
+            "failed": [],
+            "penalties": [],
+        }
         row |= {"route_completion": 0.0, "manipulation_score": 0.0}
         key = text_key((version, policy, clock, json.dumps(spec), "digest", []))
         results.append(key, row)
@@ -32,7 +52,10 @@ def test_the_exact_test_is_mcnemars_and_brute_force():
         wanted = binomtest(won, won + lost).pvalue if won + lost else 1.0
         assert sign_flip([1] * won + [-1] * lost + [0] * 5) == pytest.approx(wanted)
     sums = [3, -1, 2, 2, 0, -3, 1]
-    flipped = [abs(np.dot(signs, sums)) >= abs(sum(sums)) for signs in itertools.product((1, -1), repeat=len(sums))]
+    flipped = [
+        abs(np.dot(signs, sums)) >= abs(sum(sums))
+        for signs in itertools.product((1, -1), repeat=len(sums))
+    ]
     assert sign_flip(sums) == pytest.approx(np.mean(flipped))
 
 
@@ -67,34 +90,64 @@ def test_policies_are_paired_by_scene(tmp_path):
     b = write(tmp_path / "b", "q", [1, 1, 1, 0, 0, 1])
     first, second = read_arms([a, b])
     (row,) = compare(first, second, 5)
-    assert (row["first"], row["second"], row["scenes"], row["won"], row["lost"]) == ("p", "q", 6, 3, 1)
-    assert row["effect"] == pytest.approx(100 * (4 - 2) / 6) and row["p"] == pytest.approx(binomtest(3, 4).pvalue)
+    assert (row["first"], row["second"], row["scenes"], row["won"], row["lost"]) == (
+        "p",
+        "q",
+        6,
+        3,
+        1,
+    )
+    assert row["effect"] == pytest.approx(100 * (4 - 2) / 6) and row["p"] == pytest.approx(
+        binomtest(3, 4).pvalue
+    )
     assert row["interval"][0] < row["effect"] < row["interval"][1]
 
 
 def test_levels_and_networks_of_one_scene_count_once(tmp_path):
     one, other = [1, 0, 1, 0, 0], [1, 1, 1, 1, 0]
-    single = compare(*read_arms([write(tmp_path / "a", "p", one), write(tmp_path / "b", "q", other)]), 5)[0]
-    a, b = write(tmp_path / "c", "p", one, levels=(1, 3)), write(tmp_path / "d", "q", other, levels=(1, 3))
+    single = compare(
+        *read_arms([write(tmp_path / "a", "p", one), write(tmp_path / "b", "q", other)]), 5
+    )[0]
+    a, b = (
+        write(tmp_path / "c", "p", one, levels=(1, 3)),
+        write(tmp_path / "d", "q", other, levels=(1, 3)),
+    )
     every, *parts = compare(*read_arms([a, b]), 5)
     assert [part["what"] for part in parts] == ["level 1", "level 3"]
-    assert (every["interval"], every["p"], every["needed"]) == (single["interval"], single["p"], single["needed"])
+    assert (every["interval"], every["p"], every["needed"]) == (
+        single["interval"],
+        single["p"],
+        single["needed"],
+    )
     networks = ",".join((a, write(tmp_path / "e", "p2", one, levels=(1, 3))))
     pooled = compare(*read_arms([networks, b]), 5)[0]
-    assert (pooled["interval"], pooled["p"], pooled["scenes"]) == (single["interval"], single["p"], 5)
+    assert (pooled["interval"], pooled["p"], pooled["scenes"]) == (
+        single["interval"],
+        single["p"],
+        5,
+    )
 
 
 def test_the_scenes_of_both_are_compared_and_counted(tmp_path):
     a, b = write(tmp_path / "a", "p", [1, 0, 1, 0] * 10), write(tmp_path / "b", "q", [1] * 4)
     (row,) = compare(*read_arms([a, b]), 5)
-    assert (row["scenes"], row["shared"], row["won"], row["first_rate"], row["second_rate"]) == (4, 4, 2, 50, 100)
+    assert (row["scenes"], row["shared"], row["won"], row["first_rate"], row["second_rate"]) == (
+        4,
+        4,
+        2,
+        50,
+        100,
+    )
     told = CliRunner().invoke(app, ["compare", a, b])
     assert told.output.splitlines()[-1] == "q against p: the 4 episodes of both, of 4 and 40"
 
 
 def test_other_scenes_are_refused_unless_unpaired(tmp_path):
     a, b = write(tmp_path / "a", "p", [1, 0, 1, 0] * 10), write(tmp_path / "b", "q", [1] * 30)
-    late, task = write(tmp_path / "c", "q", [1] * 40, clock="latency:100"), write(tmp_path / "d", "q", [1], task="other")
+    late, task = (
+        write(tmp_path / "c", "q", [1] * 40, clock="latency:100"),
+        write(tmp_path / "d", "q", [1], task="other"),
+    )
     with pytest.raises(CompareError, match="p and q share no episode"):
         compare(*read_arms([a, task]), 5)
     with pytest.raises(CompareError, match="differ in clock: sim and latency:100; add --unpaired"):

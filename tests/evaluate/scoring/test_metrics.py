@@ -81,9 +81,12 @@ def test_a_hold_is_every_part_of_a_grip_at_two_frames_in_a_row():
     log = make_log("aloha-agilex", 12, 15, 0)
     hold = Hold(((frozenset({"left_hand"}), frozenset({"right_hand"})),))
     target, left, right = (log.bodies.index(name) for name in ("target", "left_hand", "right_hand"))
-    # the left hand from frame 6 on, the right one at 7, and from 9 on: held alone at 7, in a row from 9
+    # the left hand from frame 6 on, the right one at 7, and from 9 on: held alone at 7, in a row
+    # from 9
     pairs = [(frame, left) for frame in range(6, 12)] + [(frame, right) for frame in (7, 9, 10, 11)]
-    log.contacts = np.array([(frame, target, hand, 0.1, (0, 0, 0), 1) for frame, hand in sorted(pairs)], CONTACT_DTYPE)
+    log.contacts = np.array(
+        [(frame, target, hand, 0.1, (0, 0, 0), 1) for frame, hand in sorted(pairs)], CONTACT_DTYPE
+    )
     log.events = [Event("meeting", 5.5 / 15)]
     assert time_to_hold(log, hold, "target") == pytest.approx(3.5 / 15)
     log.contacts = log.contacts[log.contacts["b"] == left]

@@ -13,7 +13,14 @@ class World:
     """Records what is executed: an action a period, None where the last command is held."""
 
     def __init__(self, periods):
-        self.periods, self.done, self.length, self.fps, self.per_period, self.asked = periods, [], 1, FPS, STEPS, []
+        self.periods, self.done, self.length, self.fps, self.per_period, self.asked = (
+            periods,
+            [],
+            1,
+            FPS,
+            STEPS,
+            [],
+        )
 
     @property
     def ending(self):
@@ -26,13 +33,16 @@ class World:
         self.done += [None] * round(steps / STEPS)
 
     def plan(self, length, delays):
-        """A policy whose action for period k is k, plus a thousandth for each question; delays in periods."""
+        """A policy whose action for period k is k, plus a thousandth for each question; delays in
+        periods."""
 
         def ask(committed):
             number, now = len(self.asked), len(self.done)
             self.asked.append((now, committed[:, 0].round().tolist()))
             committed[:] = -1  # what is being executed already cannot be changed
-            return now + np.arange(length)[:, None] + number / 1000, delays[number % len(delays)] / FPS
+            return now + np.arange(length)[:, None] + number / 1000, delays[
+                number % len(delays)
+            ] / FPS
 
         return ask
 
@@ -52,7 +62,9 @@ def test_overlapped_every_period_executes_the_action_that_was_planned_for_it(del
     assert [int(action) for action in world.done[first:]] == list(range(first, 60))
     # half of a chunk at the latest, and never while an answer is under way
     gaps = np.diff([now for now, _ in world.asked])
-    assert all(gap >= delays[n % len(delays)] for n, gap in enumerate(gaps)) and gaps.max() <= max(5, *delays)
+    assert all(gap >= delays[n % len(delays)] for n, gap in enumerate(gaps)) and gaps.max() <= max(
+        5, *delays
+    )
 
 
 def test_the_policy_is_told_what_will_be_executed_meanwhile():
@@ -72,14 +84,24 @@ def test_chunks_go_over_into_each_other():
     assert join_chunks(old, new, 2, "switch")[:, 0].tolist() == [1, 1, 1, 1]
     assert join_chunks(old, new, 2, "blend")[:, 0] == pytest.approx([0.25, 0.5, 0.75, 1])
     c = np.array([3, 2, 1]) / 4
-    assert join_chunks(old, new, 2, "rtc")[:3, 0] == pytest.approx(1 - c * (np.exp(c) - 1) / (np.e - 1))
+    assert join_chunks(old, new, 2, "rtc")[:3, 0] == pytest.approx(
+        1 - c * (np.exp(c) - 1) / (np.e - 1)
+    )
     assert join_chunks(np.empty((0, 1)), new, 9, "rtc")[:, 0].tolist() == [1]
 
 
 def test_names_of_overlapping_clocks():
     clock = parse_clock("async:normal:200:20:rtc")
-    assert (clock.name, clock.kind, clock.values, clock.join) == ("async:normal:200:20:rtc", "normal", (200.0, 20.0), "rtc")
-    assert parse_clock("async:200").join == "switch" and parse_clock("async:measured:blend").join == "blend"
+    assert (clock.name, clock.kind, clock.values, clock.join) == (
+        "async:normal:200:20:rtc",
+        "normal",
+        (200.0, 20.0),
+        "rtc",
+    )
+    assert (
+        parse_clock("async:200").join == "switch"
+        and parse_clock("async:measured:blend").join == "blend"
+    )
     assert parse_clock("latency:200").join is None
     for text in ("async", "async:", "async:rtc", "latency:200:rtc", "async:200:soft", "async:-1"):
         with pytest.raises(ClockError):

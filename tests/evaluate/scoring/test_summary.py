@@ -36,21 +36,40 @@ def row(task, success, score, category="tracking", level=1, **other):
         "domain": "clean",
     }
     seen = {"same_start": True, "sees_truth": False, "seed": 0}
-    values = {"success": success, "route_completion": score, "manipulation_score": score, "penalties": []} | seen
+    values = {
+        "success": success,
+        "route_completion": score,
+        "manipulation_score": score,
+        "penalties": [],
+    } | seen
     return (
         cell
-        | {"category": category, "failure": "" if success else "missed", "failed": [] if success else ["touched"]}
+        | {
+            "category": category,
+            "failure": "" if success else "missed",
+            "failed": [] if success else ["touched"],
+        }
         | values
         | other
     )
 
 
-ROWS = [row("a", True, 100.0), row("a", False, 20.0), row("b", True, 100.0, "interception"), row("a", False, 0.0, level=3)]
+ROWS = [
+    row("a", True, 100.0),
+    row("a", False, 20.0),
+    row("b", True, 100.0, "interception"),
+    row("a", False, 0.0, level=3),
+]
 
 
 def test_cells_are_counted_apart():
     a, b, a3 = summarise(ROWS)
-    assert (a["task"], a["episodes"], a["success_rate"], a["manipulation_score"]) == ("a", 2, 50.0, 60.0)
+    assert (a["task"], a["episodes"], a["success_rate"], a["manipulation_score"]) == (
+        "a",
+        2,
+        50.0,
+        60.0,
+    )
     assert a["failures"] == {"missed": 1}
     assert a["failed_conditions"] == {"touched": 1}
     assert (b["success_rate"], b["failures"]) == (100.0, {})
@@ -60,8 +79,13 @@ def test_cells_are_counted_apart():
 
 def test_rules_are_counted_apart():
     both = [row("a", True, 100.0), row("a", False, 0.0, rules="domino")]
-    assert [(c["rules"], c["success_rate"]) for c in summarise(both)] == [("strict", 100.0), ("domino", 0.0)]
-    assert {(m["rules"], m["success_rate"]) for m in over_tasks(both) if m["category"] == "all"} == {
+    assert [(c["rules"], c["success_rate"]) for c in summarise(both)] == [
+        ("strict", 100.0),
+        ("domino", 0.0),
+    ]
+    assert {
+        (m["rules"], m["success_rate"]) for m in over_tasks(both) if m["category"] == "all"
+    } == {
         ("strict", 100.0),
         ("domino", 0.0),
     }
@@ -75,7 +99,9 @@ def test_every_task_counts_the_same_in_a_mean():
     assert means[1, "interception"]["tasks"] == 1
     for kind, solved, episodes in (("interception", 1, 1), ("tracking", 1, 2)):
         wanted = binomtest(solved, episodes).proportion_ci(method="wilson")
-        assert means[1, kind]["success_rate_interval"] == pytest.approx((100 * wanted.low, 100 * wanted.high))
+        assert means[1, kind]["success_rate_interval"] == pytest.approx(
+            (100 * wanted.low, 100 * wanted.high)
+        )
     # tasks of one and two episodes: the variance of the mean is that of 2^2 / (1 + 1/2) episodes
     low, high = means[1, "all"]["success_rate_interval"]
     assert (low, high) == pytest.approx([100 * x for x in wilson(2.0, 8 / 3)])

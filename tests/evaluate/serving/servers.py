@@ -14,7 +14,9 @@ from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
 from pipeline.evaluate.serving.session import ServerOptions
 
 NAMES = (*(f"left_{n}" for n in range(6)), "left_gripper")
-START = Start("press the bell", "aloha-agilex", NAMES, 15, ("head_camera",), 7, {"head_camera": (6, 8)})
+START = Start(
+    "press the bell", "aloha-agilex", NAMES, 15, ("head_camera",), 7, {"head_camera": (6, 8)}
+)
 
 
 class Echo:
@@ -29,20 +31,28 @@ class Echo:
     def act(self, observation):
         if observation.time > 100:
             raise KeyError("too late\nfor this")
-        return np.repeat(observation.joints[None] + max(i.max() for i in observation.images.values()), 2, 0)
+        return np.repeat(
+            observation.joints[None] + max(i.max() for i in observation.images.values()), 2, 0
+        )
 
 
 def look(bright, at=1.0):
-    return Observation(np.arange(7.0), "press", at, {"head_camera": np.full((6, 8, 3), bright, np.uint8)})
+    return Observation(
+        np.arange(7.0), "press", at, {"head_camera": np.full((6, 8, 3), bright, np.uint8)}
+    )
 
 
 @contextmanager
-def serving(make: Callable[[], Any] = Echo, token=None, options=None, tell=lambda line: None, **limits):
+def serving(
+    make: Callable[[], Any] = Echo, token=None, options=None, tell=lambda line: None, **limits
+):
     """The port of a server of policies, which must still be running at the end."""
     place = Place(port=0, token=token)
     server = PolicyServer(make, options or ServerOptions("echo"), place, Limits(**limits), tell)
     loop, stop, up = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
-    thread = threading.Thread(target=loop.run_until_complete, args=(server.serve(stop, lambda port: up.set()),))
+    thread = threading.Thread(
+        target=loop.run_until_complete, args=(server.serve(stop, lambda port: up.set()),)
+    )
     thread.start()
     assert up.wait(10)
     try:

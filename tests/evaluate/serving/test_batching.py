@@ -1,4 +1,5 @@
-"""One policy for many episodes: its answers are those of one episode at a time, whatever arrives when."""
+"""One policy for many episodes: its answers are those of one episode at a time, whatever arrives
+when."""
 
 import threading
 from dataclasses import replace
@@ -43,11 +44,12 @@ class Wanders(BatchPolicy):
 
 def make_policy():
     return Wanders()
-'''
+'''  # noqa: E501
 
 
 class Counts(BatchPolicy):
-    """Answers with the number of the question in its episode; fails for a negative time; keeps the sizes of its batches."""
+    """Answers with the number of the question in its episode; fails for a negative time; keeps the
+    sizes of its batches."""
 
     def __init__(self, gate=None):
         self.sizes, self.gate = [], gate
@@ -63,7 +65,9 @@ class Counts(BatchPolicy):
             raise KeyError("no such time")
         for episode, _ in asked:
             episode["asked"] += 1
-        return [1000.0 * episode["seed"] + episode["asked"] + seen.joints for episode, seen in asked]
+        return [
+            1000.0 * episode["seed"] + episode["asked"] + seen.joints for episode, seen in asked
+        ]
 
 
 def look(time=0.0):
@@ -150,7 +154,9 @@ def test_the_wait_has_a_bound_and_closing_ends_what_waits():
 
 
 def test_a_policy_of_single_episodes_is_refused_in_one_line():
-    with pytest.raises(PolicyError, match=r"waits\.py: answers one episode at a time .* leave out --batch-wait"):
+    with pytest.raises(
+        PolicyError, match=r"waits\.py: answers one episode at a time .* leave out --batch-wait"
+    ):
         batcher_of(Echo(), "waits.py", 0.0)
 
 
@@ -158,7 +164,10 @@ def test_an_episode_in_batches_with_others_gives_the_numbers_of_one_alone(tmp_pa
     (tmp_path / "wanders.py").write_text(SOURCE)
     name = policy_name(str(tmp_path / "wanders.py"))
     here = replace(name, process="evaluator")
-    jobs = [EpisodeJob(case_of("click_bell"), here, parse_clock(clock)) for clock in ("sim", "async:100:rtc")]
+    jobs = [
+        EpisodeJob(case_of("click_bell"), here, parse_clock(clock))
+        for clock in ("sim", "async:100:rtc")
+    ]
     alone, over = [run_episode(job) for job in jobs], threading.Event()
     with host_policy(name, 4, 0.002) as shared:
 
@@ -166,7 +175,11 @@ def test_an_episode_in_batches_with_others_gives_the_numbers_of_one_alone(tmp_pa
             policy = make_policy(shared)
             policy.reset(START)
             while not over.is_set():
-                policy.act(Observation(np.zeros(7), "press", 0.0, {"head_camera": np.zeros((6, 8, 3), np.uint8)}))
+                policy.act(
+                    Observation(
+                        np.zeros(7), "press", 0.0, {"head_camera": np.zeros((6, 8, 3), np.uint8)}
+                    )
+                )
             policy.close()
 
         others = [threading.Thread(target=disturb) for _ in range(2)]
@@ -190,7 +203,10 @@ def test_clients_of_a_server_share_one_policy():
         for seed in (1, 2):
             client = make_policy(policy_name(f"ws://127.0.0.1:{port}"))
             client.reset(replace(START, seed=seed))
-            answers = [np.asarray(client.act(Observation(np.zeros(7), "press", 0.0, images)))[0, 0] for _ in range(2)]
+            answers = [
+                np.asarray(client.act(Observation(np.zeros(7), "press", 0.0, images)))[0, 0]
+                for _ in range(2)
+            ]
             assert answers == [1000 * seed + 1, 1000 * seed + 2]
             client.close()
     assert policy.sizes == [1] * 4

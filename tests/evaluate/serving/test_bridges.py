@@ -28,12 +28,19 @@ from pipeline.world.robots import get_embodiment
 
 NAMES = get_embodiment("aloha").vector_names
 CAMERAS = ("head_camera", "left_camera")
-START = Start("press the bell", "aloha-agilex", NAMES, 15, CAMERAS, 7, dict.fromkeys(CAMERAS, (24, 32)))
+START = Start(
+    "press the bell", "aloha-agilex", NAMES, 15, CAMERAS, 7, dict.fromkeys(CAMERAS, (24, 32))
+)
 JOINTS = np.arange(14) / 10
 
 
 def look(value=200):
-    return Observation(JOINTS, "press the bell", 0.0, {name: np.full((24, 32, 3), value, np.uint8) for name in CAMERAS})
+    return Observation(
+        JOINTS,
+        "press the bell",
+        0.0,
+        {name: np.full((24, 32, 3), value, np.uint8) for name in CAMERAS},
+    )
 
 
 # The stand-ins read and write messages by the format's own words, with nothing of ours.
@@ -45,7 +52,9 @@ def numpy_out(a):
 
 def numpy_in(value):
     if isinstance(value, dict) and b"__ndarray__" in value:
-        return np.ndarray(buffer=value[b"data"], dtype=np.dtype(value[b"dtype"]), shape=value[b"shape"])
+        return np.ndarray(
+            buffer=value[b"data"], dtype=np.dtype(value[b"dtype"]), shape=value[b"shape"]
+        )
     if isinstance(value, dict):
         return {k: numpy_in(v) for k, v in value.items()}
     return [numpy_in(v) for v in value] if isinstance(value, list) else value
@@ -53,7 +62,8 @@ def numpy_in(value):
 
 @contextmanager
 def websocket(answer, greeting=None):
-    """The port of a server that sends a greeting, then answers every message; what it received, and its clients' headers."""
+    """The port of a server that sends a greeting, then answers every message; what it received, and
+    its clients' headers."""
     seen = SimpleNamespace(messages=[], headers=[])
 
     def handle(socket):
@@ -64,7 +74,9 @@ def websocket(answer, greeting=None):
             for data in socket:
                 seen.messages.append(numpy_in(msgpack.unpackb(data)))
                 told = answer(seen.messages[-1])
-                socket.send(told if isinstance(told, str) else msgpack.packb(told, default=numpy_out))
+                socket.send(
+                    told if isinstance(told, str) else msgpack.packb(told, default=numpy_out)
+                )
         except ConnectionClosed:
             return
 
@@ -100,7 +112,12 @@ def test_openpi_is_asked_in_its_own_words(monkeypatch):
     assert set(seen.headers) == {"Api-Key 0123456789abcdef"}
 
 
-KEYS = {"action_keys": [f"action.{part}" for part in ("left_joints", "right_joints", "left_gripper", "right_gripper")]}
+KEYS = {
+    "action_keys": [
+        f"action.{part}"
+        for part in ("left_joints", "right_joints", "left_gripper", "right_gripper")
+    ]
+}
 """The order of upstream's AgilexDataConfig, which is not ours."""
 
 THEIRS = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 12, 6, 13]
@@ -121,7 +138,9 @@ def starvla(message):
 def test_starvla_is_asked_in_its_own_words_and_order():
     greeting = KEYS | {"available_unnorm_keys": ["aloha"], "training_obs_image_size": [16, 20]}
     with websocket(starvla, greeting) as (port, seen):
-        policy = make_policy(policy_name(f"starvla://127.0.0.1:{port}?unnorm_key=aloha&execute=2&state=true"))
+        policy = make_policy(
+            policy_name(f"starvla://127.0.0.1:{port}?unnorm_key=aloha&execute=2&state=true")
+        )
         policy.reset(START)
         assert np.array_equal(policy.act(look()), CHUNK[:2])
         assert np.array_equal(policy.act(look()), CHUNK[:2])
@@ -133,12 +152,17 @@ def test_starvla_is_asked_in_its_own_words_and_order():
         with pytest.raises(PolicyError, match="unnorm_key 'piper' is unknown to the server"):
             make_policy(policy_name(f"starvla://127.0.0.1:{port}?unnorm_key=piper")).reset(START)
     first, second, third = seen.messages
-    assert set(first) == {"type", "request_id", "payload"} and first["request_id"] != second["request_id"]
+    assert (
+        set(first) == {"type", "request_id", "payload"}
+        and first["request_id"] != second["request_id"]
+    )
     assert first["payload"]["unnorm_key"] == "aloha" and first["payload"]["do_sample"] is False
     (example,) = first["payload"]["examples"]
     assert example["lang"] == "press the bell"
     # squashed, not padded: no black rows
-    assert [i.shape for i in example["image"]] == [(16, 20, 3)] * 2 and (example["image"][0] == 200).all()
+    assert [i.shape for i in example["image"]] == [(16, 20, 3)] * 2 and (
+        example["image"][0] == 200
+    ).all()
     assert np.allclose(example["state"], JOINTS[None][:, THEIRS])
     (example,) = third["payload"]["examples"]
     assert set(example) == {"image", "lang"} and example["image"][0].shape == (8, 8, 3)
@@ -147,7 +171,9 @@ def test_starvla_is_asked_in_its_own_words_and_order():
 def test_starvla_of_before_pr_318_is_denormalised_by_its_statistics(tmp_path):
     low, high = np.linspace(-2, -1, 14), np.linspace(1, 3, 14)
     path = tmp_path / "dataset_statistics.json"
-    path.write_text(json.dumps({"new_embodiment": {"action": {"min": low.tolist(), "max": high.tolist()}}}))
+    path.write_text(
+        json.dumps({"new_embodiment": {"action": {"min": low.tolist(), "max": high.tolist()}}})
+    )
     told = np.random.default_rng(0).uniform(-1.2, 1.2, (1, 4, 14)).astype(np.float32)
     order = ",".join(key.removeprefix("action.") for key in KEYS["action_keys"])
 
@@ -169,7 +195,11 @@ def test_starvla_of_before_pr_318_is_denormalised_by_its_statistics(tmp_path):
         with pytest.raises(DominoError, match=r"normalized_actions: give \?statistics="):
             without.act(look())
         without.close()
-    for text, said in (("{}", "has statistics of"), ("3", "no dataset_statistics"), ('{"a": {"action": {"min": [0]}}}', "'max'")):
+    for text, said in (
+        ("{}", "has statistics of"),
+        ("3", "no dataset_statistics"),
+        ('{"a": {"action": {"min": [0]}}}', "'max'"),
+    ):
         path.write_text(text)
         with pytest.raises(PolicyError, match=said):
             read_statistics(path, None, "min_max")
@@ -177,16 +207,25 @@ def test_starvla_of_before_pr_318_is_denormalised_by_its_statistics(tmp_path):
 
 def test_starvla_gets_its_history_by_simulated_time():
     with websocket(starvla, KEYS) as (port, seen):
-        policy = make_policy(policy_name(f"starvla://127.0.0.1:{port}?history=2:3&history_mode=frames&history_size=8&execute=4"))
+        policy = make_policy(
+            policy_name(
+                f"starvla://127.0.0.1:{port}?history=2:3&history_mode=frames&history_size=8&execute=4"
+            )
+        )
         policy.reset(START)
-        # four actions and a stride of three have one period in common; the fourth answer comes 0.4 s late
+        # four actions and a stride of three have one period in common; the fourth answer comes 0.4
+        # s late
         times = [0, 1, 2, 3, 10, 11, 12, 13, 14]
         rows = [policy.act(replace(look(10 * n), time=t / 15)) for n, t in enumerate(times)]
         assert [len(answer) for answer in rows] == [1] * 9 and policy.inferences == 3
         assert np.array_equal(np.concatenate(rows[:4]), CHUNK[:4])
         policy.close()
-    shown = [[int(image[0, 0, 0]) for image in m["payload"]["examples"][0]["history_images"]] for m in seen.messages]
-    # at period 0 nothing is past; at 10, periods 4 and 7 show the image of 3; at 14, 8 shows 3 and 11 itself
+    shown = [
+        [int(image[0, 0, 0]) for image in m["payload"]["examples"][0]["history_images"]]
+        for m in seen.messages
+    ]
+    # at period 0 nothing is past; at 10, periods 4 and 7 show the image of 3; at 14, 8 shows 3 and
+    # 11 itself
     assert shown == [[0, 0], [30, 30], [30, 50]]
     assert seen.messages[0]["payload"]["examples"][0]["history_images"][0].shape == (8, 8, 3)
 
@@ -205,7 +244,10 @@ def test_flow_images_are_black_without_motion_and_red_to_the_right():
     [
         ({"env": "sim"}, "does not tell the order of its actions"),
         ({"action_keys": 3}, "does not tell the order"),
-        ({"action_keys": ["action.base", *KEYS["action_keys"]]}, "action keys: the server has base left_joints"),
+        (
+            {"action_keys": ["action.base", *KEYS["action_keys"]]},
+            "action keys: the server has base left_joints",
+        ),
         ({"action_keys": KEYS["action_keys"][:3]}, "action keys"),
     ],
 )
@@ -288,7 +330,9 @@ def groot(message):
     at, action = 0, {}
     for part, width in parts.items():
         action[part], at = CHUNK[None, :, at : at + width], at + width
-    return {"ping": {"status": "ok"}, "reset": {}, "get_action": [action, {"seconds": 0.1}]}[message["endpoint"]]
+    return {"ping": {"status": "ok"}, "reset": {}, "get_action": [action, {"seconds": 0.1}]}[
+        message["endpoint"]
+    ]
 
 
 def test_groot_is_asked_in_its_own_words():
@@ -301,14 +345,18 @@ def test_groot_is_asked_in_its_own_words():
     observation = seen[2]["data"]["observation"]
     assert observation["video"]["cam_high"].shape == (1, 1, 24, 32, 3)
     assert observation["state"]["right_joints"].tolist() == [[pytest.approx(JOINTS[7:13].tolist())]]
-    assert observation["language"] == {"annotation.human.action.task_description": [["press the bell"]]}
+    assert observation["language"] == {
+        "annotation.human.action.task_description": [["press the bell"]]
+    }
 
 
 def test_the_parts_for_groot_are_those_of_our_exports():
     for robot in ("aloha", "franka", "ur5"):
         names = get_embodiment(robot).vector_names
         facts = SimpleNamespace(log=SimpleNamespace(vector_names=names))
-        exported = {part: slice(at["start"], at["end"]) for part, at in modality(facts, {})["state"].items()}
+        exported = {
+            part: slice(at["start"], at["end"]) for part, at in modality(facts, {})["state"].items()
+        }
         assert parts_of(names) == exported
 
 
@@ -318,7 +366,15 @@ def test_the_parts_for_groot_are_those_of_our_exports():
         ({"error": "boom\nbang"}, "the server failed: boom bang"),
         ([{"left_joints": CHUNK}, {}], "no left_gripper"),
         ([{}, {}], "no left_joints"),
-        ([dict.fromkeys(("left_joints", "left_gripper", "right_joints", "right_gripper"), CHUNK[None]), {}], "shapes"),
+        (
+            [
+                dict.fromkeys(
+                    ("left_joints", "left_gripper", "right_joints", "right_gripper"), CHUNK[None]
+                ),
+                {},
+            ],
+            "shapes",
+        ),
         (7, "int, not a map"),
     ],
 )
@@ -341,7 +397,14 @@ def test_npy_files_are_checked_before_they_are_read():
     for good in (CHUNK, np.asfortranarray(CHUNK), np.zeros((), np.int8)):
         assert np.array_equal(npy(saved(good)), good)
     whole = saved(np.zeros(4))
-    for bad in (saved(np.array([{}]), allow_pickle=True), saved(np.zeros(2, complex)), whole[:-1], whole[:20], b"", b"PK" * 50):
+    for bad in (
+        saved(np.array([{}]), allow_pickle=True),
+        saved(np.zeros(2, complex)),
+        whole[:-1],
+        whole[:20],
+        b"",
+        b"PK" * 50,
+    ):
         with pytest.raises(MessageError):
             npy(bad)
     with pytest.raises(MessageError):

@@ -34,7 +34,10 @@ def test_a_remote_policy_answers_as_the_local_one():
     local = Echo(Contract(rate=15))
     with serving(lambda: local) as port:
         assert policy_name(f"ws://127.0.0.1:{port}").label == "ws:echo"
-        assert policy_name(f"openpi://127.0.0.1:{port}?label=mine&execute=1").label == "openpi:mine,execute=1"
+        assert (
+            policy_name(f"openpi://127.0.0.1:{port}?label=mine&execute=1").label
+            == "openpi:mine,execute=1"
+        )
         policy = remote(port)
         assert policy.contract == Contract(rate=15)
         for start in (START, START):
@@ -51,7 +54,9 @@ def test_a_remote_policy_answers_as_the_local_one():
 def test_depth_goes_over_the_wire_where_there_is_some():
     class Deep(Echo):
         def act(self, observation):
-            return observation.joints + (observation.depth["head_camera"].max() if observation.depth else 0)
+            return observation.joints + (
+                observation.depth["head_camera"].max() if observation.depth else 0
+            )
 
     with serving(Deep) as port:
         policy = remote(port)
@@ -92,7 +97,9 @@ def test_a_mismatch_is_a_refusal_with_both_values(contract, both):
         with pytest.raises(PolicyError) as error:
             policy.reset(START)
         policy.close()
-    assert not isinstance(error.value, NoAnswer) and all(value in str(error.value) for value in both)
+    assert not isinstance(error.value, NoAnswer) and all(
+        value in str(error.value) for value in both
+    )
 
 
 @pytest.mark.parametrize(
@@ -106,7 +113,10 @@ def test_a_mismatch_is_a_refusal_with_both_values(contract, both):
     ],
 )
 def test_a_server_with_another_contract_is_refused_at_once(offer, said):
-    with websocket(lambda m: {}, {"policy": "x", "domino": offer}) as (port, _), pytest.raises(PolicyError, match=said) as error:
+    with (
+        websocket(lambda m: {}, {"policy": "x", "domino": offer}) as (port, _),
+        pytest.raises(PolicyError, match=said) as error,
+    ):
         policy_name(f"ws://127.0.0.1:{port}")
     assert "\n" not in str(error.value)
 
@@ -135,8 +145,16 @@ CHUNK = np.zeros((2, 7))
         ({"actions": CHUNK[:, :5]}, ActionError, r"shape \(5,\)"),
         ({"actions": [1.0]}, ActionError, "no array actions, but actions"),
         ({"action": 3}, ActionError, "no array actions, but action"),
-        ({"actions": np.zeros(3, [("a", "f4")])}, ActionError, "only booleans, integers and floats"),
-        ("Traceback:\nValueError: \x1b[2Jboom", NoAnswer, r"the server failed: ValueError: \\x1b\[2Jboom"),
+        (
+            {"actions": np.zeros(3, [("a", "f4")])},
+            ActionError,
+            "only booleans, integers and floats",
+        ),
+        (
+            "Traceback:\nValueError: \x1b[2Jboom",
+            NoAnswer,
+            r"the server failed: ValueError: \\x1b\[2Jboom",
+        ),
         (ConnectionResetError(), NoAnswer, "closed the connection"),
     ],
 )
@@ -158,7 +176,8 @@ def test_what_a_server_does_wrong_is_one_line(told, kind, said):
 
 @contextmanager
 def rude(after):
-    """The port of a peer that completes the handshake of every connection, then does what `after(connection, protocol)` does."""
+    """The port of a peer that completes the handshake of every connection, then does what
+    `after(connection, protocol)` does."""
     over = threading.Event()
 
     def talk(client):
@@ -239,7 +258,8 @@ def test_a_greeting_without_end_is_given_up(monkeypatch):
         policy_name(f"ws://127.0.0.1:{port}")
 
 
-# --- whose answers these are --------------------------------------------------------------------------------------------------
+# --- whose answers these are
+# ------------------------------------------------------------------------------------------
 
 
 def named(port, options=""):
@@ -258,7 +278,10 @@ def test_two_policies_behind_one_port_have_two_labels():
         before = named(port, "?label=step-9")
         told["actions"] = np.zeros((2, 7))
         other, after = named(port, "?execute=1"), named(port, "?label=step-9")
-    assert first == again and first.label == f"openpi://127.0.0.1:{port},execute=1@{first.probe}" != other.label
+    assert (
+        first == again
+        and first.label == f"openpi://127.0.0.1:{port},execute=1@{first.probe}" != other.label
+    )
     assert before.label == after.label == "openpi:step-9" and before.probe != after.probe
 
 
@@ -268,7 +291,10 @@ def test_a_policy_that_samples_or_fails_needs_a_label():
         with pytest.raises(PolicyError, match=r"differently each time: name it with \?label=NAME"):
             named(port)
         assert named(port, "?label=x").label == "openpi:x"
-    with websocket(lambda m: "no weights", {}) as (port, _), pytest.raises(PolicyError, match="the server failed: no weights"):
+    with (
+        websocket(lambda m: "no weights", {}) as (port, _),
+        pytest.raises(PolicyError, match="the server failed: no weights"),
+    ):
         named(port)
     with pytest.raises(PolicyError, match="a label has up to 80"):
         parse_address(f"openpi://127.0.0.1:{port}?label=a/b", options=("label",)).label()

@@ -14,18 +14,33 @@ from hypothesis.extra import numpy as hnp
 from pipeline.evaluate.serving.messages import MessageError, pack, unpack
 
 NUMBERS = st.sampled_from(["?", "u1", "i2", "<i8", ">i4", "f2", "f4", "f8", ">f8"]).map(np.dtype)
-SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False) | st.text(max_size=20)
-ARRAYS = NUMBERS.flatmap(lambda d: hnp.arrays(d, hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4)))
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=20)
+)
+ARRAYS = NUMBERS.flatmap(
+    lambda d: hnp.arrays(d, hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
+)
 VALUES = st.recursive(
     SCALARS | st.binary(max_size=20) | ARRAYS,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4)
+    ),
     max_leaves=12,
 )
 
 
 def same(a, b):
     if isinstance(a, np.ndarray):
-        return isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+        return (
+            isinstance(b, np.ndarray)
+            and a.dtype == b.dtype
+            and a.shape == b.shape
+            and a.tobytes() == b.tobytes()
+        )
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
     if isinstance(a, list):
@@ -41,7 +56,12 @@ def test_what_is_sent_arrives(message):
 
 def test_the_bytes_are_those_of_openpi():
     raw = msgpack.unpackb(pack({"a": np.array([[1.5, 2.0]]), "n": np.float32(0.5)}))
-    assert raw["a"] == {b"__ndarray__": True, b"data": np.array([1.5, 2.0]).tobytes(), b"dtype": "<f8", b"shape": [1, 2]}
+    assert raw["a"] == {
+        b"__ndarray__": True,
+        b"data": np.array([1.5, 2.0]).tobytes(),
+        b"dtype": "<f8",
+        b"shape": [1, 2],
+    }
     assert raw["n"] == {b"__npgeneric__": True, b"data": 0.5, b"dtype": "<f4"}
     # openpi sends the shape as a tuple, which msgpack makes a list
     assert unpack(msgpack.packb(raw))["a"].flags.writeable
@@ -59,7 +79,16 @@ def test_noise_is_refused_or_is_a_map(data):
 @settings(max_examples=60)
 @given(st.data())
 def test_a_damaged_message_is_refused_or_is_a_map(data):
-    whole = bytearray(pack({"type": "act", "joints": np.zeros(14), "images": {"head": np.zeros((4, 4, 3), np.uint8)}, "n": [1, 2]}))
+    whole = bytearray(
+        pack(
+            {
+                "type": "act",
+                "joints": np.zeros(14),
+                "images": {"head": np.zeros((4, 4, 3), np.uint8)},
+                "n": [1, 2],
+            }
+        )
+    )
     if data.draw(st.booleans()):
         with pytest.raises(MessageError):
             unpack(bytes(whole[: data.draw(st.integers(0, len(whole) - 1))]))
@@ -119,7 +148,15 @@ def test_what_is_no_message_is_refused_in_one_line(data, said):
 
 
 @pytest.mark.parametrize(
-    "value", [np.array([object()]), np.zeros(2, "V4"), np.zeros(2, complex), np.array(["a"]), object(), {1, 2}]
+    "value",
+    [
+        np.array([object()]),
+        np.zeros(2, "V4"),
+        np.zeros(2, complex),
+        np.array(["a"]),
+        object(),
+        {1, 2},
+    ],
 )
 def test_what_cannot_be_read_is_not_sent(value):
     with pytest.raises(MessageError):
@@ -127,7 +164,11 @@ def test_what_cannot_be_read_is_not_sent(value):
 
 
 def test_what_a_message_claims_to_hold_takes_no_memory():
-    claims = (b"\x81\xa1a\xdd\xff\xff\xff\xff", b"\x81\xa1a" + b"\xdc\x10\x00" * 900, b"\x81\xa1a\xc6\xff\xff\xff\xff")
+    claims = (
+        b"\x81\xa1a\xdd\xff\xff\xff\xff",
+        b"\x81\xa1a" + b"\xdc\x10\x00" * 900,
+        b"\x81\xa1a\xc6\xff\xff\xff\xff",
+    )
     tracemalloc.start()
     for data in claims:
         with pytest.raises(MessageError):

@@ -1,4 +1,5 @@
-"""Policies in a process of their own: what they reach, how their process ends, and what is refused."""
+"""Policies in a process of their own: what they reach, how their process ends, and what is
+refused."""
 
 import threading
 import time
@@ -44,10 +45,10 @@ class Cheat:
         return answer
 
 def make_policy(): return Cheat()
-"""
+"""  # noqa: E501
 
-# what an episode does is the first joint of its first observation: NaN, end by a signal, write into the connection, or wait
-# while another process that it has started waits, too
+# what an episode does is the first joint of its first observation: NaN, end by a signal, write into
+# the connection, or wait while another process that it has started waits, too
 FAULTY = """
 import os, subprocess, sys, time
 import numpy as np
@@ -98,19 +99,36 @@ def saved(tmp_path):
     asking._load.cache_clear()
 
 
-def test_a_cheat_in_its_own_process_changes_nothing_and_sees_no_secret(saved, tmp_path, capfd, monkeypatch):
+def test_a_cheat_in_its_own_process_changes_nothing_and_sees_no_secret(
+    saved, tmp_path, capfd, monkeypatch
+):
     for name in ("DOMINO_POLICY_TOKEN", "AWS_SECRET_ACCESS_KEY", "HF_TOKEN", "DATABASE_URL"):
         monkeypatch.setenv(name, "secret")
     log = tmp_path / "new" / "policy.log"
     name = saved(CHEAT, log)
     start = start_of(get_embodiment("aloha-agilex"), BLIND.override({"fps": 30}), "")
-    with pytest.raises(PolicyError, match=r"^policy policy.py@\w+: control rate: the policy has 15 Hz, the evaluation 30 Hz: add"):
+    with pytest.raises(
+        PolicyError,
+        match=(
+            r"^policy policy.py@\w+: control rate: the policy has 15 Hz, the evaluation 30 Hz: add"
+        ),
+    ):
         introduce(name, [start])
     row = run_episode(EpisodeJob(case_of("click_bell", 1), name, parse_clock("sim")))
-    honest = run_episode(EpisodeJob(case_of("click_bell", 1), in_process(Holds), parse_clock("sim")))
-    assert row == honest | {"policy": row["policy"], "process": "own", "seconds_spent": row["seconds_spent"]}
-    assert row["process"] == "own" and not row["success"] and row["asked"] == row["inferences"] > 100
-    assert "no part of a result {}" in log.read_text() and "no part" not in "".join(capfd.readouterr())
+    honest = run_episode(
+        EpisodeJob(case_of("click_bell", 1), in_process(Holds), parse_clock("sim"))
+    )
+    assert row == honest | {
+        "policy": row["policy"],
+        "process": "own",
+        "seconds_spent": row["seconds_spent"],
+    }
+    assert (
+        row["process"] == "own" and not row["success"] and row["asked"] == row["inferences"] > 100
+    )
+    assert "no part of a result {}" in log.read_text() and "no part" not in "".join(
+        capfd.readouterr()
+    )
 
 
 def test_what_a_process_does_costs_its_episode(saved, tmp_path):
@@ -127,7 +145,8 @@ def test_what_a_process_does_costs_its_episode(saved, tmp_path):
         policy.reset(START)
         with pytest.raises(DominoError, match=said):
             policy.act(at(first))
-            policy.act(at(0))  # what was written into the connection answers this question or the last one
+            # what was written into the connection answers this question or the last one
+            policy.act(at(0))
     policy.seconds = 20.0
     policy.reset(START)
     assert np.array_equal(policy.act(at(0))[0], at(0).joints)
@@ -163,14 +182,22 @@ def _is_gone(process):
         ("x = 1", "has no function make_policy"),
         ("def make_policy(): return 7", "int without a method reset"),
         (
-            "import sys\nclass P:\n    setup = property(lambda self: sys.exit(0))\n    reset = act = None\n"
-            "    def reset(self, start): pass\n    def act(self, o): pass\nmake_policy = P",
+            (
+                "import sys\nclass P:\n    setup = property(lambda self: sys.exit(0))\n    reset ="
+                " act = None\n    def reset(self, start): pass\n    def act(self, o):"
+                " pass\nmake_policy = P"
+            ),
             "attribute setup cannot be read: the process ended by itself: exit code 0",
         ),
         (
-            "class Sees:\n    def reset(self, start): pass\n    def act(self, o): pass\n    def see(self, trial, case): pass\n"
-            "make_policy = Sees",
-            "policy.py: is shown the simulation and cannot run in a process of its own: add --in-process",
+            (
+                "class Sees:\n    def reset(self, start): pass\n    def act(self, o): pass\n    def"
+                " see(self, trial, case): pass\nmake_policy = Sees"
+            ),
+            (
+                "policy.py: is shown the simulation and cannot run in a process of its own: add"
+                " --in-process"
+            ),
         ),
     ],
 )
@@ -182,11 +209,22 @@ def test_what_cannot_be_made_is_one_line(text, reason, tmp_path):
     thread.start()
     told = ours.recv_bytes().decode()
     thread.join(5)
-    assert not thread.is_alive() and told.startswith("!1008 ") and reason in told and told.isprintable()
+    assert (
+        not thread.is_alive()
+        and told.startswith("!1008 ")
+        and reason in told
+        and told.isprintable()
+    )
 
 
 @pytest.mark.parametrize(
-    ("text", "process"), [("random", "evaluator"), ("robotwin:robotwin", "own"), ("xpolicylab:model.py", "own"), ("mine.py", "own")]
+    ("text", "process"),
+    [
+        ("random", "evaluator"),
+        ("robotwin:robotwin", "own"),
+        ("xpolicylab:model.py", "own"),
+        ("mine.py", "own"),
+    ],
 )
 def test_code_of_this_machine_gets_a_process(text, process, tmp_path, monkeypatch):
     (tmp_path / "robotwin").mkdir()

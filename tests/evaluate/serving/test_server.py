@@ -1,4 +1,5 @@
-"""The session of a policy, without a network, and the server: what is refused, and that the next client is always served."""
+"""The session of a policy, without a network, and the server: what is refused, and that the next
+client is always served."""
 
 import http.client
 import json
@@ -38,7 +39,12 @@ EPISODE = {
     "seed": 3,
     "setup": {},
 }
-ACT = {"state": np.zeros(7), "images": {"head_camera": np.zeros((6, 8, 3), np.uint8)}, "prompt": "press", "time": 0.5}
+ACT = {
+    "state": np.zeros(7),
+    "images": {"head_camera": np.zeros((6, 8, 3), np.uint8)},
+    "prompt": "press",
+    "time": 0.5,
+}
 RESET = {"reset": EPISODE}
 
 
@@ -52,7 +58,9 @@ def works(port):
 
 
 def raw(port, **options):
-    return connect(f"ws://127.0.0.1:{port}", compression=None, proxy=None, close_timeout=1, **options)
+    return connect(
+        f"ws://127.0.0.1:{port}", compression=None, proxy=None, close_timeout=1, **options
+    )
 
 
 def ended(client):
@@ -60,11 +68,16 @@ def ended(client):
     reason = client.recv(timeout=5)
     with pytest.raises(ConnectionClosed) as error:
         client.recv(timeout=5)
-    assert isinstance(reason, str) and reason.isprintable() and error.value.rcvd.reason[:20] == reason[:20]
+    assert (
+        isinstance(reason, str)
+        and reason.isprintable()
+        and error.value.rcvd.reason[:20] == reason[:20]
+    )
     return reason, error.value.rcvd.code
 
 
-# --- a session ----------------------------------------------------------------------------------------------------------------
+# --- a session
+# ------------------------------------------------------------------------------------------
 
 
 def test_what_a_policy_is_told_and_answers():
@@ -72,12 +85,23 @@ def test_what_a_policy_is_told_and_answers():
     policy.inferences = 4
     session = Session(policy, ServerOptions("echo"))
     metadata = unpack(pack(session.metadata()))
-    assert metadata["policy"] == "echo" and Offer.read(metadata["domino"]).contract == Contract(rate=15)
+    assert metadata["policy"] == "echo" and Offer.read(metadata["domino"]).contract == Contract(
+        rate=15
+    )
     assert session.answer(RESET) == {}
     answer = unpack(respond(session, pack(ACT)))
-    assert answer["actions"].shape == (2, 7) and answer["inferences"] == 4 and answer["server_timing"]["infer_ms"] >= 0
+    assert (
+        answer["actions"].shape == (2, 7)
+        and answer["inferences"] == 4
+        and answer["server_timing"]["infer_ms"] >= 0
+    )
     (start,) = policy.starts
-    assert (start.instruction, start.seed, start.action_names, start.image_sizes) == ("press", 3, NAMES, {"head_camera": (6, 8)})
+    assert (start.instruction, start.seed, start.action_names, start.image_sizes) == (
+        "press",
+        3,
+        NAMES,
+        {"head_camera": (6, 8)},
+    )
 
 
 @pytest.mark.parametrize(
@@ -90,8 +114,14 @@ def test_what_a_policy_is_told_and_answers():
         ("not finite", (RESET, ACT | {"state": np.full(7, np.nan)})),
         ("time is no", (RESET, ACT | {"time": float("nan")})),
         ("not those of reset: head_camera", (RESET, ACT | {"images": {}})),
-        ("not an array of uint8", (RESET, ACT | {"images": {"head_camera": np.zeros((600, 8, 3), np.uint8)}})),
-        ("not an array of uint8", (RESET, ACT | {"images": {"head_camera": np.zeros((6, 8, 3), np.uint16)}})),
+        (
+            "not an array of uint8",
+            (RESET, ACT | {"images": {"head_camera": np.zeros((600, 8, 3), np.uint8)}}),
+        ),
+        (
+            "not an array of uint8",
+            (RESET, ACT | {"images": {"head_camera": np.zeros((6, 8, 3), np.uint16)}}),
+        ),
         ("not an array of uint16", (RESET, ACT | {"depth": {"head_camera": np.zeros((6, 8))}})),
         ("prompt", ({"reset": EPISODE | {"prompt": b"\xff"}},)),
         ("prompt", ({"reset": EPISODE | {"prompt": "p" * 3000}},)),
@@ -99,7 +129,10 @@ def test_what_a_policy_is_told_and_answers():
         ("action_names", ({"reset": EPISODE | {"action_names": ["a"] * 500}},)),
         ("image_sizes", ({"reset": EPISODE | {"image_sizes": {"head_camera": [1]}}},)),
         ("extra", ({"reset": EPISODE | {"extra": 1}},)),
-        ("control rate: the policy has 15 Hz, the evaluation 30 Hz", ({"reset": EPISODE | {"rate": 30}},)),
+        (
+            "control rate: the policy has 15 Hz, the evaluation 30 Hz",
+            ({"reset": EPISODE | {"rate": 30}},),
+        ),
         ("prompt is no text", ({},)),
     ],
 )
@@ -111,21 +144,34 @@ def test_a_message_out_of_place_is_refused_in_one_line(said, messages):
 
 
 JUNK = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats() | st.text(max_size=9) | st.binary(max_size=30),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4) | st.binary(max_size=4), inner, max_size=4),
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**63)
+    | st.floats()
+    | st.text(max_size=9)
+    | st.binary(max_size=30),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=4) | st.binary(max_size=4), inner, max_size=4)
+    ),
     max_leaves=8,
 )
 
 
 @settings(max_examples=100)
-@given(st.sampled_from(sorted({*EPISODE, *ACT, "data", "reset", "depth", "pointcloud", "committed"})), JUNK)
+@given(
+    st.sampled_from(sorted({*EPISODE, *ACT, "data", "reset", "depth", "pointcloud", "committed"})),
+    JUNK,
+)
 @example("time", 101)
 @example("images", {"head_camera": {}})
 def test_any_field_of_any_message_may_be_anything(key, value):
     session = Session(Echo(), ServerOptions("echo"))
     for message in ({"reset": EPISODE | {key: value}}, RESET, ACT | {key: value}):
         answer = respond(session, pack(message))
-        assert isinstance(answer, bytes) or ("\n" not in answer[0] and answer[1] in (REFUSED, FAILED))
+        assert isinstance(answer, bytes) or (
+            "\n" not in answer[0] and answer[1] in (REFUSED, FAILED)
+        )
 
 
 class Brightness:
@@ -139,7 +185,11 @@ class Brightness:
 
     def act(self, observation):
         self.times.append(observation.time)
-        return observation.joints + sum(float(i[0, 0, 0]) for i in observation.images.values()) + self.more
+        return (
+            observation.joints
+            + sum(float(i[0, 0, 0]) for i in observation.images.values())
+            + self.more
+        )
 
 
 def test_clients_of_openpi_say_no_reset_and_yet_begin_episodes():
@@ -150,7 +200,11 @@ def test_clients_of_openpi_say_no_reset_and_yet_begin_episodes():
     image = np.zeros((3, 24, 32), np.uint8)
 
     def ask(at, prompt="press", session=session, **more):
-        message = {"state": at.astype(np.float32), "images": {"cam_high": image}, "prompt": prompt} | more
+        message = {
+            "state": at.astype(np.float32),
+            "images": {"cam_high": image},
+            "prompt": prompt,
+        } | more
         return respond(session, pack(message))
 
     def at(*asked):
@@ -166,7 +220,9 @@ def test_clients_of_openpi_say_no_reset_and_yet_begin_episodes():
     at(home + 0.01, "lift")  # answers with its way home
     assert at(home, "lift") > 0, "it went home by itself"
     counted = Session(made, ServerOptions("bright", reset_every=2))
-    assert [at(home + n, str(n), counted) for n in range(4)] == pytest.approx([0, 1 / 15, 0, 1 / 15])
+    assert [at(home + n, str(n), counted) for n in range(4)] == pytest.approx(
+        [0, 1 / 15, 0, 1 / 15]
+    )
     for wrong, said in (
         ({"state": home[:3]}, "state is float32 (3,)"),
         ({"images": {"cam_high": image.astype(float)}}, "no array (3,H,W)"),
@@ -177,21 +233,33 @@ def test_clients_of_openpi_say_no_reset_and_yet_begin_episodes():
         assert said in reason and code == REFUSED
 
 
-# --- a server -----------------------------------------------------------------------------------------------------------------
+# --- a server
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_client_of_openpi_is_served_in_its_own_words():
     def numpy_out(a):
-        return {b"__ndarray__": True, b"data": a.tobytes(), b"dtype": a.dtype.str, b"shape": a.shape}
+        return {
+            b"__ndarray__": True,
+            b"data": a.tobytes(),
+            b"dtype": a.dtype.str,
+            b"shape": a.shape,
+        }
 
     joints, image = np.arange(14, dtype=np.float32) / 10, np.full((3, 24, 32), 9, np.uint8)
-    asked = {"state": joints, "images": {"cam_high": image, "cam_left_wrist": image}, "prompt": "press"}
+    asked = {
+        "state": joints,
+        "images": {"cam_high": image, "cam_left_wrist": image},
+        "prompt": "press",
+    }
     with serving(Brightness, options=ServerOptions("bright")) as port, raw(port) as client:
         assert msgpack.unpackb(client.recv(timeout=5))["policy"] == "bright"
         client.send(msgpack.packb(asked, default=numpy_out))
         told = msgpack.unpackb(client.recv(timeout=5))
         assert told["server_timing"]["infer_ms"] >= 0
-        found = np.frombuffer(told["actions"][b"data"], told["actions"][b"dtype"]).reshape(told["actions"][b"shape"])
+        found = np.frombuffer(told["actions"][b"data"], told["actions"][b"dtype"]).reshape(
+            told["actions"][b"shape"]
+        )
         assert np.allclose(found, joints[None] + 18)
         client.send(msgpack.packb({}))
         assert ended(client)[1] == REFUSED
@@ -200,7 +268,13 @@ def test_a_client_of_openpi_is_served_in_its_own_words():
 def test_a_token_is_wanted_before_anything_else(monkeypatch):
     secret = "0123456789abcdef0123"
     with serving(token=secret) as port:
-        for headers in ({}, *({"Authorization": f"Bearer {wrong}"} for wrong in ("x", secret[:-1], secret + "0", "ü" * 20))):
+        for headers in (
+            {},
+            *(
+                {"Authorization": f"Bearer {wrong}"}
+                for wrong in ("x", secret[:-1], secret + "0", "ü" * 20)
+            ),
+        ):
             with pytest.raises(InvalidStatus) as error, raw(port, additional_headers=headers):
                 pass
             assert error.value.response.status_code == 401
@@ -305,19 +379,37 @@ def test_hostile_clients_lose_their_connection_and_the_next_is_served():
         assert works(port)
 
 
-# --- the whole way ------------------------------------------------------------------------------------------------------------
+# --- the whole way
+# ------------------------------------------------------------------------------------------
 
 
 def test_an_episode_over_the_network_gives_the_numbers_of_one_in_process():
     environment = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[1])}
-    words = [sys.executable, "-c", "from pipeline.cli import main; main()", "serve-policy", "random", "--port", "0", "--json"]
-    process = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    words = [
+        sys.executable,
+        "-c",
+        "from pipeline.cli import main; main()",
+        "serve-policy",
+        "random",
+        "--port",
+        "0",
+        "--json",
+    ]
+    process = subprocess.Popen(
+        words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         told = "".join(iter(lambda: process.stdout.readline() or "}\n", "}\n"))
         port = json.loads(told + "}")["port"]
         case, clock = case_of("click_bell", 1), parse_clock("sim")
-        rows = [run_episode(EpisodeJob(case, policy_name(name), clock)) for name in ("random", f"ws://127.0.0.1:{port}")]
-        local, over = ({k: v for k, v in row.items() if k not in ("policy", "process", "seconds_spent")} for row in rows)
+        rows = [
+            run_episode(EpisodeJob(case, policy_name(name), clock))
+            for name in ("random", f"ws://127.0.0.1:{port}")
+        ]
+        local, over = (
+            {k: v for k, v in row.items() if k not in ("policy", "process", "seconds_spent")}
+            for row in rows
+        )
         assert local == over
         assert [row["policy"] for row in rows] == ["random", "ws:random"]
     finally:

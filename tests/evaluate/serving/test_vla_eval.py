@@ -1,4 +1,5 @@
-"""The benchmark for vla-eval, driven as its runner does: by a stand-in of the StepBenchmark that it publishes (0.8.0)."""
+"""The benchmark for vla-eval, driven as its runner does: by a stand-in of the StepBenchmark that it
+publishes (0.8.0)."""
 
 import importlib
 import sys
@@ -37,9 +38,23 @@ class DimSpec:
 @pytest.fixture
 def benchmark(monkeypatch):
     """The class, with vla-eval's modules replaced by what it uses of them."""
-    modules = {name: ModuleType(name) for name in ("vla_eval", "vla_eval.benchmarks", "vla_eval.benchmarks.base", "vla_eval.specs")}
-    vars(modules["vla_eval.benchmarks.base"]).update(StepBenchmark=StepBenchmark, StepResult=StepResult)
-    specs = {"IMAGE_RGB": DimSpec("image", 0, "rgb"), "LANGUAGE": DimSpec("language", 0, "language"), "DimSpec": DimSpec}
+    modules = {
+        name: ModuleType(name)
+        for name in (
+            "vla_eval",
+            "vla_eval.benchmarks",
+            "vla_eval.benchmarks.base",
+            "vla_eval.specs",
+        )
+    }
+    vars(modules["vla_eval.benchmarks.base"]).update(
+        StepBenchmark=StepBenchmark, StepResult=StepResult
+    )
+    specs = {
+        "IMAGE_RGB": DimSpec("image", 0, "rgb"),
+        "LANGUAGE": DimSpec("language", 0, "language"),
+        "DimSpec": DimSpec,
+    }
     vars(modules["vla_eval.specs"]).update(specs)
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
@@ -51,7 +66,11 @@ def benchmark(monkeypatch):
 
 def test_recorded_actions_succeed_there_too(benchmark, tmp_path, monkeypatch):
     case = case_of("click_bell")
-    monkeypatch.setattr(Manifests, "admitted", lambda self, cells, episodes, run: {cell: [case] * episodes for cell in cells})
+    monkeypatch.setattr(
+        Manifests,
+        "admitted",
+        lambda self, cells, episodes, run: {cell: [case] * episodes for cell in cells},
+    )
     b = benchmark(["click_bell"], episodes=2, setup=BLIND, manifests=str(tmp_path))
     tasks = b.get_tasks()
     assert [(t["name"], t["episode_idx"]) for t in tasks] == [("click_bell", i) for i in (0, 1)]
@@ -67,7 +86,11 @@ def test_recorded_actions_succeed_there_too(benchmark, tmp_path, monkeypatch):
     assert set(seen) == {"images", "task_description", "state"}
     assert seen["state"].shape == (14,)
     assert seen["task_description"]
-    assert b.get_step_result(b._last_result) == {"success": True, "route_completion": 100.0, "manipulation_score": 100.0}
+    assert b.get_step_result(b._last_result) == {
+        "success": True,
+        "route_completion": 100.0,
+        "manipulation_score": 100.0,
+    }
     assert set(b.get_metric_keys()) == set(b.get_step_result(b._last_result))
     assert b.get_action_spec()["joints"].dims == 14
     hold = {"actions": np.zeros(14)}

@@ -1,4 +1,5 @@
-"""gt.pkl, read as PUMA's loader reads it, and its trajectory parameters against the motion they stand for."""
+"""gt.pkl, read as PUMA's loader reads it, and its trajectory parameters against the motion they
+stand for."""
 
 import pickle
 
@@ -15,7 +16,9 @@ from tests.synthetic import SPEED, episode_path, make_episode
 
 @pytest.fixture
 def episodes(tmp_path):
-    return [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=8 + i) for i in range(2)]
+    return [
+        make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=8 + i) for i in range(2)
+    ]
 
 
 def test_the_loader_takes_the_files(tmp_path, episodes):
@@ -31,13 +34,17 @@ def test_the_loader_takes_the_files(tmp_path, episodes):
             np.testing.assert_array_equal(gt["pose7_frame_aligned"], e.array("target/pose"))
             # every sixteenth physics step until the meeting is a frame
             until = len(sim[::16])
-            np.testing.assert_allclose(gt["pose7_sim"][::16], e.array("target/pose")[:until], atol=1e-9)
+            np.testing.assert_allclose(
+                gt["pose7_sim"][::16], e.array("target/pose")[:until], atol=1e-9
+            )
         assert gt["trajectory_params"]["type"] == "velocity"
         np.testing.assert_allclose(gt["trajectory_params"]["velocity"], [SPEED, 0, 0])
 
 
 def test_directories_are_those_of_the_lerobot_export(tmp_path, episodes):
-    episodes.append(make_episode(episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=4))
+    episodes.append(
+        make_episode(episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=4)
+    )
     run("puma-gt", tmp_path, tmp_path / "out", episodes)
     assert (tmp_path / "out" / "franka-panda" / "ep000" / "gt.pkl").exists()
     run("puma-gt", tmp_path, tmp_path / "out", episodes[:2], per_task=True)
@@ -51,10 +58,14 @@ def test_polynomials_are_those_of_the_motion():
     assert said["type"] == "trajectory" and said["total_duration"] == 2.5
     for u in (0.0, 0.3, 1.0):
         at = one.position(-0.5 + 2.5 * u)
-        np.testing.assert_allclose([np.poly1d(said["poly_x_coeffs"])(u), np.poly1d(said["poly_y_coeffs"])(u)], at[:2])
+        np.testing.assert_allclose(
+            [np.poly1d(said["poly_x_coeffs"])(u), np.poly1d(said["poly_y_coeffs"])(u)], at[:2]
+        )
     two = (Segment(0.0, 1.0, c[:, :2]), Segment(1.0, 2.0, c))
     broken = trajectory_params(PlanarMotion(3, 0.1, 2.0, 0.0, 0.74, np.array([1.0, 0, 0, 0]), two))
-    assert broken["type"] == "segmented" and [s["type"] for s in broken["segment_trajectories"]] == ["velocity", "trajectory"]
+    assert broken["type"] == "segmented" and [
+        s["type"] for s in broken["segment_trajectories"]
+    ] == ["velocity", "trajectory"]
     np.testing.assert_allclose(broken["segment_trajectories"][0]["velocity"], [0.2, 0.5, 0.0])
 
 

@@ -15,17 +15,24 @@ from pipeline.export.shared.episodes import read_facts, reading
 from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode
 
-CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}
+CAMERAS = {
+    "cam_high": "head_camera",
+    "cam_left_wrist": "left_camera",
+    "cam_right_wrist": "right_camera",
+}
 
 
 @pytest.fixture
 def episodes(tmp_path):
     """Three episodes of different lengths."""
-    return [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=4 + i) for i in range(3)]
+    return [
+        make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=4 + i) for i in range(3)
+    ]
 
 
 def act_reads(path):
-    """As ACT's own loader does: keys, raw or compressed pictures with compress_len in the order of the names."""
+    """As ACT's own loader does: keys, raw or compressed pictures with compress_len in the order of
+    the names."""
     with h5py.File(path, "r") as f:
         assert f.attrs["sim"]
         names = list(f["observations/images"])
@@ -34,7 +41,10 @@ def act_reads(path):
             data = f[f"observations/images/{name}"][()]
             if f.attrs["compress"]:
                 lengths = f["compress_len"][number]
-                data = [cv2.imdecode(row[: int(n)], cv2.IMREAD_COLOR)[..., ::-1] for row, n in zip(data, lengths, strict=True)]
+                data = [
+                    cv2.imdecode(row[: int(n)], cv2.IMREAD_COLOR)[..., ::-1]
+                    for row, n in zip(data, lengths, strict=True)
+                ]
             images[name] = np.stack(list(data))
         return f["observations/qpos"][()], f["observations/qvel"][()], f["action"][()], images
 
@@ -54,7 +64,10 @@ def test_round_trip(tmp_path, episodes, compress):
                 np.testing.assert_array_equal(images[name], np.stack(list(e.frames(camera))))
         with h5py.File(out / f"episode_{i}.hdf5") as f:
             assert f.attrs["fps"] == 15 and f.attrs["embodiment"] == "aloha-agilex"
-            assert list(f.attrs["names"])[:7] == [*(f"left_joint{k}" for k in range(1, 7)), "left_gripper"]
+            assert list(f.attrs["names"])[:7] == [
+                *(f"left_joint{k}" for k in range(1, 7)),
+                "left_gripper",
+            ]
             assert f["observations/images/cam_high"].chunks[0] == 1
             assert f.attrs["instruction"] in [s.decode() for s in f["instructions/seen"][()]]
 
@@ -93,7 +106,9 @@ def test_resized_pictures(tmp_path, episodes):
 
 
 def test_embodiments_apart_with_their_own_width(tmp_path, episodes):
-    franka = make_episode(episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=3)
+    franka = make_episode(
+        episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=3
+    )
     out = tmp_path / "out"
     run("aloha", tmp_path, out, [*episodes, franka])
     assert act_reads(out / "franka-panda/episode_0.hdf5")[0].shape == (3, 16)
@@ -106,7 +121,11 @@ def test_events_and_spec_travel_along(tmp_path, episodes):
     out = tmp_path / "out"
     run("aloha", tmp_path, out, episodes)
     with h5py.File(out / "episode_1.hdf5") as f:
-        assert [name for name, _ in json.loads(f.attrs["events"])] == ["meeting", "release", "success"]
+        assert [name for name, _ in json.loads(f.attrs["events"])] == [
+            "meeting",
+            "release",
+            "success",
+        ]
         assert json.loads(f.attrs["spec"])["slot"] == 1
 
 
@@ -115,19 +134,31 @@ def test_padded_episodes_stack_as_the_loader_of_act_stacks_them(tmp_path, episod
     for compress in ("none", "jpeg"):
         run("aloha", tmp_path, out, episodes, pad=True, compress=compress)
         read = [act_reads(out / f"episode_{i}.hdf5") for i in range(3)]
-        assert np.stack([qpos for qpos, *_ in read]).shape == np.stack([action for _, _, action, _ in read]).shape == (3, 6, 14)
+        assert (
+            np.stack([qpos for qpos, *_ in read]).shape
+            == np.stack([action for _, _, action, _ in read]).shape
+            == (3, 6, 14)
+        )
         for i, path in enumerate(episodes):
             length = 4 + i
             with open_episode(path) as e, h5py.File(out / f"episode_{i}.hdf5") as f:
-                assert f.attrs["length"] == length and f["is_pad"][()].tolist() == [False] * length + [True] * (6 - length)
+                assert f.attrs["length"] == length and f["is_pad"][()].tolist() == [
+                    False
+                ] * length + [True] * (6 - length)
                 state = e.array("joint_state/vector").astype(np.float32)
-                np.testing.assert_array_equal(read[i][0], np.concatenate([state, np.repeat(state[-1:], 6 - length, 0)]))
+                np.testing.assert_array_equal(
+                    read[i][0], np.concatenate([state, np.repeat(state[-1:], 6 - length, 0)])
+                )
                 last = e.rgb("head_camera", length - 1)
-            assert all(np.array_equal(image, last) for image in read[i][3]["cam_high"][length - 1 :])
+            assert all(
+                np.array_equal(image, last) for image in read[i][3]["cam_high"][length - 1 :]
+            )
 
 
 def test_the_dimensions_of_the_arms_are_said(tmp_path, episodes):
-    franka = make_episode(episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=3)
+    franka = make_episode(
+        episode_path(tmp_path, "franka-panda"), embodiment="franka-panda", frames=3
+    )
     run("aloha", tmp_path, tmp_path / "out", [*episodes, franka])
     for name, joints in (("aloha-agilex/episode_0", 6), ("franka-panda/episode_0", 7)):
         with h5py.File(tmp_path / "out" / f"{name}.hdf5") as f:
@@ -148,6 +179,9 @@ def test_compressed_images_in_the_order_of_readers_that_never_swap(tmp_path, epi
     with h5py.File(out / "episode_0.hdf5") as f, open_episode(episodes[0]) as e:
         row = f["observations/images/cam_high"][0]
         used_as_rgb = cv2.imdecode(row, cv2.IMREAD_COLOR)
-        assert f.attrs["jpeg_order"] == "bgr" and np.abs(used_as_rgb.astype(int) - e.rgb("head_camera", 0)).mean() < 1
+        assert (
+            f.attrs["jpeg_order"] == "bgr"
+            and np.abs(used_as_rgb.astype(int) - e.rgb("head_camera", 0)).mean() < 1
+        )
     with pytest.raises(ExportError, match="--jpeg-order bgr needs --compress jpeg"):
         run("aloha", tmp_path, out, episodes[:1], jpeg_order="bgr")

@@ -16,7 +16,14 @@ from tests.synthetic import episode_path, make_episode
 def exported(tmp_path):
     """Three episodes of two levels and the directory of their export."""
     paths = [
-        make_episode(episode_path(tmp_path, slot=i, level=1 + i % 2), slot=i, seed=i, level=1 + i % 2, frames=3 + i, depth=True)
+        make_episode(
+            episode_path(tmp_path, slot=i, level=1 + i % 2),
+            slot=i,
+            seed=i,
+            level=1 + i % 2,
+            frames=3 + i,
+            depth=True,
+        )
         for i in range(3)
     ]
     run("robomimic", tmp_path, tmp_path / "out", paths, size=(24, 32))
@@ -36,7 +43,10 @@ def test_demos_are_the_episodes_and_the_next_observation_is_that_of_the_next_fra
                 last = len(e) - 1
                 np.testing.assert_array_equal(demo["actions"][()], action.astype(np.float32))
                 np.testing.assert_array_equal(demo["obs/joint_pos"][()], state.astype(np.float32))
-                np.testing.assert_array_equal(demo["next_obs/joint_pos"][()], state[[*range(1, last + 1), last]].astype(np.float32))
+                np.testing.assert_array_equal(
+                    demo["next_obs/joint_pos"][()],
+                    state[[*range(1, last + 1), last]].astype(np.float32),
+                )
                 images, after = demo["obs/cam_high_image"][()], demo["next_obs/cam_high_image"][()]
                 assert images.shape == (last + 1, 24, 32, 3) and images.dtype == np.uint8
                 np.testing.assert_array_equal(after, images[[*range(1, last + 1), last]])
@@ -44,7 +54,10 @@ def test_demos_are_the_episodes_and_the_next_observation_is_that_of_the_next_fra
                 want = e.rgb("head_camera", 1).astype(float).reshape(24, 10, 32, 10, 3).mean((1, 3))
                 assert np.abs(images[1] - want).max() <= 1
                 assert demo["obs/cam_high_depth"].shape == (last + 1, 24, 32, 1)
-                assert set(np.unique(demo["obs/cam_high_depth"])) == {np.float32(0.85), np.float32(0.9)}
+                assert set(np.unique(demo["obs/cam_high_depth"])) == {
+                    np.float32(0.85),
+                    np.float32(0.9),
+                }
             np.testing.assert_array_equal(demo["rewards"][()], demo["dones"][()])
             assert demo["dones"][()].tolist() == [0] * last + [1]
 

@@ -1,4 +1,5 @@
-"""The target's angular velocity: every format with its velocity has it, and none for episodes of earlier versions."""
+"""The target's angular velocity: every format with its velocity has it, and none for episodes of
+earlier versions."""
 
 from pathlib import Path
 
@@ -16,12 +17,21 @@ FORMATS = ("aloha", "lerobot", "lerobot-v2.1", "parquet", "robomimic", "robotwin
 
 
 def exported(format: str, folder: Path, **of_episode: bool) -> np.ndarray | None:
-    """Angular velocities (T,3) of the target in an export of one episode, None where it has none."""
+    """Angular velocities (T,3) of the target in an export of one episode, None where it has
+    none."""
     path = make_episode(episode_path(folder), frames=4, **of_episode)
     run(format, folder, folder / "out", [path])
     if format in ("lerobot", "lerobot-v2.1", "parquet"):
-        table = pq.read_table(next(p for p in (folder / "out").rglob("*.parquet") if "data" in str(p.relative_to(folder / "out"))))
-        column = next((name for name in table.column_names if name.endswith("angular_velocity")), None)
+        table = pq.read_table(
+            next(
+                p
+                for p in (folder / "out").rglob("*.parquet")
+                if "data" in str(p.relative_to(folder / "out"))
+            )
+        )
+        column = next(
+            (name for name in table.column_names if name.endswith("angular_velocity")), None
+        )
         return None if column is None else np.array(table[column].to_pylist())
     with h5py.File(next((folder / "out").rglob("*.hdf5"))) as file:
         if format == "robomimic":
@@ -43,7 +53,12 @@ def test_an_episode_of_an_earlier_version_is_exported_without_it(format, tmp_pat
 
 
 def test_one_export_does_not_mix_episodes_with_and_without_it(tmp_path):
-    paths = [make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=4, spin=bool(slot)) for slot in range(2)]
-    with pytest.raises(ExportError, match=r"angular velocity True differs from False of .*; export them separately"):
+    paths = [
+        make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=4, spin=bool(slot))
+        for slot in range(2)
+    ]
+    with pytest.raises(
+        ExportError, match=r"angular velocity True differs from False of .*; export them separately"
+    ):
         run("lerobot", tmp_path, tmp_path / "out", paths)
     assert not (tmp_path / "out").exists()

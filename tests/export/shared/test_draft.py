@@ -1,4 +1,5 @@
-"""An export of a dataset that grew is that of an empty directory, byte for byte, and takes over what has not changed."""
+"""An export of a dataset that grew is that of an empty directory, byte for byte, and takes over
+what has not changed."""
 
 import hashlib
 import json
@@ -21,15 +22,26 @@ from pipeline.export.shared.record import SUMMARY
 from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
 
-OPTIONS = {"lerobot": {"data_bytes": 1}, "parquet": {"file_bytes": 1}, "aloha": {"compress": "jpeg"}}
-OPTIONS |= {"rlds": {"shard_episodes": 1}, "zarr": {"chunk_frames": 1, "size": (24, 32)}, "robomimic": {"size": (24, 32)}}
+OPTIONS = {
+    "lerobot": {"data_bytes": 1},
+    "parquet": {"file_bytes": 1},
+    "aloha": {"compress": "jpeg"},
+}
+OPTIONS |= {
+    "rlds": {"shard_episodes": 1},
+    "zarr": {"chunk_frames": 1, "size": (24, 32)},
+    "robomimic": {"size": (24, 32)},
+}
 """Of lerobot, parquet and rlds: a file an episode; of zarr a file a frame."""
 
 
 def state(root: Path) -> dict[str, tuple[bytes, int, int]]:
     """Bytes, inode and time of change of every file."""
     files = sorted(p for p in root.rglob("*") if p.is_file())
-    return {p.relative_to(root).as_posix(): (p.read_bytes(), p.stat().st_ino, p.stat().st_mtime_ns) for p in files}
+    return {
+        p.relative_to(root).as_posix(): (p.read_bytes(), p.stat().st_ino, p.stat().st_mtime_ns)
+        for p in files
+    }
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +54,8 @@ def dataset(tmp_path_factory) -> Path:
 
 
 def grown(dataset: Path, place: Path, format: str, slots: tuple[list[int], list[int]], **options):
-    """Export some slots, then more to the same place and to an empty one; returns the state before and after."""
+    """Export some slots, then more to the same place and to an empty one; returns the state before
+    and after."""
     before, after = ([episode_path(dataset, slot=slot) for slot in some] for some in slots)
     out, empty = place / format, place / "empty"
     run(format, dataset, out, before, **options)
@@ -50,7 +63,9 @@ def grown(dataset: Path, place: Path, format: str, slots: tuple[list[int], list[
     run(format, dataset, out, after, **options)
     run(format, dataset, empty, after, **options)
     second, fresh = state(out), state(empty)
-    assert {name: data for name, (data, *_) in second.items()} == {name: data for name, (data, *_) in fresh.items()}
+    assert {name: data for name, (data, *_) in second.items()} == {
+        name: data for name, (data, *_) in fresh.items()
+    }
     run(format, dataset, out, after, **options)
     assert state(out) == second
     return first, second
@@ -58,19 +73,33 @@ def grown(dataset: Path, place: Path, format: str, slots: tuple[list[int], list[
 
 def kept(first, second) -> set[str]:
     """Files that are the very same, though they may have another name now."""
-    return {name for name, (_, *rest) in second.items() if rest in [value[1:] for value in map(list, first.values())]}
+    return {
+        name
+        for name, (_, *rest) in second.items()
+        if rest in [value[1:] for value in map(list, first.values())]
+    }
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
 def test_more_episodes_at_the_end_leave_all_that_is_about_the_first(dataset, tmp_path, format):
     first, second = grown(dataset, tmp_path, format, ([0, 1], [0, 1, 2]), **OPTIONS.get(format, {}))
-    large = {".hdf5", ".mp4", ".pkl", ".tfrecord", ".0"} | ({".parquet"} if format == "parquet" else set())
-    about = {n for n in first if Path(n).suffix.split("-")[0] in large and not n.endswith(("episodes.parquet", "demos.hdf5"))}
+    large = {".hdf5", ".mp4", ".pkl", ".tfrecord", ".0"} | (
+        {".parquet"} if format == "parquet" else set()
+    )
+    about = {
+        n
+        for n in first
+        if Path(n).suffix.split("-")[0] in large
+        and not n.endswith(("episodes.parquet", "demos.hdf5"))
+    }
     about = {n.replace("-of-00002", "-of-00003") for n in about}
     assert len(about) >= 2 and about <= kept(first, second)
     assert "export.json" not in kept(first, second)
     said = json.loads(second[SUMMARY][0])["inputs"]
-    assert said == {f"episodes/click_bell/aloha-agilex/L1/clean/episode_{i:07d}.hdf5": said_of(dataset, i) for i in range(3)}
+    assert said == {
+        f"episodes/click_bell/aloha-agilex/L1/clean/episode_{i:07d}.hdf5": said_of(dataset, i)
+        for i in range(3)
+    }
 
 
 def said_of(dataset: Path, slot: int) -> str:
@@ -81,15 +110,23 @@ def said_of(dataset: Path, slot: int) -> str:
 @pytest.mark.parametrize("format", ["aloha", "robotwin", "lerobot-v2.1"])
 def test_files_of_episodes_that_get_other_numbers_are_renamed(dataset, tmp_path, format):
     first, second = grown(dataset, tmp_path, format, ([1, 2], [0, 1, 2]), **OPTIONS.get(format, {}))
-    assert sum(Path(n).suffix in (".hdf5", ".mp4") for n in kept(first, second)) == (6 if format == "lerobot-v2.1" else 2)
+    assert sum(Path(n).suffix in (".hdf5", ".mp4") for n in kept(first, second)) == (
+        6 if format == "lerobot-v2.1" else 2
+    )
 
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"codec": "h264", "preset": "faster", "gop": 15}, {"codec": "libsvtav1", "preset": "13", "gop": 2}],
+    [
+        {},
+        {"codec": "h264", "preset": "faster", "gop": 15},
+        {"codec": "libsvtav1", "preset": "13", "gop": 2},
+    ],
     ids=["default", "h264 predicted", "av1"],
 )
-def test_episodes_in_a_video_that_grows_are_not_encoded_again(dataset, tmp_path, monkeypatch, options):
+def test_episodes_in_a_video_that_grows_are_not_encoded_again(
+    dataset, tmp_path, monkeypatch, options
+):
     encoded, encode = [], prepare.encode
 
     def counting(frames, *how):
@@ -106,7 +143,9 @@ def test_episodes_in_a_video_that_grows_are_not_encoded_again(dataset, tmp_path,
 
 def test_other_options_and_other_code_lend_nothing(dataset, tmp_path, monkeypatch):
     encoded, encode = [], prepare.encode
-    monkeypatch.setattr(prepare, "encode", lambda frames, *how: encoded.append(1) or encode(frames, *how))
+    monkeypatch.setattr(
+        prepare, "encode", lambda frames, *how: encoded.append(1) or encode(frames, *how)
+    )
     path, out = episode_path(dataset), tmp_path / "out"
     for options, count in (({}, 3), ({}, 0), ({"crf": 24}, 3), ({"crf": 24}, 0)):
         encoded.clear()
@@ -123,7 +162,11 @@ def test_what_is_damaged_or_not_its_own_is_written_again(dataset, tmp_path, form
     path, out, empty = episode_path(dataset), tmp_path / "out", tmp_path / "empty"
     run(format, dataset, out, [path])
     run(format, dataset, empty, [path])
-    large = next(p for p in sorted(out.rglob("*")) if p.suffix in (".mp4", ".hdf5") or p.name == "data-00000.parquet")
+    large = next(
+        p
+        for p in sorted(out.rglob("*"))
+        if p.suffix in (".mp4", ".hdf5") or p.name == "data-00000.parquet"
+    )
     large.write_bytes(large.read_bytes()[:-1] + b"x")
     said = json.loads((out / SUMMARY).read_text())
     name = large.relative_to(out).as_posix()
@@ -137,7 +180,11 @@ def test_what_is_damaged_or_not_its_own_is_written_again(dataset, tmp_path, form
     large.symlink_to(secret)
     (out / SUMMARY).write_bytes(seal(said))
     run(format, dataset, out, [path])
-    assert large.read_bytes() == (empty / name).read_bytes() and secret.read_bytes() == b"mine" and not large.is_symlink()
+    assert (
+        large.read_bytes() == (empty / name).read_bytes()
+        and secret.read_bytes() == b"mine"
+        and not large.is_symlink()
+    )
 
 
 def test_an_annotation_that_changed_is_joined_again(dataset, tmp_path, monkeypatch):
@@ -146,15 +193,26 @@ def test_an_annotation_that_changed_is_joined_again(dataset, tmp_path, monkeypat
     before = state(out)
     monkeypatch.setattr("pipeline.export.formats.parquet._item", lambda *_: ["another"])
     run("parquet", dataset, out, [path])
-    assert state(out)["data-00000.parquet"][0] == before["data-00000.parquet"][0] and state(out)[SUMMARY] != before[SUMMARY]
+    assert (
+        state(out)["data-00000.parquet"][0] == before["data-00000.parquet"][0]
+        and state(out)[SUMMARY] != before[SUMMARY]
+    )
 
 
-RECORD, OTHER = (seal({"format": "aloha", "code": {}, "inputs": {}, "contents": {}, "x": x}).decode() for x in (1, 2))
+RECORD, OTHER = (
+    seal({"format": "aloha", "code": {}, "inputs": {}, "contents": {}, "x": x}).decode()
+    for x in (1, 2)
+)
 
 
 def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset):
     out = dataset / "exports" / "x"
-    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     dead = out.with_name(f".x.{os.uname().nodename}.{done.stdout.strip()}.tmp")
     dead.mkdir(parents=True)
     (dead / "half").write_text("")
@@ -162,7 +220,8 @@ def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset
     old.mkdir()
     (old / SUMMARY).write_text(RECORD)
     with stage_directory(out, dataset) as folder:
-        assert (out / SUMMARY).read_text() == RECORD  # the run killed between the two renames had an older export
+        # the run killed between the two renames had an older export
+        assert (out / SUMMARY).read_text() == RECORD
         (folder / SUMMARY).write_text(OTHER)
     assert (out / SUMMARY).read_text() == OTHER
     assert [p.name for p in out.parent.iterdir()] == ["x"]
@@ -173,7 +232,10 @@ def test_an_export_is_replaced_by_one_command_at_a_time(dataset):
     with stage_directory(out, dataset) as folder:
         (folder / SUMMARY).write_text(RECORD)
     with stage_directory(out, dataset) as folder:
-        with pytest.raises(Busy, match="exports/x: another command is writing it"), stage_directory(out, dataset):
+        with (
+            pytest.raises(Busy, match="exports/x: another command is writing it"),
+            stage_directory(out, dataset),
+        ):
             pass
         (folder / SUMMARY).write_text(OTHER)
     assert (out / SUMMARY).read_text() == OTHER
@@ -187,7 +249,10 @@ def test_what_is_no_export_is_not_replaced(dataset):
     (out / "thesis.txt").write_text("years of work")
     with pytest.raises(ExportError, match="is not an export"), stage_directory(out, dataset):
         pass
-    with pytest.raises(ExportError, match="is a file"), stage_directory(out / "thesis.txt", dataset):
+    with (
+        pytest.raises(ExportError, match="is a file"),
+        stage_directory(out / "thesis.txt", dataset),
+    ):
         pass
     for above in (dataset, dataset.parent):
         with pytest.raises(ExportError, match="holds the dataset"), stage_directory(above, dataset):
@@ -204,7 +269,10 @@ def test_an_export_of_another_format_is_not_replaced(dataset):
     out = dataset / "x"
     out.mkdir()
     (out / SUMMARY).write_text(RECORD)
-    with pytest.raises(ExportError, match=f"^{out}: holds an export in the format aloha: remove it or name another directory$"):
+    with pytest.raises(
+        ExportError,
+        match=f"^{out}: holds an export in the format aloha: remove it or name another directory$",
+    ):
         run("parquet", dataset, out, [episode_path(dataset)])
     assert [path.name for path in out.iterdir()] == [SUMMARY]
 
@@ -213,5 +281,10 @@ def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
     make_episode(episode_path(tmp_path / "data"), frames=2)
     for place in ("episodes", "episodes/click_bell/mine", "ledger", "assets/x"):
         with pytest.raises(ExportError, match="among the dataset's own files"):
-            run("parquet", tmp_path / "data", tmp_path / "data" / place, [episode_path(tmp_path / "data")])
+            run(
+                "parquet",
+                tmp_path / "data",
+                tmp_path / "data" / place,
+                [episode_path(tmp_path / "data")],
+            )
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]

@@ -44,7 +44,21 @@ def facts_with(times: list[float], frames: int, fps: int) -> Facts:
     log = make_log("aloha-agilex", frames, fps, 0)
     log.events = [Event(f"e{i}", t) for i, t in enumerate(times)]
     spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 0)
-    return Facts("x", spec, fps, log, target_pose(log.times), "go", ["go"], [], "", make_meta(log, fps, []), (), (2, 2), {})
+    return Facts(
+        "x",
+        spec,
+        fps,
+        log,
+        target_pose(log.times),
+        "go",
+        ["go"],
+        [],
+        "",
+        make_meta(log, fps, []),
+        (),
+        (2, 2),
+        {},
+    )
 
 
 @given(st.integers(2, 40), st.integers(1, 60), st.lists(st.floats(0, 1), max_size=5))
@@ -82,7 +96,9 @@ def test_embodiments_get_directories_only_when_there_are_several(dataset, tmp_pa
     out = tmp_path / "out"
     paths = episodes_of(dataset)
     assert by_embodiment(paths, out) == {"aloha-agilex": (out, paths)}
-    franka = make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3)
+    franka = make_episode(
+        episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3
+    )
     assert by_embodiment([*paths, franka], out) == {
         "aloha-agilex": (out / "aloha-agilex", paths),
         "franka-panda": (out / "franka-panda", [franka]),
@@ -94,7 +110,9 @@ def bytes_of(out: Path) -> dict[Path, bytes]:
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
-def test_the_same_episodes_give_the_same_bytes_and_a_failing_export_leaves_the_old_one_and_nothing_else(dataset, format):
+def test_the_same_episodes_give_the_same_bytes_and_a_failing_export_leaves_the_old_one_and_nothing_else(  # noqa: E501
+    dataset, format
+):
     paths, done = episodes_of(dataset), []
     first, second = dataset / "exports" / "a", dataset / "exports" / "b"
     summary = run(format, dataset, first, paths[::-1], progress=done.append)
@@ -131,13 +149,31 @@ def _change(key: str, value):
 BROKEN = {
     "truncated": (_truncate, "cannot be read as HDF5"),
     "empty": (lambda p: p.write_bytes(b""), "cannot be read as HDF5"),
-    "no pictures": (_change("observation/head_camera/rgb", None), "has no observation/head_camera/rgb"),
-    "no picture": (_change("observation/head_camera/rgb", np.array([b"no jpeg"] * 4)), "does not decode as JPEG"),
+    "no pictures": (
+        _change("observation/head_camera/rgb", None),
+        "has no observation/head_camera/rgb",
+    ),
+    "no picture": (
+        _change("observation/head_camera/rgb", np.array([b"no jpeg"] * 4)),
+        "does not decode as JPEG",
+    ),
     "off the grid": (_change("timestamp", np.array([0, 0.06, 0.12, 0.18])), "not 15 per second"),
-    "short action": (_change("joint_action/vector", np.zeros((3, 14))), "action has 3 rows for 4 frames"),
-    "not finite": (_change("target/pose", np.full((4, 7), np.nan)), "target pose holds values that are not finite"),
-    "speechless": (_change("instruction/seen", np.array([], h5py.string_dtype())), "has no instruction"),
-    "blind for a frame": (_change("observation/head_camera/pose", np.zeros((3, 7))), "head_camera has 3 images"),
+    "short action": (
+        _change("joint_action/vector", np.zeros((3, 14))),
+        "action has 3 rows for 4 frames",
+    ),
+    "not finite": (
+        _change("target/pose", np.full((4, 7), np.nan)),
+        "target pose holds values that are not finite",
+    ),
+    "speechless": (
+        _change("instruction/seen", np.array([], h5py.string_dtype())),
+        "has no instruction",
+    ),
+    "blind for a frame": (
+        _change("observation/head_camera/pose", np.zeros((3, 7))),
+        "head_camera has 3 images",
+    ),
 }
 
 
@@ -167,7 +203,10 @@ def test_a_full_disk_is_one_line_that_blames_no_episode_and_leaves_nothing(datas
     largest = max(path.stat().st_size for path in out.rglob("*"))
     before = bytes_of(out)
     for size in (0, largest // 2, largest - 1):
-        with pytest.raises(ExportError, match=r"cannot be written: .*large") as refused, longest_file(size):
+        with (
+            pytest.raises(ExportError, match=r"cannot be written: .*large") as refused,
+            longest_file(size),
+        ):
             # elsewhere: what stands there would lend its files
             run(format, dataset, dataset / "elsewhere" / format, episodes)
         assert "episode_0" not in str(refused.value) and "\n" not in str(refused.value)
@@ -188,7 +227,9 @@ def test_an_episode_of_one_frame_is_exported(tmp_path, format):
 def test_episodes_that_do_not_fit_together_are_refused(dataset, format):
     make_episode(episode_path(dataset, slot=2), slot=2, frames=3, fps=30)
     if format == "parquet":
-        make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3, fps=30)
+        make_episode(
+            episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3, fps=30
+        )
     with pytest.raises(ExportError, match=r"fps 30 differs from 15 of"):
         run(format, dataset, dataset / "exports" / format, episodes_of(dataset))
 

@@ -1,4 +1,5 @@
-"""export.json names everything that was written and read, and each way in which directory and dataset can leave it is named."""
+"""export.json names everything that was written and read, and each way in which directory and
+dataset can leave it is named."""
 
 import json
 import os
@@ -34,7 +35,9 @@ def test_every_file_that_is_written_or_read_is_recorded_with_its_hash(dataset, f
     assert {name: (entry["sha256"], entry["bytes"]) for name, entry in record.contents.items()} == {
         name: (file_hash(out / name), (out / name).stat().st_size) for name in files
     }
-    assert record.inputs == {path.relative_to(dataset).as_posix(): file_hash(path) for path in episodes}
+    assert record.inputs == {
+        path.relative_to(dataset).as_posix(): file_hash(path) for path in episodes
+    }
     assert record.summary == json.loads(json.dumps(summary)) and len(record.code["code"]) == 64
     assert check_export(dataset, out, episodes) == []
     # one byte of any file
@@ -53,7 +56,10 @@ def test_episodes_that_came_changed_or_went_are_named(dataset):
     run("puma-gt", dataset, out, [first])
     assert check_export(dataset, out, [first, second]) == [f"{out}: does not hold {second}"]
     name = first.relative_to(dataset).as_posix()
-    assert check_export(dataset, out, [second])[0] == f"{out}: holds {name}, which is not among the episodes"
+    assert (
+        check_export(dataset, out, [second])[0]
+        == f"{out}: holds {name}, which is not among the episodes"
+    )
     first.write_bytes(first.read_bytes() + b"x")
     assert check_export(dataset, out, [first]) == [f"{out}: {first} has changed since"]
 
@@ -83,10 +89,19 @@ def test_a_card_may_be_edited_and_a_link_is_not_what_was_written(dataset, tmp_pa
     ("change", "message"),
     [
         (lambda said: "no json", "has no readable export.json"),
-        (lambda said: json.dumps({"format": "parquet", "contents": ["a"]}), "is of another version"),
+        (
+            lambda said: json.dumps({"format": "parquet", "contents": ["a"]}),
+            "is of another version",
+        ),
         (lambda said: json.dumps(said | {"frames": 9}), "is not what was written"),
-        (lambda said: json.dumps(said | {"contents": {"../x": {"sha256": "", "bytes": 1}}}), "is of another version"),
-        (lambda said: json.dumps(said | {"inputs": {"annotations/../../x": ""}}), "is of another version"),
+        (
+            lambda said: json.dumps(said | {"contents": {"../x": {"sha256": "", "bytes": 1}}}),
+            "is of another version",
+        ),
+        (
+            lambda said: json.dumps(said | {"inputs": {"annotations/../../x": ""}}),
+            "is of another version",
+        ),
     ],
     ids=["damaged", "older", "another count", "a file elsewhere", "an input elsewhere"],
 )
@@ -115,7 +130,14 @@ def test_a_file_of_somebody_else_in_an_export_is_named_and_kept(dataset, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "name", ["meta/stats_gr00t.json", "meta/steps_0.pkl", "cache.pkl", ".cache/huggingface/x.metadata", "data/__pycache__/a.txt"]
+    "name",
+    [
+        "meta/stats_gr00t.json",
+        "meta/steps_0.pkl",
+        "cache.pkl",
+        ".cache/huggingface/x.metadata",
+        "data/__pycache__/a.txt",
+    ],
 )
 def test_caches_of_consumers_are_dropped_by_the_next_export(dataset, tmp_path, name):
     out, paths = tmp_path / "parquet", episodes_of(dataset)

@@ -28,11 +28,17 @@ def scripted(facts, *runs):
 
 
 def test_a_frame_belongs_to_the_run_that_executes_its_action(facts):
-    # frames stand at steps 0, 16, 32 ...: a run of steps 16 to 47 executes the actions of frames 1 and 2
-    runs = SkillRun("close", ("right",), "", "", "meet", 0, 16), SkillRun("press", ("right",), "target", "button", "meet", 16, 48)
+    # frames stand at steps 0, 16, 32 ...: a run of steps 16 to 47 executes the actions of frames 1
+    # and 2
+    runs = (
+        SkillRun("close", ("right",), "", "", "meet", 0, 16),
+        SkillRun("press", ("right",), "target", "button", "meet", 16, 48),
+    )
     short = SkillRun("lift", ("right",), "", "", "finish", 49, 60)
     script = scripted(facts, *runs, short)
-    assert script.skill[:5] == ["close", "press", "press", "wait", "wait"] and set(script.skill[3:]) == {"wait"}
+    assert script.skill[:5] == ["close", "press", "press", "wait", "wait"] and set(
+        script.skill[3:]
+    ) == {"wait"}
     assert script.stage == ["meet"] * 3 + ["finish"] * 9
     assert script.subtask[0] == "close the gripper of the right arm"
     assert script.subtask[1] == "press the button of the bell with the right arm"
@@ -53,7 +59,10 @@ def test_the_outer_run_is_said_and_the_inner_one_named(facts):
     ("skills", "sentence"),
     [
         ([("lift", "left", "cup"), ("lift", "right", "cup")], "lift the cup with both arms"),
-        ([("lift", "left", "cup"), ("home", "right", "")], "lift the cup with the left arm and bring the right arm home"),
+        (
+            [("lift", "left", "cup"), ("home", "right", "")],
+            "lift the cup with the left arm and bring the right arm home",
+        ),
         (
             [("grasp", "right", "cup"), ("grasp", "left", "block")],
             "grasp the block with the left arm and grasp the cup with the right arm",
@@ -64,12 +73,21 @@ def test_the_outer_run_is_said_and_the_inner_one_named(facts):
     ],
 )
 def test_sentences(skills, sentence):
-    assert describe_runs([SkillRun(skill, (side,), body, "", "meet", 0, 9) for skill, side, body in skills], NAMES) == sentence
+    assert (
+        describe_runs(
+            [SkillRun(skill, (side,), body, "", "meet", 0, 9) for skill, side, body in skills],
+            NAMES,
+        )
+        == sentence
+    )
 
 
 def test_an_episode_without_a_script_has_empty_texts(facts):
     script = scripted(facts)
-    assert set(script.subtask) == set(script.skill) == set(script.stage) == {""} and script.changes() == []
+    assert (
+        set(script.subtask) == set(script.skill) == set(script.stage) == {""}
+        and script.changes() == []
+    )
 
 
 def test_a_path_ends_where_the_episode_ends():
@@ -81,15 +99,23 @@ def test_a_path_ends_where_the_episode_ends():
 
 def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_done(tmp_path):
     path = make_episode(episode_path(tmp_path), frames=6, corrected=2, meta={"corrects": "static"})
-    names = {"head_camera": "cam_high", "left_camera": "cam_left_wrist", "right_camera": "cam_right_wrist"}
+    names = {
+        "head_camera": "cam_high",
+        "left_camera": "cam_left_wrist",
+        "right_camera": "cam_right_wrist",
+    }
     with reading(path) as file:
         facts = read_facts(file, tmp_path)
         assert not list(faults(file))
         plan = Plan(15, names, {}, (), (), facts.corrected)
         table = episode_table(0, facts, file, plan, tmp_path)
     lerobot = data_columns(facts, names, 0, 0, 0)
-    assert lerobot["intervention"].tolist() == table["intervention"].to_pylist() == [0, 0, 1, 1, 1, 1]
+    assert (
+        lerobot["intervention"].tolist() == table["intervention"].to_pylist() == [0, 0, 1, 1, 1, 1]
+    )
     for column in (lerobot["expert_action"], np.array(table["expert_action"].to_pylist())):
-        np.testing.assert_allclose(column - facts.log.action, 0.5 * (np.arange(6) < 2)[:, None] + np.zeros(14), atol=1e-6)
+        np.testing.assert_allclose(
+            column - facts.log.action, 0.5 * (np.arange(6) < 2)[:, None] + np.zeros(14), atol=1e-6
+        )
     script = scripted(facts, SkillRun("lift", ("left",), "", "", "finish", 48, 96))
     assert script.skill == ["policy", "policy", "wait", "lift", "lift", "lift"]

@@ -1,4 +1,5 @@
-"""`--embodiment` and `--where`: what is exported, what export.json remembers, and facts of an episode beside its spec."""
+"""`--embodiment` and `--where`: what is exported, what export.json remembers, and facts of an
+episode beside its spec."""
 
 import json
 
@@ -18,7 +19,12 @@ from tests.synthetic import episode_path, make_episode
 def episodes(tmp_path):
     """Two levels of a robot of 14 joints and one episode of a robot of 16."""
     made = [("aloha-agilex", 1), ("aloha-agilex", 2), ("franka-panda", 1)]
-    return [make_episode(episode_path(tmp_path, name, level=level), embodiment=name, level=level, frames=3) for name, level in made]
+    return [
+        make_episode(
+            episode_path(tmp_path, name, level=level), embodiment=name, level=level, frames=3
+        )
+        for name, level in made
+    ]
 
 
 @pytest.mark.parametrize(
@@ -42,7 +48,11 @@ def test_a_selection_that_cannot_be_is_one_line(episodes):
 
 
 def test_a_format_of_14_joints_takes_the_robots_that_have_them(episodes, tmp_path):
-    exporter, out, where = EXPORTERS["dynamicwam"], tmp_path / "out", expression(None, ["aloha-agilex"])
+    exporter, out, where = (
+        EXPORTERS["dynamicwam"],
+        tmp_path / "out",
+        expression(None, ["aloha-agilex"]),
+    )
     with pytest.raises(ExportError, match=r"franka-panda are not 14 wide.*with --embodiment"):
         exporter.export(Job(tmp_path, out, episodes, exporter.options()))
     chosen = select_episodes(episodes, where)
@@ -54,11 +64,17 @@ def test_speeds_the_meeting_and_the_split_select_too(tmp_path):
     paths = []
     for slot in range(12):
         meta = {"average_speed": 0.01 * slot, "meeting_time": 0.1 * slot, "physics_id": str(slot)}
-        paths.append(make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=2, meta=meta))
+        paths.append(
+            make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=2, meta=meta)
+        )
     assert select_episodes(paths, "average_speed > 0.085") == paths[9:]
     assert select_episodes(paths, "T_meet <= 0.25 and average_speed > 0") == paths[1:3]
     for share in (0.1, 0.5):
-        held = [path for path, slot in zip(paths, range(12), strict=True) if position_of(str(slot)) < share]
+        held = [
+            path
+            for path, slot in zip(paths, range(12), strict=True)
+            if position_of(str(slot)) < share
+        ]
         assert 0 < len(held) < 12 and select_episodes(paths, "split=validation", share) == held
 
 
@@ -67,16 +83,31 @@ def test_the_share_of_the_validation_split_is_that_of_the_export(tmp_path, forma
     paths = []
     for slot in range(4):
         path = episode_path(tmp_path, slot=slot)
-        paths.append(make_episode(path, slot=slot, frames=2, cameras=("head_camera",), meta={"physics_id": str(slot)}))
+        paths.append(
+            make_episode(
+                path, slot=slot, frames=2, cameras=("head_camera",), meta={"physics_id": str(slot)}
+            )
+        )
     exporter, out = EXPORTERS[format], tmp_path / "out"
     exporter.export(Job(tmp_path, out, paths, exporter.options(), validation=0.4))
     wanted = [split_of(str(slot), 0.4) for slot in range(4)]
-    assert [split == "validation" for split in wanted] == [position_of(str(slot)) < 0.4 for slot in range(4)]
+    assert [split == "validation" for split in wanted] == [
+        position_of(str(slot)) < 0.4 for slot in range(4)
+    ]
     assert wanted != [split_of(str(slot)) for slot in range(4)]
     rows = pq.read_table(next(out.rglob("*episodes.parquet"))).to_pylist()
-    assert [row["split"] for row in rows] == wanted and read_record(out).summary["validation"] == 0.4
+    assert [row["split"] for row in rows] == wanted and read_record(out).summary[
+        "validation"
+    ] == 0.4
     if format == "lerobot":
-        assert pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet")["domino.split"].to_pylist() == wanted
+        assert (
+            pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet")[
+                "domino.split"
+            ].to_pylist()
+            == wanted
+        )
     if format == "robomimic":
         with h5py.File(out / "demos.hdf5") as f:
-            assert f["mask/valid"][()].tolist() == [f"demo_{i}".encode() for i, split in enumerate(wanted) if split == "validation"]
+            assert f["mask/valid"][()].tolist() == [
+                f"demo_{i}".encode() for i, split in enumerate(wanted) if split == "validation"
+            ]

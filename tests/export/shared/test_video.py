@@ -14,13 +14,20 @@ from pipeline.export.shared.video import Codec, decoded_planes, encode, frames_o
 from pipeline.export.shared.video_file import Clip, VideoFile
 
 FPS = 15
-CODECS = {"default": Codec(), "av1": Codec("libsvtav1"), "h264": Codec("h264", crf=23, preset="veryfast")}
+CODECS = {
+    "default": Codec(),
+    "av1": Codec("libsvtav1"),
+    "h264": Codec("h264", crf=23, preset="veryfast"),
+}
 
 
 def clip(frames: int, seed: int) -> list[np.ndarray]:
-    """A grey level per frame on the left, red and blue on the right: every frame differs from its neighbours."""
+    """A grey level per frame on the left, red and blue on the right: every frame differs from its
+    neighbours."""
     out = np.zeros((frames, 64, 96, 3), np.uint8)
-    out[:, :, :48] = (40 + 20 * np.random.default_rng(seed).permutation(frames) % 200)[:, None, None, None]
+    out[:, :, :48] = (40 + 20 * np.random.default_rng(seed).permutation(frames) % 200)[
+        :, None, None, None
+    ]
     out[:, :32, 48:], out[:, 32:, 48:] = (220, 30, 30), (30, 50, 220)
     return list(out)
 
@@ -45,19 +52,27 @@ def test_same_frames_same_bytes(codec):
     assert encode(clip(6, 1), FPS, codec) == encode(clip(6, 1), FPS, codec)
 
 
-@pytest.mark.parametrize(("preset", "size"), [("faster", (64, 258)), ("fast", (52, 36)), ("slower", (52, 36))])
-def test_frames_predicted_from_others_give_the_same_bytes_whatever_the_memory_held_before(preset, size):
+@pytest.mark.parametrize(
+    ("preset", "size"), [("faster", (64, 258)), ("fast", (52, 36)), ("slower", (52, 36))]
+)
+def test_frames_predicted_from_others_give_the_same_bytes_whatever_the_memory_held_before(
+    preset, size
+):
     rng = np.random.default_rng(0)
     frames = [rng.integers(0, 255, (*size, 3), np.uint8) for _ in range(7)]
     held, videos = [], set()
     for _ in range(25):
-        held = [*held[-20:], rng.bytes(int(rng.integers(1000, 400000)))]  # so that buffers come from memory that was written to
+        # so that buffers come from memory that was written to
+        held = [*held[-20:], rng.bytes(int(rng.integers(1000, 400000)))]
         videos.add(encode(iter(frames), FPS, Codec("h264", gop=15, preset=preset)))
     assert len(videos) == 1
 
 
 def test_only_videos_with_predicted_frames_quantise_plainly():
-    assert "x264-params" not in Codec().options() and "x264-params" not in Codec("h264", preset="veryfast").options()
+    assert (
+        "x264-params" not in Codec().options()
+        and "x264-params" not in Codec("h264", preset="veryfast").options()
+    )
     assert Codec("h264", gop=2).options()["x264-params"] == "aq-mode=0:mbtree=0"
 
 
@@ -70,7 +85,9 @@ def test_the_range_of_a_jpeg_becomes_that_of_a_video_as_libswscale_does_it():
         rows = np.zeros((plane.height, plane.line_size), np.uint8)
         rows[:, : plane.width] = np.resize(values, plane.width)
         plane.update(rows.tobytes())
-    for got, want in zip(limited(ours).planes, theirs.reformat(format="yuv420p").planes, strict=True):
+    for got, want in zip(
+        limited(ours).planes, theirs.reformat(format="yuv420p").planes, strict=True
+    ):
         np.testing.assert_array_equal(samples(got), samples(want))
 
 
@@ -79,17 +96,33 @@ def test_frames_of_every_sampling_have_the_range_and_colors_that_ffmpeg_gives_th
     import av
 
     image = cv2.normalize(
-        cv2.GaussianBlur(np.random.default_rng(0).normal(size=(32, 48, 3)), (0, 0), 3), None, 0, 255, cv2.NORM_MINMAX
+        cv2.GaussianBlur(np.random.default_rng(0).normal(size=(32, 48, 3)), (0, 0), 3),
+        None,
+        0,
+        255,
+        cv2.NORM_MINMAX,
     )
     options = (
-        [] if sampling == "gray" else [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{sampling}")]
+        []
+        if sampling == "gray"
+        else [
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+            getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{sampling}"),
+        ]
     )
-    jpeg = cv2.imencode(".jpg", image[..., 0] if sampling == "gray" else image, options)[1].tobytes()
+    jpeg = cv2.imencode(".jpg", image[..., 0] if sampling == "gray" else image, options)[
+        1
+    ].tobytes()
     plain = av.CodecContext.create("mjpeg", "r")
     for frame in decoded_planes([jpeg, jpeg]):
         [want] = plain.decode(av.Packet(jpeg))
-        np.testing.assert_array_equal(frame.to_ndarray(format="rgb24", src_color_range="JPEG"), want.to_ndarray(format="rgb24"))
-        for ours, theirs in zip(limited(frame).planes, want.reformat(format="yuv420p").planes, strict=True):
+        np.testing.assert_array_equal(
+            frame.to_ndarray(format="rgb24", src_color_range="JPEG"),
+            want.to_ndarray(format="rgb24"),
+        )
+        for ours, theirs in zip(
+            limited(frame).planes, want.reformat(format="yuv420p").planes, strict=True
+        ):
             np.testing.assert_array_equal(samples(ours), samples(theirs))
 
 
@@ -112,7 +145,9 @@ def test_slow_motion_is_not_drawn_late():
     got = [picture for _, picture in frames_of(io.BytesIO(encode(frames, FPS, Codec())))]
     for t in range(1, 6):
         moved = (frames[t] != frames[t - 1]).any(-1)
-        to_own, to_previous = (np.abs(got[t].astype(int) - f)[moved].mean() for f in (frames[t], frames[t - 1]))
+        to_own, to_previous = (
+            np.abs(got[t].astype(int) - f)[moved].mean() for f in (frames[t], frames[t - 1])
+        )
         assert to_own < to_previous / 3
 
 
@@ -127,17 +162,25 @@ def test_frames_of_reads_from_memory_too():
 
 def test_planes_of_a_jpeg_give_the_same_video_and_colors_as_its_pixels():
     rng = np.random.default_rng(0)
-    frames = [cv2.GaussianBlur(rng.integers(0, 256, (240, 320, 3), np.uint8), (0, 0), 3) for _ in range(4)]
+    frames = [
+        cv2.GaussianBlur(rng.integers(0, 256, (240, 320, 3), np.uint8), (0, 0), 3) for _ in range(4)
+    ]
     jpegs = [bytes(data) for data in encode_frames(np.stack(frames))]
     pixels, planes = [decode_frame(jpeg) for jpeg in jpegs], list(decoded_planes(jpegs))
     counted, rows = PlaneCounts(), {*range(0, 12, 2), *range(1, 12, 4), 11}
     assert list(counted.passing(planes * 3, rows)) == planes * 3
     of_planes, of_pixels = (encode(images, 15, Codec(crf=5)) for images in (planes, pixels))
-    for (_, a), (_, b), want in zip(frames_of(io.BytesIO(of_planes)), frames_of(io.BytesIO(of_pixels)), pixels, strict=True):
-        assert np.abs(a.astype(int) - want).mean() < 1.02 * np.abs(b.astype(int) - want).mean() + 0.1
+    for (_, a), (_, b), want in zip(
+        frames_of(io.BytesIO(of_planes)), frames_of(io.BytesIO(of_pixels)), pixels, strict=True
+    ):
+        assert (
+            np.abs(a.astype(int) - want).mean() < 1.02 * np.abs(b.astype(int) - want).mean() + 0.1
+        )
     got, wanted = counted.counts(), color_counts([(pixels * 3)[row] for row in rows])
     assert got.sum() == wanted.sum() and len(rows) > TOGETHER
-    np.testing.assert_allclose(got @ np.arange(256) / got.sum(1), wanted @ np.arange(256) / wanted.sum(1), atol=0.3)
+    np.testing.assert_allclose(
+        got @ np.arange(256) / got.sum(1), wanted @ np.arange(256) / wanted.sum(1), atol=0.3
+    )
 
 
 @pytest.mark.parametrize("spoil", [lambda j: j[:300], lambda j: b"", lambda j: b"no image" * 20])

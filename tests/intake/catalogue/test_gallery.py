@@ -31,7 +31,10 @@ def test_a_portrait_shows_the_object_in_its_colour():
 
 def test_marks_change_the_picture():
     block = Block(0.05, 0.002, "painted", "blue")
-    assert np.abs(portrait(block, size=(96, 72)).astype(int) - portrait(block, True, (96, 72))).max() > 60
+    assert (
+        np.abs(portrait(block, size=(96, 72)).astype(int) - portrait(block, True, (96, 72))).max()
+        > 60
+    )
 
 
 def test_the_page_is_self_contained(tmp_path):

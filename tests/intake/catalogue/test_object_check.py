@@ -1,4 +1,5 @@
-"""The checker of object families: good on the families that there are, and it names what is wrong with others."""
+"""The checker of object families: good on the families that there are, and it names what is wrong
+with others."""
 
 from dataclasses import dataclass, replace
 
@@ -43,18 +44,25 @@ class Unrepeatable(_Broken):
 class Sunk(_Broken):
     def shape(self):
         shape = super().shape()
-        return replace(shape, visual=tuple((at(mesh, (0, 0, -0.01)), skin) for mesh, skin in shape.visual))
+        return replace(
+            shape, visual=tuple((at(mesh, (0, 0, -0.01)), skin) for mesh, skin in shape.visual)
+        )
 
 
 class Fine(_Broken):
     def shape(self):
-        return replace(super().shape(), visual=((at(sphere(0.02, 30, 60), (0, 0, 0.02)), super().shape().visual[0][1]),))
+        return replace(
+            super().shape(),
+            visual=((at(sphere(0.02, 30, 60), (0, 0, 0.02)), super().shape().visual[0][1]),),
+        )
 
 
 class Topless(_Broken):
     def frames(self):
         found = super().frames()
-        return NamedFrames({name: p for name, p in found.points.items() if name != "top"}, found.grasps)
+        return NamedFrames(
+            {name: p for name, p in found.points.items() if name != "top"}, found.grasps
+        )
 
 
 class Adrift(_Broken):
@@ -66,7 +74,9 @@ class Adrift(_Broken):
 class Airy(_Broken):
     def frames(self):
         found = super().frames()
-        return NamedFrames(found.points, tuple(replace(g, width=g.width - 0.01) for g in found.grasps))
+        return NamedFrames(
+            found.points, tuple(replace(g, width=g.width - 0.01) for g in found.grasps)
+        )
 
 
 class Speechless(_Broken):
@@ -77,7 +87,10 @@ class Speechless(_Broken):
 
 class Rolling(_Broken):
     def shape(self):
-        tall = (*box_collider(0.004, 0.004, 0.1, (0.03, 0, 0.12)), *sphere_collider(0.02, (0, 0, 0.02)))
+        tall = (
+            *box_collider(0.004, 0.004, 0.1, (0.03, 0, 0.12)),
+            *sphere_collider(0.02, (0, 0, 0.02)),
+        )
         return replace(super().shape(), collision=tall)
 
 
@@ -108,4 +121,6 @@ def test_what_is_wrong_with_a_family_is_named(family, clause, said):
 def test_the_listing_has_frames_and_grasps():
     bell = listing(["bell"])["bell"]
     assert bell["frames"]["base"] == [0, 0, 0, 1, 0, 0, 0] and bell["frames"]["button"][2] > 0.02
-    assert sum(bell["grasps"].values()) == len(FAMILIES["bell"].draw(np.random.Generator(np.random.Philox(0))).frames().grasps)
+    assert sum(bell["grasps"].values()) == len(
+        FAMILIES["bell"].draw(np.random.Generator(np.random.Philox(0))).frames().grasps
+    )

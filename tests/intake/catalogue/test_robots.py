@@ -36,4 +36,6 @@ def test_no_configuration_reaches_farther_and_one_reaches_that_far(name):
     far = [np.linalg.norm(tcp_pose(arm, q)[:3] - shoulder) for q in drawn]
     assert 0.85 * said < max(far) <= said + 1e-3
     # the other arm is the same one, somewhere else
-    assert reach(replace(arm, base=arm.base + np.array([0.3, 0.1, 0, 0, 0, 0, 0]))) == pytest.approx(said, abs=1e-9)
+    assert reach(
+        replace(arm, base=arm.base + np.array([0.3, 0.1, 0, 0, 0, 0, 0]))
+    ) == pytest.approx(said, abs=1e-9)

@@ -32,9 +32,15 @@ def textured_box(path: Path) -> Path:
 
 
 def textured_obj(path: Path, mtl: str) -> Path:
-    """A box as OBJ whose faces have texture coordinates and the material `a` of an MTL beside it."""
+    """A box as OBJ whose faces have texture coordinates and the material `a` of an MTL beside
+    it."""
     box = trimesh.creation.box((0.05, 0.04, 0.09))
-    lines = ["mtllib box.mtl", "vt 0.25 0.25", *("v {} {} {}".format(*v) for v in box.vertices), "usemtl a"]
+    lines = [
+        "mtllib box.mtl",
+        "vt 0.25 0.25",
+        *("v {} {} {}".format(*v) for v in box.vertices),
+        "usemtl a",
+    ]
     lines += ["f " + " ".join(f"{k + 1}/1" for k in face) for face in box.faces]
     path.write_text("\n".join(lines) + "\n")
     path.with_name("box.mtl").write_text(mtl)
@@ -62,7 +68,8 @@ def gltf(path: Path, **changes) -> Path:
 
 
 def robotwin_directory(root: Path, instances=(0, 1)) -> Path:
-    """A directory in the layout of RoboTwin-OD: y up, scaled, a contact point from the side and one functional point."""
+    """A directory in the layout of RoboTwin-OD: y up, scaled, a contact point from the side and one
+    functional point."""
     for i in instances:
         for kind in ("visual", "collision"):
             (root / kind).mkdir(parents=True, exist_ok=True)
@@ -70,7 +77,12 @@ def robotwin_directory(root: Path, instances=(0, 1)) -> Path:
         # against y: the gripper comes along +x of the mesh; along z: it opens along z of the mesh
         contact = [[0, -1, 0, 0.0], [1, 0, 0, 0.0], [0, 0, 1, 0.0], [0, 0, 0, 1]]
         top = [[1, 0, 0, 0], [0, 0, 1, 0.45], [0, -1, 0, 0], [0, 0, 0, 1]]
-        data = {"scale": [0.1, 0.1, 0.1], "contact_points_pose": [contact], "functional_matrix": [top], "stable": True}
+        data = {
+            "scale": [0.1, 0.1, 0.1],
+            "contact_points_pose": [contact],
+            "functional_matrix": [top],
+            "stable": True,
+        }
         (root / f"model_data{i}.json").write_text(json.dumps(data))
     return root
 

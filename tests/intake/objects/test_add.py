@@ -1,4 +1,5 @@
-"""Objects from files: how they stand, what they weigh, where they are held, what is drawn of them."""
+"""Objects from files: how they stand, what they weigh, where they are held, what is drawn of
+them."""
 
 import io
 import sys
@@ -21,7 +22,13 @@ from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.objects.from_files import ObjectError, add_all, piece
 from tests.intake.objects.conftest import add_here
-from tests.intake.objects.meshes import box_file, gltf, robotwin_directory, textured_box, textured_obj
+from tests.intake.objects.meshes import (
+    box_file,
+    gltf,
+    robotwin_directory,
+    textured_box,
+    textured_obj,
+)
 
 
 def test_a_box_stands_on_its_base_weighs_what_it_should_and_is_held_across(tmp_path, options):
@@ -36,13 +43,21 @@ def test_a_box_stands_on_its_base_weighs_what_it_should_and_is_held_across(tmp_p
     for g in grasps:  # across two sides, as far as friction holds, never the hand below the table
         opening = quat_rotate(g.pose[3:], [0.0, 1.0, 0.0])
         across = int(np.argmax(np.abs(opening)))
-        assert opening[2] == pytest.approx(0, abs=1e-6) and np.abs(opening[across]) > np.cos(np.radians(28))
-        assert g.width == pytest.approx(edges[across] / np.abs(opening[across]), abs=1e-4) and g.pose[2] > 0
-    assert {int(np.argmax(np.abs(quat_rotate(g.pose[3:], [0.0, 1.0, 0.0])))) for g in grasps} == {0, 1}
+        assert opening[2] == pytest.approx(0, abs=1e-6) and np.abs(opening[across]) > np.cos(
+            np.radians(28)
+        )
+        assert (
+            g.width == pytest.approx(edges[across] / np.abs(opening[across]), abs=1e-4)
+            and g.pose[2] > 0
+        )
+    assert {int(np.argmax(np.abs(quat_rotate(g.pose[3:], [0.0, 1.0, 0.0])))) for g in grasps} == {
+        0,
+        1,
+    }
     assert [f for f in check_object("thing") if not f.ok] == []
-    assert stands_for(FAMILIES["thing"]) == "tea_box" and "5.0 x 4.0 x 9.0" in next(describe(added)).replace(
-        "4.0 x 5.0", "5.0 x 4.0"
-    )
+    assert stands_for(FAMILIES["thing"]) == "tea_box" and "5.0 x 4.0 x 9.0" in next(
+        describe(added)
+    ).replace("4.0 x 5.0", "5.0 x 4.0")
 
 
 def test_the_same_mesh_gives_the_same_bytes_and_a_directory_is_read_again(tmp_path, options):
@@ -63,7 +78,9 @@ def test_without_up_an_object_stands_as_its_family_does(tmp_path, options):
     for family in ("bottle", "lying_bottle"):
         solid = draft_of(tmp_path / "bottle.obj", replace(options, family=family)).solid
         heights.append(max(float(one.support_points()[:, 2].max()) for one in solid))
-    assert heights[0] == pytest.approx(0.18, abs=2e-3) and heights[1] == pytest.approx(0.054, abs=2e-3)
+    assert heights[0] == pytest.approx(0.18, abs=2e-3) and heights[1] == pytest.approx(
+        0.054, abs=2e-3
+    )
 
 
 def test_a_texture_is_kept_and_comes_back_from_the_glb(tmp_path, options):
@@ -73,7 +90,9 @@ def test_a_texture_is_kept_and_comes_back_from_the_glb(tmp_path, options):
     assert material.texture is not None and mesh.uvs is not None
     high, low = mesh.vertices[:, 2] > 0.08, mesh.vertices[:, 2] < 0.01  # red above
     rows = np.clip((mesh.uvs[:, 1] * 8).astype(int), 0, 7)
-    assert (material.texture[rows[high], 0, 0] == 255).all() and (material.texture[rows[low], 0, 2] == 255).all()
+    assert (material.texture[rows[high], 0, 0] == 255).all() and (
+        material.texture[rows[low], 0, 2] == 255
+    ).all()
     assert write_glb(read_glb(tmp_path / "looks.glb")) == data
     seen = trimesh.load_scene(io.BytesIO(data), file_type="glb").dump()[0]
     assert seen.visual.material.baseColorTexture.size == (8, 8)
@@ -99,21 +118,28 @@ def test_a_solid_box_is_no_mug(tmp_path, options):
     assert not found.ok and "mm are free before its frame" in found.detail
     mug = first_of("mug")
     bottom, edge = mug.frames()["inside"][2], mug.shape().aabb()[1, 2]
-    assert free_before(mug.shape(), mug.frames()["inside"]) == pytest.approx(edge - bottom, abs=0.004)
+    assert free_before(mug.shape(), mug.frames()["inside"]) == pytest.approx(
+        edge - bottom, abs=0.004
+    )
 
 
 def test_an_object_lives_in_the_directory_of_its_family(tmp_path, options, monkeypatch):
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "sponges.py").write_text(
-        "from pipeline.world.objects import FAMILIES\nfrom pipeline.world.objects.contract import register\n"
-        "@register('sponge')\nclass Sponge(FAMILIES['soap']): pass\n"
+        "from pipeline.world.objects import FAMILIES\nfrom pipeline.world.objects.contract import"
+        " register\n@register('sponge')\nclass Sponge(FAMILIES['soap']): pass\n"
     )
     monkeypatch.setenv("DOMINO_PLUGINS", str(mine))
     monkeypatch.syspath_prepend(mine)
     load_plugins()
-    file, wanted = box_file(tmp_path / "box.obj", (0.07, 0.05, 0.03)), replace(options, family="sponge")
-    with pytest.raises(ObjectError, match=f"is a family of {mine}; add the object there, with --to {mine}"):
+    file, wanted = (
+        box_file(tmp_path / "box.obj", (0.07, 0.05, 0.03)),
+        replace(options, family="sponge"),
+    )
+    with pytest.raises(
+        ObjectError, match=f"is a family of {mine}; add the object there, with --to {mine}"
+    ):
         add_here(file, wanted)
     add_here(file, replace(wanted, to=mine))
     for name in ("thing", "sponge"):
@@ -124,7 +150,9 @@ def test_an_object_lives_in_the_directory_of_its_family(tmp_path, options, monke
 
 
 NODES = {"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}
-MANY = {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 30_000_000, "type": "VEC3"}]}
+MANY = {
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 30_000_000, "type": "VEC3"}]
+}
 AWAY = {"buffers": [{"byteLength": 36, "uri": "../../secret.bin"}]}
 
 
@@ -135,7 +163,10 @@ AWAY = {"buffers": [{"byteLength": 36, "uri": "../../secret.bin"}]}
         (MANY, "10000000 triangles"),
         (AWAY, "outside of"),
         ({"buffers": [{"byteLength": 36, "uri": "/etc/passwd"}]}, "absolute path"),
-        ({"accessors": [{"bufferView": 7, "componentType": 5126, "count": 3, "type": "VEC3"}]}, "not readable"),
+        (
+            {"accessors": [{"bufferView": 7, "componentType": 5126, "count": 3, "type": "VEC3"}]},
+            "not readable",
+        ),
         ({"meshes": []}, "box.glb"),
         ({"nodes": 7}, "not readable"),
         ({}, "flat"),
@@ -177,10 +208,17 @@ def test_a_texture_that_unpacks_to_gigabytes_is_not_unpacked(tmp_path):
     import zlib
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+        return (
+            len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+        )
 
     head = (12_000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
-    bomb = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(1000))) + chunk(b"IEND", b"")
+    bomb = (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + chunk(b"IDAT", zlib.compress(bytes(1000)))
+        + chunk(b"IEND", b"")
+    )
     (tmp_path / "bomb.png").write_bytes(bomb)
     textured_obj(tmp_path / "box.obj", "newmtl a\nmap_Kd bomb.png\n")
     with pytest.raises(DominoError, match="12000 x 12000"):
@@ -190,12 +228,21 @@ def test_a_texture_that_unpacks_to_gigabytes_is_not_unpacked(tmp_path):
 def test_what_is_wider_than_a_hand_is_held_by_its_wall():
     wall, half = 0.004, 0.05
     sides = [(x, y, 0.04) for x, y in ((half, 0), (-half, 0), (0, half), (0, -half))]
-    thick = [(wall / 2, half, 0.04), (wall / 2, half, 0.04), (half, wall / 2, 0.04), (half, wall / 2, 0.04)]
+    thick = [
+        (wall / 2, half, 0.04),
+        (wall / 2, half, 0.04),
+        (half, wall / 2, 0.04),
+        (half, wall / 2, 0.04),
+    ]
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     floor = piece(corners * [half, half, 0.002] + [0, 0, 0.002])
     open_box = [*(piece(corners * h + at) for at, h in zip(sides, thick, strict=True)), floor]
     grasps = two_finger_grasps(open_box)
     assert len(grasps) > 20 and all(g.width < 0.006 for g in grasps)
     for g in grasps:  # from above, one finger in the box
-        assert quat_rotate(g.pose[3:], [1.0, 0.0, 0.0])[2] < -0.2 and np.max(np.abs(g.pose[:2])) == pytest.approx(half, abs=0.003)
-    assert not two_finger_grasps(open_box[4:]) and not two_finger_grasps([piece(corners * 0.05 + [0, 0, 0.05])])
+        assert quat_rotate(g.pose[3:], [1.0, 0.0, 0.0])[2] < -0.2 and np.max(
+            np.abs(g.pose[:2])
+        ) == pytest.approx(half, abs=0.003)
+    assert not two_finger_grasps(open_box[4:]) and not two_finger_grasps(
+        [piece(corners * 0.05 + [0, 0, 0.05])]
+    )

@@ -1,4 +1,5 @@
-"""`assets: robotwin:DIR`: the original's objects by task, the names of those that cannot be used, and datasets built with them."""
+"""`assets: robotwin:DIR`: the original's objects by task, the names of those that cannot be used,
+and datasets built with them."""
 
 import json
 import shutil
@@ -28,7 +29,9 @@ def assets(tmp_path, monkeypatch, options):
         box_file(root / "081_playingcards" / kind / "base1.glb", (1.2, 0.9, 1.2))
     texts = tmp_path / "RoboTwin" / "description" / "objects_description" / "081_playingcards"
     texts.mkdir(parents=True)
-    (texts / "base0.json").write_text(json.dumps({"seen": ["the deck of cards", "red box"], "unseen": ["A small deck"]}))
+    (texts / "base0.json").write_text(
+        json.dumps({"seen": ["the deck of cards", "red box"], "unseen": ["A small deck"]})
+    )
     return root
 
 
@@ -42,8 +45,13 @@ def test_each_task_has_the_instances_of_the_original(assets, capsys):
     }
     assert found.assets == f"robotwin:{assets}"
     assert "assets: not used: 081_playingcards 1: no grasp" in capsys.readouterr().err
-    scenes = [build_scene(EpisodeSpec(task, "aloha-agilex", 1, 0.1, "clean", 0, 0), found.ruling()) for task in tasks]
-    assert scenes[0].bodies["cup"].family == "cup_021_0" and scenes[1].bodies["container"].family in ("cup_021_2", "bowl")
+    scenes = [
+        build_scene(EpisodeSpec(task, "aloha-agilex", 1, 0.1, "clean", 0, 0), found.ruling())
+        for task in tasks
+    ]
+    assert scenes[0].bodies["cup"].family == "cup_021_0" and scenes[1].bodies[
+        "container"
+    ].family in ("cup_021_2", "bowl")
     words = scenes[2].bodies["cards"].instance.words()
     assert words.seen[1:] == ("deck of cards", "red box") and words.unseen == ("small deck",)
     assert resolve(found) == found
@@ -59,9 +67,13 @@ def test_an_object_that_cannot_be_read_is_named(assets, tmp_path, capsys):
     assert message.endswith(": repair it, or move its model_data file away to build without it")
     capsys.readouterr()
     found = resolve(Recipe(tasks=("all",), assets=f"robotwin:{assets}"))
-    assert "place_empty_cup.cup" not in found.objects and "place_container_plate.cup" in found.objects
+    assert (
+        "place_empty_cup.cup" not in found.objects and "place_container_plate.cup" in found.objects
+    )
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "021_cup" in line)
-    assert line.startswith("domino-data: assets: objects left out because they cannot be read: 1: 021_cup 0: ")
+    assert line.startswith(
+        "domino-data: assets: objects left out because they cannot be read: 1: 021_cup 0: "
+    )
 
 
 def forget(monkeypatch):
@@ -73,7 +85,18 @@ def forget(monkeypatch):
 
 def test_a_dataset_with_them_is_whole_in_another_process(assets, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    wanted = ("--tasks", "move_playingcard_away", "--levels", "1", "--episodes", "1", "--cameras", "head", "--size", "64x48")
+    wanted = (
+        "--tasks",
+        "move_playingcard_away",
+        "--levels",
+        "1",
+        "--episodes",
+        "1",
+        "--cameras",
+        "head",
+        "--size",
+        "64x48",
+    )
     given = (*wanted, "--assets", f"robotwin:{assets}", "--executor", "inline", "--quiet", "--json")
     code, said, err = inside("build", *given, "--out", out)
     assert code == 0 and json.loads(said)["accepted"] == 1, err

@@ -1,4 +1,5 @@
-"""Objects from files in recipes: where they are placed, what is refused, and that their content counts in keys."""
+"""Objects from files in recipes: where they are placed, what is refused, and that their content
+counts in keys."""
 
 import pickle
 import shutil
@@ -44,17 +45,27 @@ def cards(made, options):
 
 
 def recipe(**changes) -> Recipe:
-    return Recipe(tasks=("move_playingcard_away",), objects={"playing_cards": ("cards_0",)}).model_copy(update=changes)
+    return Recipe(
+        tasks=("move_playingcard_away",), objects={"playing_cards": ("cards_0",)}
+    ).model_copy(update=changes)
 
 
 def test_a_layout_places_the_object_and_the_rules_come_back(cards):
     resolved = resolve(recipe(objects={"playing_cards": ("cards",)}))
     assert resolved.objects == {"playing_cards": ("cards_0",)}
-    scene = build_scene(EpisodeSpec("move_playingcard_away", "aloha-agilex", 1, 0.1, "clean", 0, 1), resolved.ruling())
+    scene = build_scene(
+        EpisodeSpec("move_playingcard_away", "aloha-agilex", 1, 0.1, "clean", 0, 1),
+        resolved.ruling(),
+    )
     body = scene.bodies[scene.task.target]
     assert body.family == "cards_0" and pickle.loads(pickle.dumps(body.instance)) == body.instance
-    assert scene.rules == Rules(objects=(("playing_cards", ("cards_0",)),)) and "objects" in scene.rules.label
-    assert Recipe(objects="playing_cards=cards_0,playing_cards=robotwin:cards_1").objects["playing_cards"] == ("cards_0", "cards_1")
+    assert (
+        scene.rules == Rules(objects=(("playing_cards", ("cards_0",)),))
+        and "objects" in scene.rules.label
+    )
+    assert Recipe(objects="playing_cards=cards_0,playing_cards=robotwin:cards_1").objects[
+        "playing_cards"
+    ] == ("cards_0", "cards_1")
     made = provenance("none", resolved)["licences"]
     assert made["cards_0"] == "Proprietary" and made["aloha-agilex"] == "Apache-2.0"
 
@@ -84,7 +95,10 @@ def test_the_content_of_an_object_counts_where_it_is_used(cards):
         ({"hanging_mug.mug": ("cards_0",)}, "stands for playing_cards, not for mug"),
         ({"hanging_mug.mug": ("bottle",)}, "no object 'bottle'"),
         ({"hanging_mugs.mug": ("cards_0",)}, "no task 'hanging_mugs'"),
-        ({"click_bell.playing_cards": ("cards_0",)}, "no task of the recipe draws a playing_cards; they draw bell"),
+        (
+            {"click_bell.playing_cards": ("cards_0",)},
+            "no task of the recipe draws a playing_cards; they draw bell",
+        ),
     ],
 )
 def test_a_recipe_with_wrong_objects_is_refused(cards, objects, said):
@@ -93,10 +107,17 @@ def test_a_recipe_with_wrong_objects_is_refused(cards, objects, said):
 
 
 def test_a_size_that_a_task_gives_is_no_object_s(options, tmp_path):
-    add_here(box_file(tmp_path / "flat.obj", (0.1, 0.1, 0.01)), replace(options, name="slab", family="pad"))
+    add_here(
+        box_file(tmp_path / "flat.obj", (0.1, 0.1, 0.01)),
+        replace(options, name="slab", family="pad"),
+    )
     rng = np.random.default_rng(0)
     with pytest.raises(UndeclaredFamily, match="given by the task"):
-        list(TASKS["move_pillbottle_pad"].layout(Draw(rng, rng, Rules(objects=(("pad", ("slab",)),)))))
+        list(
+            TASKS["move_pillbottle_pad"].layout(
+                Draw(rng, rng, Rules(objects=(("pad", ("slab",)),)))
+            )
+        )
 
 
 @pytest.mark.parametrize(

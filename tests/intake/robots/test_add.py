@@ -1,4 +1,5 @@
-"""`robots add`: what is found in a URDF, what is written, and that it comes back as the same robot."""
+"""`robots add`: what is found in a URDF, what is written, and that it comes back as the same
+robot."""
 
 import numpy as np
 import pytest
@@ -26,7 +27,9 @@ def test_the_parts_of_our_robots_are_found_in_their_urdfs(name):
     assert found.hand == said.hand and set(found.fingers) == set(said.gripper.fingers)
     assert found.arm_joints == MODELS[name].arm("left").arm_joints
     assert list(found.jaws) == list(said.gripper.joints)
-    np.testing.assert_allclose([end for _, end in found.jaws.values()], said.gripper.opened, atol=0.003)
+    np.testing.assert_allclose(
+        [end for _, end in found.jaws.values()], said.gripper.opened, atol=0.003
+    )
     assert found.opening == pytest.approx(said.gripper.opening, abs=0.006)
     position, approach, opening = found.tcp
     np.testing.assert_allclose(position, said.tcp.position, atol=0.009)
@@ -40,14 +43,20 @@ def test_the_tool_frame_is_between_the_pads_of_two_slides(tmp_path, jaws, closin
     assert found.arm_joints == ("j1", "j2", "j3", "j4", "j5") and found.hand == "hand"
     assert tuple(a for a, _ in found.jaws.values()) == closing
     assert abs(found.jaws["jaw_b"][1]) == 0.03
-    # fingers 10 mm thick whose middles are at 10 mm closed and 40 mm open, and whose tips are at 140 mm
+    # fingers 10 mm thick whose middles are at 10 mm closed and 40 mm open, and whose tips are at
+    # 140 mm
     assert found.opening == pytest.approx(2 * (0.04 - 0.005))
     np.testing.assert_allclose(found.tcp, [[0, 0, 0.14 - 0.018], [0, 0, 1], [0, 1, 0]], atol=1e-12)
 
 
 def test_a_linkage_is_driven_by_every_joint_and_opens_as_far_as_it_swings(tmp_path):
     found = anatomy(read_urdf(Tiny(LINKAGE).write(tmp_path)))
-    assert found.jaws == {"knuckle_a": (0.0, 0.5), "jaw_a": (0.0, -0.5), "knuckle_b": (0.0, 0.5), "jaw_b": (0.0, -0.5)}
+    assert found.jaws == {
+        "knuckle_a": (0.0, 0.5),
+        "jaw_a": (0.0, -0.5),
+        "knuckle_b": (0.0, 0.5),
+        "jaw_b": (0.0, -0.5),
+    }
     assert found.opening == pytest.approx(2 * (0.02 + 0.05 * np.sin(0.5) - 0.005))
     assert set(found.fingers) == {"finger_a", "finger_b"}
 
@@ -56,7 +65,9 @@ def test_a_hinged_jaw_meets_a_finger_that_stands_still(tmp_path):
     found = anatomy(read_urdf(Tiny(HINGE).write(tmp_path)))
     assert found.fingers == ("finger_a", "finger_b") and found.jaws == {"jaw_a": (0.0, 0.8)}
     # the pad's end, 60 mm from the hinge and 5 mm inside of it, swings out
-    assert found.opening == pytest.approx(0.02 - 0.005 + 0.04 * np.sin(0.8) - 0.005 * np.cos(0.8), abs=0.012)
+    assert found.opening == pytest.approx(
+        0.02 - 0.005 + 0.04 * np.sin(0.8) - 0.005 * np.cos(0.8), abs=0.012
+    )
 
 
 def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
@@ -66,7 +77,10 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
     directory, _ = add_robot(source, Options("tiny", tmp_path / "mine", licence='BSD "3"'))
     assert directory == tmp_path / "mine" / "robots" / "tiny"
     model = Model(directory)
-    assert model.settings.licence == "BSD 3" and len((directory / "robot.toml").read_text().splitlines()) < 45
+    assert (
+        model.settings.licence == "BSD 3"
+        and len((directory / "robot.toml").read_text().splitlines()) < 45
+    )
     for side, sign in (("left", -1), ("right", 1)):
         arm = model.arm(side)
         check_arm("tiny", side, arm)
@@ -88,24 +102,34 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
 
 
 def test_a_directory_of_robotwin_is_read_with_its_configuration(tmp_path):
-    """Its URDF has no <mimic>: the configuration says how the second finger follows, and how far both go."""
+    """Its URDF has no <mimic>: the configuration says how the second finger follows, and how far
+    both go."""
     source = Tiny(SLIDES).write(tmp_path / "their" / "urdf")
     (tmp_path / "their" / "config.yml").write_text(
-        "urdf_path: ./urdf/tiny.urdf\narm_joints_name: [[j1, j2, j3, j4, j5], [j1, j2, j3, j4, j5]]\n"
-        "gripper_name:\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n"
-        "gripper_scale: [0.0, 0.025]\n"
+        "urdf_path: ./urdf/tiny.urdf\narm_joints_name: [[j1, j2, j3, j4, j5], [j1, j2, j3, j4,"
+        " j5]]\ngripper_name:\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n- {base: jaw_a, mimic:"
+        " [[jaw_b, 1.0, 0.0]]}\ngripper_scale: [0.0, 0.025]\n"
     )
     directory, _ = add_robot(tmp_path / "their", Options("tiny", tmp_path))
     jaws = Model(directory).settings.gripper
-    assert (jaws.joints, jaws.closed, jaws.opened) == (("jaw_a", "jaw_b"), (0.0, 0.0), (0.025, 0.025))
+    assert (jaws.joints, jaws.closed, jaws.opened) == (
+        ("jaw_a", "jaw_b"),
+        (0.0, 0.0),
+        (0.025, 0.025),
+    )
     assert jaws.opening == pytest.approx(2 * (0.035 - 0.005))
     assert Model(directory).settings.source == source.name
 
 
 def test_of_two_arms_in_a_file_the_one_that_is_named_is_taken(tmp_path):
-    stand = '<link name="stand"/><joint name="foot" type="fixed"><parent link="stand"/><child link="base"/></joint>'
+    stand = (
+        '<link name="stand"/><joint name="foot" type="fixed"><parent link="stand"/><child'
+        ' link="base"/></joint>'
+    )
     robot = read_urdf(Tiny(extra=stand).write(tmp_path))
-    assert "stand" in anatomy(robot).links and "stand" not in anatomy(robot, Hints(base="base")).links
+    assert (
+        "stand" in anatomy(robot).links and "stand" not in anatomy(robot, Hints(base="base")).links
+    )
 
 
 @pytest.mark.parametrize("name", ["piper", "ur5", "Mine", "my_arm", "../up", "none", ""])

@@ -1,4 +1,5 @@
-"""`check-robot`: a sound robot passes every clause, and each clause finds the fault that it is for."""
+"""`check-robot`: a sound robot passes every clause, and each clause finds the fault that it is
+for."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +18,10 @@ def test_a_sound_robot_passes_every_clause():
     found = {finding.name: finding for finding in check_robot("piper", [], None)}
     assert list(found) == ["limits", "mass", "pair", "home", "reach", "grip", "camera"]
     assert [finding for finding in found.values() if not finding.ok] == []
-    assert "a can of 4 cm stops the jaws at 4." in found["grip"].detail or "at 3." in found["grip"].detail
+    assert (
+        "a can of 4 cm stops the jaws at 4." in found["grip"].detail
+        or "at 3." in found["grip"].detail
+    )
     masses = sum(link.mass for link in get_embodiment("piper").arms["left"].links)
     assert f"left arm {masses:.2f} kg" in found["mass"].detail
 
@@ -46,7 +50,10 @@ def into_the_table(arm: Arm) -> Arm:
 
 def blind(arm: Arm) -> Arm:
     behind = np.array([0, 0, 0, 0, 0, 0, 1.0])
-    return replace(arm, camera=replace(arm.camera, pose=np.concatenate([arm.camera.pose[:3] + 1.0, behind[3:]])))
+    return replace(
+        arm,
+        camera=replace(arm.camera, pose=np.concatenate([arm.camera.pose[:3] + 1.0, behind[3:]])),
+    )
 
 
 def weak(arm: Arm) -> Arm:

@@ -16,7 +16,10 @@ from tests.run.command import inside
 
 MESH = Tiny(mesh="package://vendor/part.stl")
 BOMB = '<!DOCTYPE robot [<!ENTITY a "b"><!ENTITY b "&a;&a;&a;">]><robot '
-THIRD = '<joint name="jaw_c" type="prismatic"><parent link="hand"/><child link="finger_c"/><limit lower="0" upper="1"/></joint>'
+THIRD = (
+    '<joint name="jaw_c" type="prismatic"><parent link="hand"/><child link="finger_c"/><limit'
+    ' lower="0" upper="1"/></joint>'
+)
 
 
 def refused(tmp_path, source, **options) -> str:
@@ -30,8 +33,14 @@ def refused(tmp_path, source, **options) -> str:
 
 
 def test_the_command_prints_the_line(tmp_path):
-    code, out, err = inside("robots", "add", tmp_path / "gone.urdf", "--name", "mine", "--to", tmp_path / "made")
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("domino-data: ") and "gone.urdf: is neither" in err
+    code, out, err = inside(
+        "robots", "add", tmp_path / "gone.urdf", "--name", "mine", "--to", tmp_path / "made"
+    )
+    assert (
+        (code, out, err.count("\n")) == (2, "", 1)
+        and err.startswith("domino-data: ")
+        and "gone.urdf: is neither" in err
+    )
 
 
 @pytest.mark.parametrize(
@@ -42,42 +51,104 @@ def test_the_command_prints_the_line(tmp_path):
         ("<robot ", '<?xml version="1.0" encoding="utf-99"?><robot ', "not readable as XML"),
         (
             "<robot ",
-            '<robot xmlns:xacro="http://ros.org/xacro"><xacro:include filename="a"/></robot><robot ',
+            (
+                '<robot xmlns:xacro="http://ros.org/xacro"><xacro:include'
+                ' filename="a"/></robot><robot '
+            ),
             "not readable as XML",
         ),
-        ("</robot>", '<xacro:include xmlns:xacro="http://ros.org/xacro" filename="a"/></robot>', "expand it first"),
-        ('xyz="0 0 0.3"', 'xyz="0 0 nan"', "<origin> has xyz='0 0 nan', which is not 3 finite numbers"),
+        (
+            "</robot>",
+            '<xacro:include xmlns:xacro="http://ros.org/xacro" filename="a"/></robot>',
+            "expand it first",
+        ),
+        (
+            'xyz="0 0 0.3"',
+            'xyz="0 0 nan"',
+            "<origin> has xyz='0 0 nan', which is not 3 finite numbers",
+        ),
         ('xyz="0 0 0.3"', 'xyz="0 0.3"', "<origin> has xyz='0 0.3', which is not 3 finite numbers"),
-        ('mass value="0.8"', 'mass value="inf"', "<mass> has value='inf', which is not 1 finite number"),
+        (
+            'mass value="0.8"',
+            'mass value="inf"',
+            "<mass> has value='inf', which is not 1 finite number",
+        ),
         ('mass value="0.8"', 'mass value="heavy"', "<mass> has value='heavy'"),
         ('mass value="0.8"', 'mass value="0"', "link 'upper' has mass 0: give it a mass above 0"),
         ('mass value="0.8"', 'mass value="-1"', "link 'upper' has mass -1: give it a mass above 0"),
-        ("</robot>", '<material name="m"><color rgba="red"/></material></robot>', "<color> has rgba='red', which is not 3 or 4"),
+        (
+            "</robot>",
+            '<material name="m"><color rgba="red"/></material></robot>',
+            "<color> has rgba='red', which is not 3 or 4",
+        ),
         ('size="0.05 0.05 0.22"', 'size="0.05 0.05"', "which is not 3 finite numbers"),
         ('<box size="0.05 0.05 0.22"/>', "<torus/>", "<torus> is no mesh, box, cylinder or sphere"),
-        ('<box size="0.05 0.05 0.22"/>', '<box size="0.05 -1 0.22"/>', "<box> is no mesh, box, cylinder or sphere with a size"),
+        (
+            '<box size="0.05 0.05 0.22"/>',
+            '<box size="0.05 -1 0.22"/>',
+            "<box> is no mesh, box, cylinder or sphere with a size",
+        ),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint 'j1' has an axis of length 0"),
-        ('<child link="upper"/>', '<child link="uper"/>', "joint 'j2' names link 'uper', which the file does not have"),
-        ('<child link="upper"/>', '<child link="lower"/>', "joints 'j3' and 'j2' both move link 'lower'"),
+        (
+            '<child link="upper"/>',
+            '<child link="uper"/>',
+            "joint 'j2' names link 'uper', which the file does not have",
+        ),
+        (
+            '<child link="upper"/>',
+            '<child link="lower"/>',
+            "joints 'j3' and 'j2' both move link 'lower'",
+        ),
         ('<child link="upper"/>', "", "joint 'j2' needs a parent, a child and a type"),
         ('<parent link="turret"/>', '<parent link="wrist"/>', "hangs in a ring of joints"),
-        ("</robot>", '<joint name="r" type="fixed"><parent link="hand"/><child link="base"/></joint></robot>', "form a ring"),
+        (
+            "</robot>",
+            (
+                '<joint name="r" type="fixed"><parent link="hand"/><child'
+                ' link="base"/></joint></robot>'
+            ),
+            "form a ring",
+        ),
         ("</robot>", '<link name="lost"/></robot>', "links 'base', 'lost' hang on no joint"),
-        ("</robot>", f'<link name="finger_c"/>{THIRD}</robot>', "3 joints of the hand move by themselves (jaw_a, jaw_b, jaw_c)"),
+        (
+            "</robot>",
+            f'<link name="finger_c"/>{THIRD}</robot>',
+            "3 joints of the hand move by themselves (jaw_a, jaw_b, jaw_c)",
+        ),
         ('type="revolute"', 'type="fixed"', "no joint moves between 'base' and the gripper"),
         ('type="prismatic"', 'type="fixed"', "has no gripper"),
-        ('lower="0" upper="0.03"', 'lower="0" upper="0"', "joint 'jaw_a' of the gripper needs limits lower < upper"),
-        ('lower="-2.6" upper="2.6"', 'lower="0" upper="0"', "joint 'j3' has limits 0 to 0, so that it cannot move"),
+        (
+            'lower="0" upper="0.03"',
+            'lower="0" upper="0"',
+            "joint 'jaw_a' of the gripper needs limits lower < upper",
+        ),
+        (
+            'lower="-2.6" upper="2.6"',
+            'lower="0" upper="0"',
+            "joint 'j3' has limits 0 to 0, so that it cannot move",
+        ),
         (
             '<joint name="j1" type="revolute"',
             '<joint name="j1" type="floating"',
             "joint 'j1' is floating, and an arm",
         ),
-        ('<joint name="j1" type="revolute"', '<joint name="j1" type="planar"', "give --base turret, the root of the arm"),
-        ('<joint name="j1" type="revolute"', '<joint name="j1" type="ball"', "a type of revolute, prismatic, fixed, continuous"),
+        (
+            '<joint name="j1" type="revolute"',
+            '<joint name="j1" type="planar"',
+            "give --base turret, the root of the arm",
+        ),
+        (
+            '<joint name="j1" type="revolute"',
+            '<joint name="j1" type="ball"',
+            "a type of revolute, prismatic, fixed, continuous",
+        ),
         ('name="j2"', 'name=""', "give it a short name"),
         ('name="j2"', 'name="j1"', "two joints are named 'j1': give each its own name"),
-        ('link name="upper"', 'link name="lower"', "two links are named 'lower': give each its own name"),
+        (
+            'link name="upper"',
+            'link name="lower"',
+            "two links are named 'lower': give each its own name",
+        ),
         ('"upper"', '"../../../upper"', "give it a short name without slashes"),
     ],
 )
@@ -99,7 +170,10 @@ def test_a_urdf_that_is_no_robot_is_one_line(tmp_path, old, new, words):
         ("../../../../out.stl", "is outside of"),
         ("package://vendor/../../part.stl", "is outside of"),
         ("package://../part.stl", "is of the package '..', which is not here"),
-        ("package://tool/part.stl", "is of the package 'tool', which is not here: give --package tool=DIR"),
+        (
+            "package://tool/part.stl",
+            "is of the package 'tool', which is not here: give --package tool=DIR",
+        ),
         ("package://", "is of the package ''"),
         ("", "is no name of a file"),
         ("a/" * 300 + "part.stl", "is no name of a file"),
@@ -135,7 +209,11 @@ def test_a_mesh_that_is_not_there_is_refused_with_the_cause(tmp_path, name, word
         ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "part.obj: "),
         ("part.obj", b"v 0 0 0\nv 1000 0 0\nv 0 1 0\nf 1 2 3\n", "mind its scale"),
         ("part.obj", b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "have no area"),
-        ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat, so that nothing can collide with it"),
+        (
+            "part.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+            "is flat, so that nothing can collide with it",
+        ),
         ("part.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", "part.glb: not readable"),
         ("part.zip", b"PK", "part.zip: not one of .glb"),
     ],
@@ -181,12 +259,18 @@ def test_files_and_robots_have_a_largest_size(tmp_path, monkeypatch):
         ("urdf_path: ../out/other.urdf\nREST", "which is no file of the directory"),
         ("urdf_path: /etc/hostname\nREST", "which is no file of the directory"),
         ("urdf_path: gone.urdf\nREST", "which is no file of the directory"),
-        ("urdf_path: tiny.urdf\nREST[0]", "arm_joints_name names 'jx', which the URDF does not have"),
+        (
+            "urdf_path: tiny.urdf\nREST[0]",
+            "arm_joints_name names 'jx', which the URDF does not have",
+        ),
         ("urdf_path: [", "config.yml: "),
     ],
 )
 def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config, words):
-    rest = "arm_joints_name: [[j1], [j1]]\ngripper_name: [{base: jaw_a, mimic: []}]\ngripper_scale: [0, 1]\n"
+    rest = (
+        "arm_joints_name: [[j1], [j1]]\ngripper_name: [{base: jaw_a, mimic: []}]\ngripper_scale:"
+        " [0, 1]\n"
+    )
     config = config.replace("REST[0]", rest.replace("j1", "jx")).replace("REST", rest)
     (Tiny(SLIDES).write(tmp_path / "vendor").parent / "config.yml").write_text(config)
     assert words in refused(tmp_path, tmp_path / "vendor")
@@ -194,8 +278,12 @@ def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config,
 
 def test_what_is_not_there_is_named(tmp_path):
     path = Tiny(HINGE).write(tmp_path / "vendor")
-    assert "neither a URDF, nor an MJCF, nor a directory" in refused(tmp_path, tmp_path / "gone.urdf")
+    assert "neither a URDF, nor an MJCF, nor a directory" in refused(
+        tmp_path, tmp_path / "gone.urdf"
+    )
     assert "gone.xml: is neither" in refused(tmp_path, path, gripper=tmp_path / "gone.xml")
     assert "has no link 'pelvis'; links are base" in refused(tmp_path, path, base="pelvis")
     (path.parent / "second.urdf").write_text(path.read_text())
-    assert "expected one .urdf, found second.urdf, tiny.urdf" in refused(tmp_path, tmp_path / "vendor")
+    assert "expected one .urdf, found second.urdf, tiny.urdf" in refused(
+        tmp_path, tmp_path / "vendor"
+    )

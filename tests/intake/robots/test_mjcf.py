@@ -1,4 +1,5 @@
-"""`robots add` of MJCF files and of grippers in files of their own, against MuJoCo's own kinematics."""
+"""`robots add` of MJCF files and of grippers in files of their own, against MuJoCo's own
+kinematics."""
 
 import sys
 
@@ -19,31 +20,35 @@ mujoco = pytest.importorskip("mujoco")
 
 HEAD = '<compiler angle="radian"/><asset><material name="red" rgba="1 0 0 1"/></asset>'
 ARM = (
-    f'<mujoco>{HEAD}<worldbody><geom type="plane" size="1 1 0.1"/><body name="base" pos="0.4 0 1" quat="0 0 0 1">'
-    '<geom type="box" size="0.05 0.05 0.03" material="red" contype="0" conaffinity="0"/><geom type="sphere" size="0.04"/>'
-    '<body name="upper" pos="0 0 0.1" quat="0.9 0.1 0.3 0.2"><joint name="j1" pos="0.02 0 -0.03" axis="0 1 1" range="-2 2"/>'
-    '<inertial pos="0.01 0 0.1" mass="1.5" quat="0.8 0.6 0 0" diaginertia="0.01 0.02 0.025"/>'
-    '<geom type="capsule" size="0.03 0.1" pos="0 0 0.1"/>'
-    '<body name="lower" pos="0 0 0.25"><joint name="j2" axis="1 0 0" range="-1.5 2.5"/><geom type="cylinder" size="0.02 0.08"/>'
-    '<body name="wrist" pos="0 0 0.2"><joint name="j3" axis="0 0 1" pos="0 0.01 0"/><geom type="box" size="0.02 0.02 0.02"/>'
-    'END</body></body></body></body></worldbody><actuator><motor joint="j1" ctrlrange="-30 30" gear="2"/>'
-    '<position joint="j2" kp="9" forcerange="-7 7"/></actuator></mujoco>'
+    f'<mujoco>{HEAD}<worldbody><geom type="plane" size="1 1 0.1"/><body name="base" pos="0.4 0 1"'
+    ' quat="0 0 0 1"><geom type="box" size="0.05 0.05 0.03" material="red" contype="0"'
+    ' conaffinity="0"/><geom type="sphere" size="0.04"/><body name="upper" pos="0 0 0.1" quat="0.9'
+    ' 0.1 0.3 0.2"><joint name="j1" pos="0.02 0 -0.03" axis="0 1 1" range="-2 2"/><inertial'
+    ' pos="0.01 0 0.1" mass="1.5" quat="0.8 0.6 0 0" diaginertia="0.01 0.02 0.025"/><geom'
+    ' type="capsule" size="0.03 0.1" pos="0 0 0.1"/><body name="lower" pos="0 0 0.25"><joint'
+    ' name="j2" axis="1 0 0" range="-1.5 2.5"/><geom type="cylinder" size="0.02 0.08"/><body'
+    ' name="wrist" pos="0 0 0.2"><joint name="j3" axis="0 0 1" pos="0 0.01 0"/><geom type="box"'
+    ' size="0.02 0.02 0.02"/>END</body></body></body></body></worldbody><actuator><motor'
+    ' joint="j1" ctrlrange="-30 30" gear="2"/><position joint="j2" kp="9" forcerange="-7'
+    ' 7"/></actuator></mujoco>'
 )
 FLANGE = '<body name="flange" pos="0 0 0.05"/>'
 _SIDE = (
-    '<body name="{s}" pos="0 {y} 0.05"><joint name="drive_{s}" axis="{x} 0 0" range="0 0.5"/><geom type="sphere" size="0.005"/>'
-    '<body name="tip_{s}" pos="0 0 0.05"><joint name="pivot_{s}" axis="{x} 0 0"/>'
-    '<geom type="box" size="0.01 0.005 0.03" pos="0 0 0.03"/></body></body>'
-    '<body name="link_{s}" pos="0 {z} 0.05"><joint name="link_{s}" axis="{x} 0 0"/><geom type="box" size=".004 .004 .004"/></body>'
+    '<body name="{s}" pos="0 {y} 0.05"><joint name="drive_{s}" axis="{x} 0 0" range="0 0.5"/><geom'
+    ' type="sphere" size="0.005"/><body name="tip_{s}" pos="0 0 0.05"><joint name="pivot_{s}"'
+    ' axis="{x} 0 0"/><geom type="box" size="0.01 0.005 0.03" pos="0 0 0.03"/></body></body><body'
+    ' name="link_{s}" pos="0 {z} 0.05"><joint name="link_{s}" axis="{x} 0 0"/><geom type="box"'
+    ' size=".004 .004 .004"/></body>'
 )
 _PALM = '<body name="palm"><geom type="box" size="0.02 0.05 0.02"/>'
 LINKAGE = (
-    f"<mujoco>{HEAD}<worldbody>{_PALM}{_SIDE.format(s='a', y=0.02, z=0.04, x=-1)}{_SIDE.format(s='b', y=-0.02, z=-0.04, x=1)}"
-    '</body></worldbody><equality><joint joint1="drive_b" joint2="drive_a"/>'
-    '<connect body1="tip_a" body2="link_a" anchor="0 0.02 0"/><connect body1="tip_b" body2="link_b" anchor="0 -0.02 0"/>'
-    '</equality><actuator><position joint="drive_a" kp="1"/></actuator></mujoco>'
+    f"<mujoco>{HEAD}<worldbody>{_PALM}{_SIDE.format(s='a', y=0.02, z=0.04, x=-1)}{_SIDE.format(s='b', y=-0.02, z=-0.04, x=1)}</body></worldbody><equality><joint"  # noqa: E501
+    ' joint1="drive_b" joint2="drive_a"/><connect body1="tip_a" body2="link_a" anchor="0'
+    ' 0.02 0"/><connect body1="tip_b" body2="link_b" anchor="0 -0.02'
+    ' 0"/></equality><actuator><position joint="drive_a" kp="1"/></actuator></mujoco>'
 )
-"""Two parallelograms that loops close: the fingers stay parallel, so that `pivot` turns by as much as `drive`, backwards."""
+"""Two parallelograms that loops close: the fingers stay parallel, so that `pivot` turns by as much
+as `drive`, backwards."""
 
 
 def put(folder, text, name="arm.xml"):
@@ -68,7 +73,9 @@ def test_links_are_where_mujoco_has_them(tmp_path):
     root = data.body("base").xmat.reshape(3, 3)
     for name in ("upper", "lower", "wrist"):
         anchor = data.xanchor[model.body(name).jntadr[0]]
-        np.testing.assert_allclose(placed[name][:3], root.T @ (anchor - data.body("base").xpos), atol=1e-12)
+        np.testing.assert_allclose(
+            placed[name][:3], root.T @ (anchor - data.body("base").xpos), atol=1e-12
+        )
     turned = quat_from_matrix(root.T @ data.body("flange").xmat.reshape(3, 3))
     np.testing.assert_allclose(abs(placed["flange"][3:] @ turned), 1, atol=1e-12)
     # where the mass is does not depend on the frame of the link
@@ -77,27 +84,44 @@ def test_links_are_where_mujoco_has_them(tmp_path):
     np.testing.assert_allclose(np.linalg.norm(upper.com), np.linalg.norm(com), atol=1e-12)
     np.testing.assert_allclose(np.linalg.eigvalsh(upper.inertia), [0.01, 0.02, 0.025], atol=1e-12)
     joints = {joint.name: joint for joint in robot.parent_joint.values()}
-    assert (joints["j1"].effort, joints["j2"].effort, joints["j1"].lower, joints["j2"].upper) == (60, 7, -2, 2.5)
+    assert (joints["j1"].effort, joints["j2"].effort, joints["j1"].lower, joints["j2"].upper) == (
+        60,
+        7,
+        -2,
+        2.5,
+    )
     (look,), (solid,) = robot.links["base"].visuals, robot.links["base"].collisions
-    assert look.color == (1, 0, 0) and np.ptp(trimesh.load(solid.file).vertices, axis=0) == pytest.approx([0.08] * 3, abs=1e-3)
+    assert look.color == (1, 0, 0) and np.ptp(
+        trimesh.load(solid.file).vertices, axis=0
+    ) == pytest.approx([0.08] * 3, abs=1e-3)
 
 
 def test_what_loops_and_equalities_couple_becomes_mimic_rules(tmp_path):
     robot = read(tmp_path, LINKAGE)
     expected = {"drive_b": 1, "pivot_a": -1, "pivot_b": -1, "link_a": 1, "link_b": 1}
     assert {rule.joint for rule in robot.mimics.values()} == {"drive_a"}
-    assert {name: rule.multiplier for name, rule in robot.mimics.items()} == pytest.approx(expected, abs=0.02)
+    assert {name: rule.multiplier for name, rule in robot.mimics.items()} == pytest.approx(
+        expected, abs=0.02
+    )
     assert max(abs(rule.offset) for rule in robot.mimics.values()) < 0.01
 
 
-@pytest.mark.parametrize("flange", [FLANGE, '<site name="attachment_site" pos="0 0 0.05"/><body name="x"/><body name="y"/>'])
+@pytest.mark.parametrize(
+    "flange",
+    [FLANGE, '<site name="attachment_site" pos="0 0 0.05"/><body name="x"/><body name="y"/>'],
+)
 def test_an_arm_takes_a_gripper_of_another_file(tmp_path, flange):
-    arm, gripper = read(tmp_path, ARM.replace("END", flange)), read(tmp_path, LINKAGE, "gripper.xml")
+    arm, gripper = (
+        read(tmp_path, ARM.replace("END", flange)),
+        read(tmp_path, LINKAGE, "gripper.xml"),
+    )
     found = anatomy(mount(arm, gripper, None))
     assert found.arm_joints == ("j1", "j2", "j3") and found.hand == "gripper_palm"
     assert set(found.fingers) == {"gripper_tip_a", "gripper_tip_b"}
     assert found.opening == pytest.approx(2 * (0.02 + 0.05 * np.sin(0.5) - 0.005), abs=2e-3)
-    both = mount(read_urdf(Tiny(SLIDES.replace("prismatic", "fixed")).write(tmp_path)), gripper, "hand")
+    both = mount(
+        read_urdf(Tiny(SLIDES.replace("prismatic", "fixed")).write(tmp_path)), gripper, "hand"
+    )
     assert anatomy(both).arm_joints == ("j1", "j2", "j3", "j4", "j5")
 
 
@@ -106,16 +130,36 @@ def test_an_arm_takes_a_gripper_of_another_file(tmp_path, flange):
     [
         ("<mujoco>", "<!DOCTYPE m><mujoco>", "declares a document type"),
         ("mujoco>", "robot>", "is no MJCF: its first element is <robot>"),
-        ("<actuator>", '<include file="../../../out.xml"/><actuator>', "names '../../../out.xml', which is outside of"),
-        ("<actuator>", '<include file="/etc/hostname"/><actuator>', "names '/etc/hostname', which is outside of"),
-        ("<actuator>", '<include file="arm.xml"/><actuator>', "includes 'arm.xml' twice or in a ring"),
-        ("<asset>", '<asset><mesh file="C:/part.stl"/>', "names 'C:/part.stl', which is outside of"),
+        (
+            "<actuator>",
+            '<include file="../../../out.xml"/><actuator>',
+            "names '../../../out.xml', which is outside of",
+        ),
+        (
+            "<actuator>",
+            '<include file="/etc/hostname"/><actuator>',
+            "names '/etc/hostname', which is outside of",
+        ),
+        (
+            "<actuator>",
+            '<include file="arm.xml"/><actuator>',
+            "includes 'arm.xml' twice or in a ring",
+        ),
+        (
+            "<asset>",
+            '<asset><mesh file="C:/part.stl"/>',
+            "names 'C:/part.stl', which is outside of",
+        ),
         ("<asset>", '<asset><mesh file="part.stl"/>', "MuJoCo refuses it (Error"),
         ("<worldbody>", "<worldbody><torus/>", "unrecognized element"),
         ('axis="1 0 0"', 'axis="0 0 0"', "MuJoCo refuses it"),
         ('mass="1.5"', 'mass="nan"', "MuJoCo refuses it"),
         ("<joint ", '<joint type="slide"/><joint ', "has a ball joint, a free joint or several"),
-        ("<worldbody>", '<worldbody><body name="b"><joint/><geom size="1"/></body>', "links 'b', 'base' hang on no joint"),
+        (
+            "<worldbody>",
+            '<worldbody><body name="b"><joint/><geom size="1"/></body>',
+            "links 'b', 'base' hang on no joint",
+        ),
         ("END", FLANGE + '<body name="cam"/>', "not clear (found flange, cam); give --flange LINK"),
     ],
 )
@@ -131,9 +175,20 @@ def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, wor
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (LINKAGE.replace('range="0 0.5"', ""), "joint 'drive_a' drives other joints and has no limits"),
-        (LINKAGE.replace('joint2="drive_a"', 'joint2="drive_a" polycoef="0 0 2"'), "does not follow it in proportion"),
-        (LINKAGE.replace("</worldbody>", '<body name="c"><joint/><geom size="1"/></body></worldbody>'), "this file has 2"),
+        (
+            LINKAGE.replace('range="0 0.5"', ""),
+            "joint 'drive_a' drives other joints and has no limits",
+        ),
+        (
+            LINKAGE.replace('joint2="drive_a"', 'joint2="drive_a" polycoef="0 0 2"'),
+            "does not follow it in proportion",
+        ),
+        (
+            LINKAGE.replace(
+                "</worldbody>", '<body name="c"><joint/><geom size="1"/></body></worldbody>'
+            ),
+            "this file has 2",
+        ),
     ],
 )
 def test_a_gripper_that_cannot_be_used_is_one_line(tmp_path, text, words):

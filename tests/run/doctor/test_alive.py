@@ -57,7 +57,10 @@ def test_gpus_are_device_files(tmp_path):
     assert alive.gpus(tmp_path) == [str(tmp_path / "dri/renderD128"), str(tmp_path / "nvidia0")]
 
 
-@pytest.mark.parametrize(("answer", "verdict"), [("no answer within 150 s", "WARN"), ({"answer": 41, "seconds": 1}, "WARN")])
+@pytest.mark.parametrize(
+    ("answer", "verdict"),
+    [("no answer within 150 s", "WARN"), ({"answer": 41, "seconds": 1}, "WARN")],
+)
 def test_ray_that_does_not_start(answer, verdict):
     found = judge_ray(answer)
     assert found.verdict == verdict and found.fix == "build with --executor inline"

@@ -27,7 +27,9 @@ def test_python(version, processor, verdict, said):
 @pytest.mark.parametrize(("free", "verdict"), [(0.5e9, "FAIL"), (5e9, "WARN"), (50e9, "PASS")])
 def test_disk_where_the_dataset_is_to_be(tmp_path, monkeypatch, free, verdict):
     asked = []
-    monkeypatch.setattr(machine.shutil, "disk_usage", lambda path: asked.append(path) or Usage(1e12, 0, free))
+    monkeypatch.setattr(
+        machine.shutil, "disk_usage", lambda path: asked.append(path) or Usage(1e12, 0, free)
+    )
     found = machine.check_disk(tmp_path / "not" / "there" / "yet")
     assert found.verdict == verdict and asked == [tmp_path]
     assert f"{free / 1e9:.1f} GB" in found.detail
@@ -45,7 +47,8 @@ def test_memory_is_that_of_the_control_group_where_it_is_limited(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("available", "verdict", "said"), [(0.1e9, "FAIL", "0.6"), (2e9, "WARN", "3 of 8"), (9e9, "PASS", "8 of 8")]
+    ("available", "verdict", "said"),
+    [(0.1e9, "FAIL", "0.6"), (2e9, "WARN", "3 of 8"), (9e9, "PASS", "8 of 8")],
 )
 def test_memory_for_workers(available, verdict, said):
     found = machine.check_memory(available, 8)
@@ -63,7 +66,11 @@ def test_little_shared_memory_or_none(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "gpu", "said"),
     [
-        ("ID=debian\nVERSION_CODENAME=bookworm\n", False, "apt install -t bookworm-backports mesa-vulkan-drivers"),
+        (
+            "ID=debian\nVERSION_CODENAME=bookworm\n",
+            False,
+            "apt install -t bookworm-backports mesa-vulkan-drivers",
+        ),
         ("ID=ubuntu\nID_LIKE=debian\n", False, "ppa:kisak"),
         ('ID=pop\nID_LIKE="ubuntu debian"\n', False, "ppa:kisak"),
         ('ID="rhel"\nID_LIKE="fedora"\n', False, "dnf install"),

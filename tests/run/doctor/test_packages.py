@@ -10,7 +10,10 @@ from pipeline.run.doctor import packages
 @pytest.mark.parametrize(
     ("owners", "said"),
     [
-        ({"cv2": ["opencv-python", "opencv-python-headless"]}, "opencv-python, opencv-python-headless"),
+        (
+            {"cv2": ["opencv-python", "opencv-python-headless"]},
+            "opencv-python, opencv-python-headless",
+        ),
         ({"cv2": ["opencv-python"]}, "belongs to opencv-python,"),
         ({}, "no package"),
     ],
@@ -58,7 +61,11 @@ def test_video():
 @pytest.mark.parametrize(
     ("code", "verdict", "said"),
     [
-        ("raise OSError('Could not load libtorchcodec: FFmpeg is not properly installed')", "WARN", "finds no FFmpeg"),
+        (
+            "raise OSError('Could not load libtorchcodec: FFmpeg is not properly installed')",
+            "WARN",
+            "finds no FFmpeg",
+        ),
         ("import domino_no_such_module", "WARN", "does not load"),
         ("", "PASS", "finds FFmpeg"),
     ],

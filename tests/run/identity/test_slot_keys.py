@@ -52,10 +52,20 @@ EDITS = [
     ("tasks/library/domino/press/click_bell.py", DOC, NONE, set()),
     ("tasks/library/domino/press/press.py", CODE, ("click_bell",), PHYSICS),
     ("tasks/library/domino/set_down/set_down.py", CODE, ("place_container_plate",), PHYSICS),
-    ("tasks/library/domino/press/phrases/click_bell.txt", "Ring {bell} for me with {arm}.\n", ("click_bell",), SENTENCES),
+    (
+        "tasks/library/domino/press/phrases/click_bell.txt",
+        "Ring {bell} for me with {arm}.\n",
+        ("click_bell",),
+        SENTENCES,
+    ),
     ("tasks/library/domino/handle/shake_bottle.py", CODE, NONE, set()),
     ("tasks/library/domino/handle/phrases/shake_bottle.txt", "Shake.\n", NONE, set()),
-    ("world/objects/families/devices/phrases/bell.txt", "{colour} chime\n", ("click_bell",), SENTENCES),
+    (
+        "world/objects/families/devices/phrases/bell.txt",
+        "{colour} chime\n",
+        ("click_bell",),
+        SENTENCES,
+    ),
     ("world/objects/families/containers/phrases/cabinet.txt", "{colour} chest\n", NONE, set()),
     ("world/objects/words.py", CODE, ALL, SENTENCES),
     ("intake/catalogue/tasks.py", CODE, NONE, set()),
@@ -110,7 +120,8 @@ def package(tmp_path_factory):
 
 
 def edited(package, to, file, text):
-    """A tree of hard links to a copy of the sources, which costs a tenth of one, but for a file that ends with a text."""
+    """A tree of hard links to a copy of the sources, which costs a tenth of one, but for a file
+    that ends with a text."""
     root = Path(shutil.copytree(package, to, copy_function=os.link))
     path = root / file
     before = path.read_bytes() if path.exists() else b""
@@ -126,7 +137,9 @@ def before():
 
 
 @pytest.mark.parametrize(
-    ("file", "text", "cells", "changed"), EDITS, ids=[f"{e[0]}:{'' if e[1] == CODE else 'text'}" for e in EDITS]
+    ("file", "text", "cells", "changed"),
+    EDITS,
+    ids=[f"{e[0]}:{'' if e[1] == CODE else 'text'}" for e in EDITS],
 )
 def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     tmp_path, monkeypatch, package, before, file, text, cells, changed
@@ -134,7 +147,11 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     root = edited(package, tmp_path / "pipeline", file, text)
     monkeypatch.setattr(code, "package_root", lambda: root)
     for cell, new in all_keys().items():
-        stale = {name for name in ("physics", "render", "language") if getattr(before[cell], name) != getattr(new, name)}
+        stale = {
+            name
+            for name in ("physics", "render", "language")
+            if getattr(before[cell], name) != getattr(new, name)
+        }
         assert stale == (changed if any(part in cell for part in cells) else set()), cell
 
 
@@ -171,8 +188,12 @@ def test_every_scene_places_what_its_key_names(task, robot):
     assert known
     scene = first_scene(EpisodeSpec(task, robot, 1, 0.1, "randomized", slot=0, seed=1000))
     placed = {body.family: name in scene.clutter for name, body in scene.bodies.items()}
-    assert all(family in (CLUTTER_FAMILIES if clutter else known) for family, clutter in placed.items())
-    assert {type(body.instance) for body in scene.bodies.values()} == {FAMILIES[family] for family in placed}
+    assert all(
+        family in (CLUTTER_FAMILIES if clutter else known) for family, clutter in placed.items()
+    )
+    assert {type(body.instance) for body in scene.bodies.values()} == {
+        FAMILIES[family] for family in placed
+    }
 
 
 def first_scene(spec):
@@ -192,13 +213,20 @@ class Computed(type(TASKS["click_bell"])):
 
 def test_a_family_whose_name_is_computed_is_a_part_of_the_key(tmp_path, monkeypatch, package):
     monkeypatch.setitem(TASKS._items, "computed", Computed())
-    for number, (family, changes) in enumerate((("containers/plate", False), ("devices/bell", True))):
+    for number, (family, changes) in enumerate(
+        (("containers/plate", False), ("devices/bell", True))
+    ):
         root = edited(package, tmp_path / str(number), f"world/objects/families/{family}.py", CODE)
-        objects = [code.cell_code(each, "computed", "piper", False, "planar").physics["objects"] for each in (package, root)]
+        objects = [
+            code.cell_code(each, "computed", "piper", False, "planar").physics["objects"]
+            for each in (package, root)
+        ]
         assert (objects[0] != objects[1]) == changes, family
 
 
-def test_a_plugin_counts_with_what_it_imports_from_beside_it_and_nothing_else(tmp_path, monkeypatch):
+def test_a_plugin_counts_with_what_it_imports_from_beside_it_and_nothing_else(
+    tmp_path, monkeypatch
+):
     """Absolute and relative imports, of modules and of names."""
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -225,7 +253,10 @@ def test_a_family_that_the_key_does_not_name_is_refused():
     class Undeclared(Computed):
         name, families = "undeclared", ("plate",)
 
-    with pytest.raises(UndeclaredFamily, match=r"task undeclared: places a bell, .* write families = \('bell', 'plate'\)"):
+    with pytest.raises(
+        UndeclaredFamily,
+        match=r"task undeclared: places a bell, .* write families = \('bell', 'plate'\)",
+    ):
         lay_out(Undeclared(), Draw(np.random.default_rng(0), np.random.default_rng(1)))
 
 
@@ -234,7 +265,9 @@ def test_the_core_draws_nothing_and_looks_collide_with_nothing():
     outside = {path for each in code.NOT_CORE for path in code._files(PACKAGE / each)}
     for path in (path for path in core if path not in outside):
         assert not {
-            name for name in code._imports(path, "") if name.startswith(("pipeline.world.drawing", "pipeline.stages.drawing"))
+            name
+            for name in code._imports(path, "")
+            if name.startswith(("pipeline.world.drawing", "pipeline.stages.drawing"))
         }, path
     for path in code._files(PACKAGE / "world/looks"):
         assert "Collider" not in path.read_text(), path
@@ -305,7 +338,11 @@ NO_KEYS = {
 )
 def test_each_key_of_a_recipe_changes_what_it_decides(values, changed):
     old, new = slot_keys(RECIPE, SLOT), slot_keys(RECIPE.model_copy(update=values), SLOT)
-    assert {name for name in ("physics", "render", "language") if getattr(old, name) != getattr(new, name)} == changed
+    assert {
+        name
+        for name in ("physics", "render", "language")
+        if getattr(old, name) != getattr(new, name)
+    } == changed
 
 
 def test_every_key_of_a_recipe_is_in_that_table():
@@ -349,8 +386,12 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
         ("tasks/language/sentences.py", []),
     ],
 )
-def test_only_what_draws_makes_a_drawing_stale(tmp_path, monkeypatch, package, before, file, changed):
-    root = edited(package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}")
+def test_only_what_draws_makes_a_drawing_stale(
+    tmp_path, monkeypatch, package, before, file, changed
+):
+    root = edited(
+        package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}"
+    )
     monkeypatch.setattr(code, "package_root", lambda: root)
     source = before[SLOT.cell.path]
     assert redrawn_keys(RECIPE, SLOT, source).render.changed(source.render) == changed

@@ -1,4 +1,5 @@
-"""Failed attempts that are kept: what their files say, where they are, and that nothing takes them for episodes."""
+"""Failed attempts that are kept: what their files say, where they are, and that nothing takes them
+for episodes."""
 
 import shutil
 
@@ -23,7 +24,13 @@ from pipeline.tasks import TASKS
 from tests.recording import record_all
 from tests.synthetic import make_episode
 
-WANTED = {"tasks": ["click_bell"], "embodiments": ["aloha-agilex"], "levels": [1], "episodes": 1, "attempts": 1}
+WANTED = {
+    "tasks": ["click_bell"],
+    "embodiments": ["aloha-agilex"],
+    "levels": [1],
+    "episodes": 1,
+    "attempts": 1,
+}
 SMALL = {"size": [32, 24], "cameras": ["head"], "instructions": 2, "render": "raster-fast"}
 
 
@@ -39,13 +46,16 @@ def fill(root, **changes):
 
 @pytest.fixture(scope="module")
 def moving():
-    """click_bell with a condition that holds for a bell that stands still: dry runs succeed and replays fail."""
+    """click_bell with a condition that holds for a bell that stands still: dry runs succeed and
+    replays fail."""
     with pytest.MonkeyPatch.context() as patch:
         task = type(TASKS["click_bell"])
         success = task.success
 
         def also_still(self, o, arms):
-            return success(self, o, arms) | {"stood_still": float(np.ptp(o.log.pose("bell")[:, :2], axis=0).max()) < 0.01}
+            return success(self, o, arms) | {
+                "stood_still": float(np.ptp(o.log.pose("bell")[:, :2], axis=0).max()) < 0.01
+            }
 
         patch.setattr(task, "success", also_still)
         yield
@@ -59,7 +69,11 @@ def failed(tmp_path_factory, moving):
 def test_a_failed_replay_is_a_file_that_says_why(failed):
     dataset, recipe, record = failed
     (row,) = record.attempts
-    assert not record.accepted and (row["stage"], row["reason"], row["conditions"]) == ("replay", "no_success", ["stood_still"])
+    assert not record.accepted and (row["stage"], row["reason"], row["conditions"]) == (
+        "replay",
+        "no_success",
+        ["stood_still"],
+    )
     ((_, path, kept),) = kept_failures(dataset, recipe)
     assert kept == row["kept"] and path == dataset.failure(next(recipe.slots()), 0)
     with EpisodeFile(path) as file:
@@ -72,7 +86,9 @@ def test_a_failed_replay_is_a_file_that_says_why(failed):
     # the target is on the motion that the file names until it is touched
     log, motion = episode.log, motion_from_json(episode.motion)
     before = log.times < (log.time_of("release") or np.inf)
-    np.testing.assert_allclose(log.pose("bell")[before, :3], motion.position(log.times[before]), atol=1e-3)
+    np.testing.assert_allclose(
+        log.pose("bell")[before, :3], motion.position(log.times[before]), atol=1e-3
+    )
 
 
 def test_nothing_takes_it_for_an_episode(failed, tmp_path):
@@ -81,7 +97,10 @@ def test_nothing_takes_it_for_an_episode(failed, tmp_path):
     assert len(intact_failures(dataset, recipe)) == 1
     assert not list(dataset.episodes.rglob("*.hdf5"))
     why = {"attempt": 0, "stage": "replay", "reason": "no_success"}
-    mixed = [make_episode(tmp_path / f"{n}.hdf5", frames=4, meta=meta) for n, meta in enumerate(({}, {"failure": why}))]
+    mixed = [
+        make_episode(tmp_path / f"{n}.hdf5", frames=4, meta=meta)
+        for n, meta in enumerate(({}, {"failure": why}))
+    ]
     exporter = EXPORTERS["puma-gt"]
     with pytest.raises(ExportError, match="failed True differs from False"):
         exporter.export(Job(tmp_path, tmp_path / "mixed", mixed, exporter.options()))
@@ -106,12 +125,16 @@ def test_damage_and_strays_are_found(failed, tmp_path):
     assert verify(copy)["problems"] == []
     ((_, path, _),) = kept_failures(copy, recipe)
     shutil.copy(path, path.with_name("episode_0000000_attempt_007.hdf5"))
-    assert any("attempt_007.hdf5: belongs to no slot" in problem for problem in verify(copy)["problems"])
+    assert any(
+        "attempt_007.hdf5: belongs to no slot" in problem for problem in verify(copy)["problems"]
+    )
     with path.open("r+b") as file:
         file.seek(-1, 2)
         file.write(b"\1")
     name = path.relative_to(copy.root).as_posix()
-    assert any(problem.startswith(f"{name}: its bytes are not") for problem in verify(copy)["problems"])
+    assert any(
+        problem.startswith(f"{name}: its bytes are not") for problem in verify(copy)["problems"]
+    )
     with pytest.raises(DatasetError, match="sha256"):
         intact_failures(copy, recipe)
 
@@ -120,7 +143,9 @@ def test_other_images_of_a_slot_that_was_given_up_are_those_of_its_failures(fail
     dataset, recipe, _ = failed
     assert [state for _, state in states(dataset, recipe)] == [SlotState(DONE, (), False)]
     changed = recipe.model_copy(update={"size": (40, 24)})
-    assert [state for _, state in states(dataset, changed)] == [SlotState(IMAGES, ("recipe",), False)]
+    assert [state for _, state in states(dataset, changed)] == [
+        SlotState(IMAGES, ("recipe",), False)
+    ]
 
 
 def test_the_bytes_are_those_of_the_slot_whoever_fills_it(failed, tmp_path):
@@ -132,7 +157,9 @@ def test_the_bytes_are_those_of_the_slot_whoever_fills_it(failed, tmp_path):
 def test_dry_runs_are_kept_only_where_all_are(tmp_path, monkeypatch):
     task = type(TASKS["click_bell"])
     success = task.success
-    monkeypatch.setattr(task, "success", lambda self, o, arms: success(self, o, arms) | {"heard": False})
+    monkeypatch.setattr(
+        task, "success", lambda self, o, arms: success(self, o, arms) | {"heard": False}
+    )
     dataset, recipe, record = fill(tmp_path / "rendered", keep_failures="rendered")
     assert record.attempts[0]["stage"] == "dry_run" and not list(kept_failures(dataset, recipe))
     dataset, recipe, _ = fill(tmp_path / "all", keep_failures="all")
@@ -141,7 +168,10 @@ def test_dry_runs_are_kept_only_where_all_are(tmp_path, monkeypatch):
         episode = file.read()
     assert episode.meta.failure is not None and episode.meta.failure.stage == "dry_run"
     # a dry run is not passed off as a moving target
-    assert episode.meta.maximum_speed == 0.0 and np.ptp(episode.log.pose("bell")[:20, :3], axis=0).max() < 1e-4
+    assert (
+        episode.meta.maximum_speed == 0.0
+        and np.ptp(episode.log.pose("bell")[:20, :3], axis=0).max() < 1e-4
+    )
 
 
 def test_what_is_said_of_a_damaged_one_helps(failed, tmp_path):

@@ -1,4 +1,5 @@
-"""The picture of a failed attempt: its last frames, once for each way in which a cell fails, in the report."""
+"""The picture of a failed attempt: its last frames, once for each way in which a cell fails, in the
+report."""
 
 import base64
 from dataclasses import asdict
@@ -39,20 +40,33 @@ def test_the_last_frames_are_in_the_report_once(tmp_path, blocked):
     keep_last_frames(dataset, RECIPE, first, 0, blocked)
     keep_last_frames(dataset, RECIPE, second, 0, blocked)
     (path,) = (dataset.root / "report").rglob("*.jpg")
-    assert path.relative_to(dataset.root).as_posix() == f"report/failed/{first.cell.path}/dry_run-grasp_blocked-0-0.jpg"
+    assert (
+        path.relative_to(dataset.root).as_posix()
+        == f"report/failed/{first.cell.path}/dry_run-grasp_blocked-0-0.jpg"
+    )
     picture = cv2.imread(str(path))
     assert picture is not None and picture.shape == (192, FRAMES * WIDTH, 3)
     red = picture[..., 2].astype(int) - picture[..., 0]
     assert red.std() > 5  # a table under a sky, and no empty frame
-    row = {"slot": 0, "attempt": 0, "seed": 1, "outcome": "failed", "stage": "dry_run", "reason": "grasp_blocked"}
+    row = {
+        "slot": 0,
+        "attempt": 0,
+        "seed": 1,
+        "outcome": "failed",
+        "stage": "dry_run",
+        "reason": "grasp_blocked",
+    }
     rows = [asdict(first.cell) | row | {"sim_steps": 1, "seconds": 1.0}]
     page = write_report(dataset.root, Material([], {cell_of(rows[0]): rows})).read_text()
-    assert page.count("failed: dry run: grasp blocked (slot 0, attempt 0)") == 2  # the caption, and what is said for the image
+    # the caption, and what is said for the image
+    assert page.count("failed: dry run: grasp blocked (slot 0, attempt 0)") == 2
     assert base64.b64encode(path.read_bytes()).decode() in page
 
 
 def test_a_failure_before_anything_moved_has_no_picture(tmp_path):
     dataset = Dataset(tmp_path / "out")
     dataset.create(RECIPE)
-    keep_last_frames(dataset, RECIPE, next(RECIPE.slots()), 0, Failure("back_calculate", "no_motion"))
+    keep_last_frames(
+        dataset, RECIPE, next(RECIPE.slots()), 0, Failure("back_calculate", "no_motion")
+    )
     assert not (dataset.root / "report").exists()

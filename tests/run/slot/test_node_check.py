@@ -31,14 +31,18 @@ def root(tmp_path):
 
 
 def test_a_machine_that_has_all_reports_its_renderer(root):
-    check = pickle.loads(pickle.dumps(NodeCheck(str(root), code_version())))  # as it travels to a node
+    # as it travels to a node
+    check = pickle.loads(pickle.dumps(NodeCheck(str(root), code_version())))
     assert check() == {"renderer": "a renderer, 1.0"}
 
 
 def test_a_machine_that_does_not_reach_the_dataset_is_refused(root):
     (root / "manifest.yaml").unlink()
     for there in (root, root / "nowhere"):
-        with pytest.raises(DatasetError, match=rf"^{there} is not there: --out must be where all nodes of the cluster reach it$"):
+        with pytest.raises(
+            DatasetError,
+            match=rf"^{there} is not there: --out must be where all nodes of the cluster reach it$",
+        ):
             NodeCheck(str(there), code_version())()
 
 

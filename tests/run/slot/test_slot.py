@@ -24,7 +24,15 @@ def unsolvable(monkeypatch):
 
 
 def test_a_failed_attempt_names_its_conditions_in_the_attempts_table(tmp_path, unsolvable):
-    recipe = recipe_from({"tasks": [unsolvable], "embodiments": ["aloha-agilex"], "levels": [0], "episodes": 1, "attempts": BUDGET})
+    recipe = recipe_from(
+        {
+            "tasks": [unsolvable],
+            "embodiments": ["aloha-agilex"],
+            "levels": [0],
+            "episodes": 1,
+            "attempts": BUDGET,
+        }
+    )
     dataset = Dataset(tmp_path / "out")
     dataset.create(recipe)
     slot = next(recipe.slots())

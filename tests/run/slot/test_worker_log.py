@@ -43,9 +43,12 @@ def test_an_error_leaves_its_traceback(tmp_path):
 
 def test_a_crash_leaves_where_it_happened(tmp_path):
     code = (
-        "import os, signal\nfrom pathlib import Path\nfrom pipeline.run.slot.worker_log import worker_log\n"
-        f"with worker_log(Path({str(tmp_path / 'a.log')!r})):\n    os.kill(os.getpid(), signal.SIGSEGV)\n"
+        "import os, signal\nfrom pathlib import Path\nfrom pipeline.run.slot.worker_log import"
+        f" worker_log\nwith worker_log(Path({str(tmp_path / 'a.log')!r})):\n   "
+        " os.kill(os.getpid(), signal.SIGSEGV)\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
     assert ended.returncode == -signal.SIGSEGV and ended.stderr == ""
     assert "Segmentation fault" in (tmp_path / "a.log").read_text()

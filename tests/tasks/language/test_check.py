@@ -18,7 +18,9 @@ from pipeline.world.objects.contract import Words
 CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
 BASKET = Words("bread basket", ("bread basket", "basket with a brown handle"), ("wicker tray",))
 BREAD = Words("bread", ("bread", "bun"), ("loaf",))
-SCENE = Wording((), (), {"cup": CUP, "basket": BASKET, "bread": BREAD}, {"arm": "left", "other": "right"})
+SCENE = Wording(
+    (), (), {"cup": CUP, "basket": BASKET, "bread": BREAD}, {"arm": "left", "other": "right"}
+)
 STILL = replace(SCENE, moving=False)
 ONE_ARM = replace(SCENE, arms={"arm": "left"})
 PAGE = Path(__file__).parents[3] / "docs" / "language.md"
@@ -117,13 +119,19 @@ def drawn():
 
 def test_samples_take_turns_over_tasks_splits_and_levels(drawn):
     assert {name for name, *_ in drawn[: len(TASKS)]} == set(TASKS)
-    assert {(split, moving) for _, split, moving, _ in drawn} == set(product(("seen", "unseen"), (False, True)))
+    assert {(split, moving) for _, split, moving, _ in drawn} == set(
+        product(("seen", "unseen"), (False, True))
+    )
     assert drawn[:3] == list(islice(samples(SEED, COUNT), 3))
     assert drawn[:3] != list(islice(samples(SEED + 1, COUNT), 3))
 
 
 def test_the_page_in_the_documents_is_what_the_command_prints(drawn, monkeypatch):
-    monkeypatch.setattr(drawing, "samples", lambda *given: drawn if given == (SEED, COUNT) else None)
+    monkeypatch.setattr(
+        drawing, "samples", lambda *given: drawn if given == (SEED, COUNT) else None
+    )
     shown = PAGE.read_text("utf-8")
     assert len(re.findall(r"^\| [A-Z]", shown, re.MULTILINE)) == COUNT == len(TASKS)
-    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"
+    assert shown == page(SEED, COUNT), (
+        "write it anew with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"
+    )

@@ -20,12 +20,18 @@ UNSEEN = ("Tap {bell} using {arm}", "Sound {bell}!")
 OBJECTS = {"bell": BELL, "plate": PLATE}
 
 
-def make(count: int = 100, seed: int = 0, seen=SEEN, unseen=UNSEEN, objects=OBJECTS, arms=None) -> dict[str, list[str]]:
-    return instructions(Wording(seen, unseen, objects, arms or {"arm": "left"}), np.random.default_rng(seed), count)
+def make(
+    count: int = 100, seed: int = 0, seen=SEEN, unseen=UNSEEN, objects=OBJECTS, arms=None
+) -> dict[str, list[str]]:
+    return instructions(
+        Wording(seen, unseen, objects, arms or {"arm": "left"}), np.random.default_rng(seed), count
+    )
 
 
 def test_the_combinations_are_exactly_those_of_templates_and_words():
-    expected = {f"Press the {b} with the left arm." for b in BELL.seen} | {f"Ring the {b}." for b in BELL.seen}
+    expected = {f"Press the {b} with the left arm." for b in BELL.seen} | {
+        f"Ring the {b}." for b in BELL.seen
+    }
     expected |= {f"Move the {b} next to the {p}." for b in BELL.seen for p in PLATE.seen}
     drawn = make(count=12)
     assert len(drawn["seen"]) == 12 == len(expected) and set(drawn["seen"]) == expected
@@ -54,7 +60,12 @@ def test_seeds_differ():
 
 
 def test_roles_name_the_arms_that_act():
-    drawn = make(4, seen=("Pass {bell} from {giver} to {receiver}.",), unseen=("Go.",), arms={"giver": "right", "receiver": "left"})
+    drawn = make(
+        4,
+        seen=("Pass {bell} from {giver} to {receiver}.",),
+        unseen=("Go.",),
+        arms={"giver": "right", "receiver": "left"},
+    )
     assert all(t.endswith("from the right arm to the left arm.") for t in drawn["seen"])
     assert drawn["unseen"] == ["Go."] * 4
     assert make(3, unseen=("Go.", "Go."))["unseen"] == ["Go."] * 3
@@ -70,8 +81,13 @@ def test_an_arm_named_outright_is_used_only_where_it_acts():
 
 def test_two_bodies_do_not_share_a_description_where_they_need_not():
     blocks = {n: Words("block", ("red block", "cube"), ("block",)) for n in ("upper", "lower")}
-    drawn = make(10, seen=("Put {upper} on {lower}.",), unseen=("Stack {upper} on {lower}.",), objects=blocks)
-    assert set(drawn["seen"]) == {"Put the red block on the cube.", "Put the cube on the red block."}
+    drawn = make(
+        10, seen=("Put {upper} on {lower}.",), unseen=("Stack {upper} on {lower}.",), objects=blocks
+    )
+    assert set(drawn["seen"]) == {
+        "Put the red block on the cube.",
+        "Put the cube on the red block.",
+    }
     assert set(drawn["unseen"]) == {"Stack the block on the block."}  # nothing else can be said
 
 
@@ -122,16 +138,25 @@ def test_an_adjective_goes_before_the_description_but_not_before_one_of_size():
     drawn = make(20, seen=("~ Press {bell:moving}.",), unseen=("Go.",))
     assert set(drawn["seen"]) == {"Press the moving red bell.", "Press the moving desk bell."}
     only_small = {"bell": Words("bell", ("small bell",), ("bell",))}
-    assert set(make(5, seen=("~ Press {bell:moving}.",), unseen=("Go.",), objects=only_small)["seen"]) == {
-        "Press the moving small bell."
-    }
+    assert set(
+        make(5, seen=("~ Press {bell:moving}.",), unseen=("Go.",), objects=only_small)["seen"]
+    ) == {"Press the moving small bell."}
     with pytest.raises(ValueError, match="not a plain name"):
         slots("Press {bell:>8}.")
 
 
 def test_a_description_does_not_repeat_a_noun_of_the_template_where_it_need_not():
-    objects = {"bell": Words("bell", ("bell with a red button", "bell with red handles", "bell"), ("bell with a red button",))}
-    seen, unseen = ("Press the button of {bell}.", "Take {bell} by its handle."), ("Push the button of {bell}.",)
+    objects = {
+        "bell": Words(
+            "bell",
+            ("bell with a red button", "bell with red handles", "bell"),
+            ("bell with a red button",),
+        )
+    }
+    seen, unseen = (
+        ("Press the button of {bell}.", "Take {bell} by its handle."),
+        ("Push the button of {bell}.",),
+    )
     drawn = make(20, seen=seen, unseen=unseen, objects=objects)
     assert set(drawn["seen"]) == {
         "Press the button of the bell.",
@@ -139,12 +164,15 @@ def test_a_description_does_not_repeat_a_noun_of_the_template_where_it_need_not(
         "Take the bell by its handle.",
         "Take the bell with a red button by its handle.",
     }
-    assert set(drawn["unseen"]) == {"Push the button of the bell with a red button."}  # nothing else can be said
+    # nothing else can be said
+    assert set(drawn["unseen"]) == {"Push the button of the bell with a red button."}
 
 
 def test_a_clause_has_one_phrase_with_with_where_it_can():
     objects = {"bell": Words("bell", ("bell with a knob", "red bell"), ("bell",)), "plate": PLATE}
-    drawn = make(20, seen=("Take {bell} with {arm}, and ring {plate}.", "Lift {bell}."), objects=objects)
+    drawn = make(
+        20, seen=("Take {bell} with {arm}, and ring {plate}.", "Lift {bell}."), objects=objects
+    )
     assert "Lift the bell with a knob." in drawn["seen"]
     assert not [t for t in drawn["seen"] if "knob with" in t]
 
@@ -168,12 +196,24 @@ def test_slots_come_once_in_order():
 def test_templates_of_motion_are_for_moving_targets_only():
     objects = {"bell": BELL}
     for moving, expected in ((True, 2), (False, 1)):
-        wording = Wording(("Press {bell}.", "~ Press {bell} while it moves."), ("Tap {bell}.",), objects, {}, moving)
+        wording = Wording(
+            ("Press {bell}.", "~ Press {bell} while it moves."),
+            ("Tap {bell}.",),
+            objects,
+            {},
+            moving,
+        )
         drawn = instructions(wording, np.random.default_rng(0), 50)
-        assert len({t.replace(b, "") for t in drawn["seen"] for b in BELL.seen if b in t}) == expected
+        assert (
+            len({t.replace(b, "") for t in drawn["seen"] for b in BELL.seen if b in t}) == expected
+        )
         assert not any("~" in t for t in drawn["seen"])
     with pytest.raises(ValueError, match="true of this scene"):
-        instructions(Wording(("~ Catch {bell}.",), ("Tap {bell}.",), objects, {}, moving=False), np.random.default_rng(0), 5)
+        instructions(
+            Wording(("~ Catch {bell}.",), ("Tap {bell}.",), objects, {}, moving=False),
+            np.random.default_rng(0),
+            5,
+        )
 
 
 def test_sentences():

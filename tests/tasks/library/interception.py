@@ -1,4 +1,5 @@
-"""Where the conditions of the interception tasks turn over: every number is the specification's, strict | domino."""
+"""Where the conditions of the interception tasks turn over: every number is the specification's,
+strict | domino."""
 
 import numpy as np
 
@@ -48,11 +49,14 @@ def upright_bottle(t):
 
 
 def cap(axis, value):
-    return lambda t, q: t.shift("bottle", np.eye(3)[axis] * (value(t, q) - t.frame("bottle", "cap")[axis]))
+    return lambda t, q: t.shift(
+        "bottle", np.eye(3)[axis] * (value(t, q) - t.frame("bottle", "cap")[axis])
+    )
 
 
 def foot_height(t, q):
-    """The foot lies one bottle's length under the cap: the frame of the cap is half of it from the origin."""
+    """The foot lies one bottle's length under the cap: the frame of the cap is half of it from the
+    origin."""
     length = 2 * t.local("bottle", "cap")[0]
     cap(2, lambda t, q: TABLE_TOP + q + length)(t, q)
 
@@ -89,19 +93,29 @@ def lifted_roller(t):
 
 def end(side):
     return (
-        Row(f"held_by_{side}", lambda t, q: t.drop(side, "roller", q), [(1, False), (2, False)], [(1, True), (2, False)]),
+        Row(
+            f"held_by_{side}",
+            lambda t, q: t.drop(side, "roller", q),
+            [(1, False), (2, False)],
+            [(1, True), (2, False)],
+        ),
         below("grippers_closed", lambda t, q: t.command(side, q), 0.2, 0.2),
     )
 
 
 def received(t):
     """The microphone level in the air, its head towards the receiver."""
-    t.put("microphone", yawed((0, -0.1, TABLE_TOP + UP), 0.0 if t.arms["receiver"] == "right" else np.pi))
+    t.put(
+        "microphone",
+        yawed((0, -0.1, TABLE_TOP + UP), 0.0 if t.arms["receiver"] == "right" else np.pi),
+    )
     t.hold(t.arms["receiver"], "microphone")
 
 
 def head(axis, value):
-    return lambda t, q: t.shift("microphone", np.eye(3)[axis] * (value(t, q) - t.frame("microphone", "head")[axis]))
+    return lambda t, q: t.shift(
+        "microphone", np.eye(3)[axis] * (value(t, q) - t.frame("microphone", "head")[axis])
+    )
 
 
 def hung(t):
@@ -260,7 +274,10 @@ def in_drawer(t):
 def pull(t, q):
     """The drawer `q` m open, the object in the middle of what is open."""
     t.path("drawer")[PUT:, :3] = t.path("drawer")[0, :3] - [0, q, 0]
-    t.put("object", compose(t.pose("drawer"), pose((0, -t.instance("drawer").hy + q / 2, 0.006), (1, 0, 0, 0))))
+    t.put(
+        "object",
+        compose(t.pose("drawer"), pose((0, -t.instance("drawer").hy + q / 2, 0.006), (1, 0, 0, 0))),
+    )
 
 
 def inside(axis, value):
@@ -298,7 +315,8 @@ def on_ray(t, at):
 
 
 def swinging(level):
-    """A bottle in the air, held, that swings five times to and fro about the vertical or (`level`) about the horizontal."""
+    """A bottle in the air, held, that swings five times to and fro about the vertical or (`level`)
+    about the horizontal."""
 
     def tipped(angle):
         return quat_about((1, 0, 0), angle + (np.pi / 2 if level else 0.0))
@@ -332,10 +350,18 @@ INTERCEPTION = {
     "adjust_bottle": Spec(
         upright_bottle,
         (
-            below("upright", lambda t, q: t.turn("bottle", (0, 1, 0), q, "cap"), 0.26, None, signs=(1, -1)),
+            below(
+                "upright",
+                lambda t, q: t.turn("bottle", (0, 1, 0), q, "cap"),
+                0.26,
+                None,
+                signs=(1, -1),
+            ),
             below("upright", lambda t, q: t.turn("bottle", (1, 0, 0), q, "cap"), 0.26, None),
             above("on_arm_side", cap(0, lambda t, q: out(t) * q), 0.15, 0.15),
-            above("cap_above_table", cap(2, lambda t, q: TABLE_TOP + q), 0.16, 0.16, ("above_table",)),
+            above(
+                "cap_above_table", cap(2, lambda t, q: TABLE_TOP + q), 0.16, 0.16, ("above_table",)
+            ),
             above("above_table", foot_height, 0.02, None, ("cap_above_table",)),
             *held("held", "arm", "bottle"),
         ),
@@ -343,17 +369,32 @@ INTERCEPTION = {
     "dump_bin_bigbin": Spec(
         poured,
         (
-            below("balls_in_big_bin", ball(0, lambda half, q: q * half[0]), 1.0, 1.0, signs=(1, -1)),
-            below("balls_in_big_bin", ball(1, lambda half, q: q * half[1]), 1.0, 1.0, signs=(1, -1)),
+            below(
+                "balls_in_big_bin", ball(0, lambda half, q: q * half[0]), 1.0, 1.0, signs=(1, -1)
+            ),
+            below(
+                "balls_in_big_bin", ball(1, lambda half, q: q * half[1]), 1.0, 1.0, signs=(1, -1)
+            ),
             positive("balls_in_big_bin", ball(2, lambda half, q: q)),
             below("balls_at_bottom", ball(2, lambda half, q: 0.01 + q), 0.12, 0.12),
             *rise("bin", "lifted", 0.26, 0.26),
-            *(fails("balls_in_big_bin", lambda t, n=n: ball(0, lambda half, q: 1.5 * half[0], n)(t, 0)) for n in BALLS),
-            *(fails("balls_at_bottom", lambda t, n=n: ball(2, lambda half, q: 0.2, n)(t, 0)) for n in BALLS),
+            *(
+                fails(
+                    "balls_in_big_bin",
+                    lambda t, n=n: ball(0, lambda half, q: 1.5 * half[0], n)(t, 0),
+                )
+                for n in BALLS
+            ),
+            *(
+                fails("balls_at_bottom", lambda t, n=n: ball(2, lambda half, q: 0.2, n)(t, 0))
+                for n in BALLS
+            ),
             *held("held", "pourer", "bin"),
         ),
     ),
-    "grab_roller": Spec(lifted_roller, (*end("left"), *end("right"), *rise("roller", "lifted", 0.06, 0.05))),
+    "grab_roller": Spec(
+        lifted_roller, (*end("left"), *end("right"), *rise("roller", "lifted", 0.06, 0.05))
+    ),
     "handover_block": Spec(
         set_down("block", "pad", "centre"),
         (
@@ -369,8 +410,14 @@ INTERCEPTION = {
         received,
         (
             *opened("giver", alone=False),
-            fails("released_by_giver", lambda t: t.touch(t.fingers(t.arms["giver"])[1], "microphone"), asked=False),
-            Row("held", lambda t, q: t.drop(t.arms["receiver"], "microphone", q), [(1, False)], None),
+            fails(
+                "released_by_giver",
+                lambda t: t.touch(t.fingers(t.arms["giver"])[1], "microphone"),
+                asked=False,
+            ),
+            Row(
+                "held", lambda t, q: t.drop(t.arms["receiver"], "microphone", q), [(1, False)], None
+            ),
             fails("in_hand", lambda t: t.drop(t.arms["receiver"], "microphone", 2), also=("held",)),
             below("gripper_closed", lambda t, q: t.command(t.arms["receiver"], q), 0.2, 0.2),
             positive("on_receiver_side", head(0, lambda t, q: out(t, "receiver") * q)),
@@ -384,8 +431,22 @@ INTERCEPTION = {
             below("on_peg_axis", off_peg, 0.03, None, signs=(1, -1)),
             positive("between_root_and_tip", along_peg("tip"), False, ("near_peg",)),
             positive("between_root_and_tip", along_peg("root"), False, ("near_peg",)),
-            below("near_peg", beside_peg(0), 0.05, 0.05, ("on_peg_axis", "between_root_and_tip"), (1, -1)),
-            below("near_peg", beside_peg(1), 0.05, 0.05, ("on_peg_axis", "between_root_and_tip"), (1, -1)),
+            below(
+                "near_peg",
+                beside_peg(0),
+                0.05,
+                0.05,
+                ("on_peg_axis", "between_root_and_tip"),
+                (1, -1),
+            ),
+            below(
+                "near_peg",
+                beside_peg(1),
+                0.05,
+                0.05,
+                ("on_peg_axis", "between_root_and_tip"),
+                (1, -1),
+            ),
             above("above_table", hole_height, 0.09, 0.09, ("on_peg_axis", "between_root_and_tip")),
             fails("off_table", lambda t: t.touch("mug", "table"), asked=False),
             fails("on_rack", lambda t: t.apart("mug", "rack")),
@@ -398,7 +459,9 @@ INTERCEPTION = {
         beside_pot,
         (
             positive("on_arm_side", to("can", 0, lambda t, q: t.pose("pot")[0] + out(t) * q)),
-            below("at_distance", to("can", 0, lambda t, q: t.pose("pot")[0] + out(t) * q), 0.20, 0.20),
+            below(
+                "at_distance", to("can", 0, lambda t, q: t.pose("pot")[0] + out(t) * q), 0.20, 0.20
+            ),
             below("in_line", lambda t, q: t.shift("can", (0, q, 0)), 0.035, 0.035, signs=(1, -1)),
             *tilt("can", 0.26, 0.2618),
             below("at_height", lambda t, q: t.shift("can", (0, 0, q)), 0.001, 0.001),
@@ -412,7 +475,13 @@ INTERCEPTION = {
         (
             above("far_out", to("cards", 0, lambda t, q: out(t) * q), 0.23, 0.23),
             Row("on_arm_side", to("cards", 0, lambda t, q: -out(t) * q), [(0.27, False)], None),
-            Row("far_out", to("cards", 0, lambda t, q: -out(t) * q), [(0.25, True)], [(0.25, True)], ("on_arm_side",)),
+            Row(
+                "far_out",
+                to("cards", 0, lambda t, q: -out(t) * q),
+                [(0.25, True)],
+                [(0.25, True)],
+                ("on_arm_side",),
+            ),
             *tilt("cards", 0.26, None),
             *resting("cards", "table"),
             *both_open(),
@@ -439,13 +508,22 @@ INTERCEPTION = {
         (
             below("within_outline", bottle(0, lambda half, q: q * half[0]), 1.0, 1.0, ("in_bin",)),
             below("within_outline", bottle(1, lambda half, q: q * half[0]), 1.0, 1.0),
-            below("in_bin", bottle(0, lambda half, q: q), 0.221, 0.221, ("within_outline",), (1, -1)),
-            below("in_bin", bottle(1, lambda half, q: q), 0.325, 0.325, ("within_outline",), (1, -1)),
+            below(
+                "in_bin", bottle(0, lambda half, q: q), 0.221, 0.221, ("within_outline",), (1, -1)
+            ),
+            below(
+                "in_bin", bottle(1, lambda half, q: q), 0.325, 0.325, ("within_outline",), (1, -1)
+            ),
             below("below_rim", bottle(2, lambda half, q: q * half[2]), 1.0, None, ("at_height",)),
             below("at_height", bottle(2, lambda half, q: q), 0.57, 0.57, ("below_rim",)),
             above("at_height", bottle(2, lambda half, q: q), 0.005, 0.005),
             fails("released", lambda t: t.touch(ARM, "bottle"), asked=False),
-            Row("was_lifted", lambda t, q: t.begin("bottle", q), [(0.0288, False), (0.0312, True)], None),
+            Row(
+                "was_lifted",
+                lambda t, q: t.begin("bottle", q),
+                [(0.0288, False), (0.0312, True)],
+                None,
+            ),
         ),
     ),
     "put_object_cabinet": Spec(
@@ -453,9 +531,20 @@ INTERCEPTION = {
         (
             above("drawer_open", pull, 0.05, None),
             below("centred", inside(0, lambda d, q: q), 0.12, 0.12, ("within_outline",), (1, -1)),
-            below("centred", inside(1, lambda d, q: q - d.hy + PULL / 2), 0.07, 0.07, ("within_outline",), (1, -1)),
-            below("within_outline", inside(0, lambda d, q: q * d.hx), 1.0, None, ("centred",), (1, -1)),
-            below("within_outline", inside(1, lambda d, q: q * d.hy), 1.0, None, ("centred",), (1, -1)),
+            below(
+                "centred",
+                inside(1, lambda d, q: q - d.hy + PULL / 2),
+                0.07,
+                0.07,
+                ("within_outline",),
+                (1, -1),
+            ),
+            below(
+                "within_outline", inside(0, lambda d, q: q * d.hx), 1.0, None, ("centred",), (1, -1)
+            ),
+            below(
+                "within_outline", inside(1, lambda d, q: q * d.hy), 1.0, None, ("centred",), (1, -1)
+            ),
             *rise("object", "raised", 0.005, 0.005),
             below("raised", lambda t, q: t.begin("object", q, slice(PUT, None)), 0.18, 0.18),
             positive("at_height", inside(2, lambda d, q: q), False),

@@ -1,7 +1,8 @@
-"""State logs made by hand around the real scene of a task, and rows that say where a condition turns over. No physics runs here.
+"""State logs made by hand around the real scene of a task, and rows that say where a condition
+turns over. No physics runs here.
 
-A `Take` has twelve frames at 15 Hz: bodies stand where the scene has them, are somewhere in the air at frame 4, and lie from frame
-7 on where `put` and its relatives leave them.
+A `Take` has twelve frames at 15 Hz: bodies stand where the scene has them, are somewhere in the air
+at frame 4, and lie from frame 7 on where `put` and its relatives leave them.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,9 +28,15 @@ class Take:
     """The final poses, contacts, openings and events of an episode that is being made up."""
 
     def __init__(self, task, rules, seed=SEED):
-        self.scene = build_scene(EpisodeSpec(task, "aloha-agilex", 1, 0.1, "clean", 0, seed), Rules(rules))
+        self.scene = build_scene(
+            EpisodeSpec(task, "aloha-agilex", 1, 0.1, "clean", 0, seed), Rules(rules)
+        )
         self.rules, self.arms, self.bodies = rules, self.scene.arms, self.scene.bodies
-        fingers = [f"{side}_{f}" for side in SIDES for f in self.scene.embodiment.arms[side].gripper.fingers]
+        fingers = [
+            f"{side}_{f}"
+            for side in SIDES
+            for f in self.scene.embodiment.arms[side].gripper.fingers
+        ]
         self.names = (*self.bodies, *fingers, ARM, "table")
         self.poses = np.zeros((FRAMES, len(self.names), 7))
         self.poses[..., 3] = 1
@@ -40,7 +47,8 @@ class Take:
         self.commanded = {side: np.ones(FRAMES) for side in SIDES}
         self.met_by = self.scene.task.manipulated
 
-    # --- where things are ---------------------------------------------------------------------------------------------------
+    # --- where things are
+    # ------------------------------------------------------------------------------------------
 
     def path(self, name):
         """Poses (12,7) of a body, to be written to."""
@@ -89,7 +97,8 @@ class Take:
         """A body comes to its last pose at `speed` m/s along x over the last three intervals."""
         self.path(name)[-4, 0] -= speed * 3 / 15
 
-    # --- who touches what ---------------------------------------------------------------------------------------------------
+    # --- who touches what
+    # ------------------------------------------------------------------------------------------
 
     def fingers(self, side):
         return [n for n in self.names if n.startswith(f"{side}_") and n != ARM]
@@ -112,10 +121,12 @@ class Take:
         for finger in self.fingers(side)[: int(fingers)]:
             self.apart(finger, name)
 
-    # --- grippers -----------------------------------------------------------------------------------------------------------
+    # --- grippers
+    # ------------------------------------------------------------------------------------------
 
     def command(self, side, value):
-        """The commanded opening, which counts from the interval that ends at the frame: the last entry is for what comes after."""
+        """The commanded opening, which counts from the interval that ends at the frame: the last
+        entry is for what comes after."""
         self.commanded[side][:-1] = value
 
     def open(self, side, value):
@@ -131,7 +142,10 @@ class Take:
         for side in SIDES:
             state[:, vector.index(f"{side}_gripper")] = self.measured[side]
             action[:, vector.index(f"{side}_gripper")] = self.commanded[side]
-        rows = [(f, *sorted((self.names.index(a), self.names.index(b))), 0.1, point, 1) for f, a, b, point in self.contacts]
+        rows = [
+            (f, *sorted((self.names.index(a), self.names.index(b))), 0.1, point, 1)
+            for f, a, b, point in self.contacts
+        ]
         log = StateLog(
             times=np.arange(FRAMES) / 15,
             bodies=self.names,
@@ -148,14 +162,18 @@ class Take:
             events=[Event("meeting", 0.05, self.met_by), Event("release", 0.05)],
         )
         scene = self.scene
-        return scene.task.conditions(Outcome(log, self.bodies, scene.embodiment, scene.task.target, scene.rules), self.arms)
+        return scene.task.conditions(
+            Outcome(log, self.bodies, scene.embodiment, scene.task.target, scene.rules), self.arms
+        )
 
 
 @dataclass(frozen=True)
 class Row:
-    """What a condition says when a quantity takes certain values: (value, whether it holds) under each set of rules.
+    """What a condition says when a quantity takes certain values: (value, whether it holds) under
+    each set of rules.
 
-    `domino` is None where domino rules do not ask for the condition. The conditions in `also` may fail with it; no other may.
+    `domino` is None where domino rules do not ask for the condition. The conditions in `also` may
+    fail with it; no other may.
     """
 
     condition: str
@@ -178,17 +196,29 @@ NEAR = 0.04
 
 
 def sides(threshold, low, high, signs=(1,)):
-    return [(s * threshold * f, holds) for s in signs for f, holds in ((1 - NEAR, low), (1 + NEAR, high))]
+    return [
+        (s * threshold * f, holds)
+        for s in signs
+        for f, holds in ((1 - NEAR, low), (1 + NEAR, high))
+    ]
 
 
 def below(condition, change, strict, domino, also=(), signs=(1,)):
     """Holds for values under a threshold."""
-    return Row(condition, change, sides(strict, True, False, signs), domino and sides(domino, True, False, signs), also)
+    return Row(
+        condition,
+        change,
+        sides(strict, True, False, signs),
+        domino and sides(domino, True, False, signs),
+        also,
+    )
 
 
 def above(condition, change, strict, domino, also=()):
     """Holds for values over a threshold."""
-    return Row(condition, change, sides(strict, False, True), domino and sides(domino, False, True), also)
+    return Row(
+        condition, change, sides(strict, False, True), domino and sides(domino, False, True), also
+    )
 
 
 def positive(condition, change, asked=True, also=()):
@@ -212,17 +242,34 @@ def box(name, strict, domino, condition="centred", also=()):
     return (
         below(condition, lambda t, q: t.shift(name, (q, 0, 0)), strict, domino, also, (1, -1)),
         below(condition, lambda t, q: t.shift(name, (0, q, 0)), strict, domino, also, (1, -1)),
-        Row(condition, corner, [(strict * (1 - NEAR), True)], domino and [(domino * (1 - NEAR), True)], also),
+        Row(
+            condition,
+            corner,
+            [(strict * (1 - NEAR), True)],
+            domino and [(domino * (1 - NEAR), True)],
+            also,
+        ),
     )
 
 
 def circle(name, strict, domino, condition="centred", also=()):
     """Within a circle around where the body is."""
-    return (below(condition, lambda t, q: t.shift(name, (0.6 * q, -0.8 * q, 0)), strict, domino, also, (1, -1)),)
+    return (
+        below(
+            condition,
+            lambda t, q: t.shift(name, (0.6 * q, -0.8 * q, 0)),
+            strict,
+            domino,
+            also,
+            (1, -1),
+        ),
+    )
 
 
 def height(name, strict, domino, also=()):
-    return (below("at_height", lambda t, q: t.shift(name, (0, 0, q)), strict, domino, also, (1, -1)),)
+    return (
+        below("at_height", lambda t, q: t.shift(name, (0, 0, q)), strict, domino, also, (1, -1)),
+    )
 
 
 def tilt(name, strict, domino, condition="upright", also=()):
@@ -239,7 +286,10 @@ def yaw(name, strict, domino, also=(), *, either_way=False):
     def turn(t, q):
         t.turn(name, (0, 0, 1), q)
 
-    return (below("aligned", turn, strict, domino, also, (1, -1)), Row("aligned", turn, other, other, also))
+    return (
+        below("aligned", turn, strict, domino, also, (1, -1)),
+        Row("aligned", turn, other, other, also),
+    )
 
 
 def lift(name, strict, domino, also=()):
@@ -249,7 +299,9 @@ def lift(name, strict, domino, also=()):
 
 def rise(name, condition, strict, domino, also=()):
     """It is that much higher than where it began."""
-    return (above(condition, lambda t, q: t.begin(name, q, slice(PUT, None)), strict, domino, also),)
+    return (
+        above(condition, lambda t, q: t.begin(name, q, slice(PUT, None)), strict, domino, also),
+    )
 
 
 def resting(name, support, asked=False):
@@ -267,12 +319,18 @@ def both_open():
 
 def opened(role, alone=True):
     """The gripper in that role is open; with `alone` it does not matter what the other one does."""
-    free = Row("gripper_open", lambda t, q: t.open(OTHER[t.arms[role]], q), [(0.5, True)], [(0.5, True)])
-    return (above("gripper_open", lambda t, q: t.open(t.arms[role], q), 0.8, 0.8), *([free] if alone else []))
+    free = Row(
+        "gripper_open", lambda t, q: t.open(OTHER[t.arms[role]], q), [(0.5, True)], [(0.5, True)]
+    )
+    return (
+        above("gripper_open", lambda t, q: t.open(t.arms[role], q), 0.8, 0.8),
+        *([free] if alone else []),
+    )
 
 
 def held(condition, role, name):
-    """Both fingers of the arm in that role touch it, which only we ask for: one does not hold it, nor does the other arm."""
+    """Both fingers of the arm in that role touch it, which only we ask for: one does not hold it,
+    nor does the other arm."""
 
     def taken_over(t):
         t.drop(t.arms[role], name, 2)
@@ -287,7 +345,11 @@ def held(condition, role, name):
 
 def met(name):
     """It touched the target first."""
-    return (Row(f"met_by_{name}", lambda t, q: setattr(t, "met_by", "left_finger1"), [(1, False)], None),)
+    return (
+        Row(
+            f"met_by_{name}", lambda t, q: setattr(t, "met_by", "left_finger1"), [(1, False)], None
+        ),
+    )
 
 
 def set_down(name, goal, point, *, at="base", turn=0.0):

@@ -1,4 +1,5 @@
-"""Every success condition of every task turns over where the specification says, and only that one. No physics runs here."""
+"""Every success condition of every task turns over where the specification says, and only that one.
+No physics runs here."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -15,7 +16,9 @@ from tests.tasks.library.take import SEED, Take, wrong
 from tests.tasks.library.tracking import TRACKING
 
 SPECS = TRACKING | INTERCEPTION
-every = pytest.mark.parametrize(("task", "rules"), [(task, rules) for task in sorted(SPECS) for rules in ("strict", "domino")])
+every = pytest.mark.parametrize(
+    ("task", "rules"), [(task, rules) for task in sorted(SPECS) for rules in ("strict", "domino")]
+)
 
 
 @cache
@@ -27,7 +30,8 @@ def good(task, rules, seed=SEED):
 
 @cache
 def mirrored(task):
-    """A seed with other arms than the usual one has, which stays where the arms are always the same."""
+    """A seed with other arms than the usual one has, which stays where the arms are always the
+    same."""
     arms = Take(task, "strict").arms
     return next((seed for seed in range(12) if Take(task, "strict", seed).arms != arms), SEED)
 
@@ -54,7 +58,9 @@ def test_everything_holds_in_the_take_that_is_varied(task, rules):
 
 @every
 def test_every_condition_has_a_row_and_every_row_a_condition(task, rules):
-    assert set(good(task, rules).conditions()) == {r.condition for r in SPECS[task].rows if getattr(r, rules) is not None}
+    assert set(good(task, rules).conditions()) == {
+        r.condition for r in SPECS[task].rows if getattr(r, rules) is not None
+    }
 
 
 def mismatches(task, rules, seed=SEED):
@@ -66,7 +72,9 @@ def mismatches(task, rules, seed=SEED):
             if row.condition in asked and (row.condition not in failed) is not holds:
                 yield f"{task}, {rules}: {row.condition} at {value:g} is {not holds}"
             if others := failed - {row.condition, *row.also}:
-                yield f"{task}, {rules}: {', '.join(others)} fails with {row.condition} at {value:g}"
+                yield (
+                    f"{task}, {rules}: {', '.join(others)} fails with {row.condition} at {value:g}"
+                )
 
 
 @every
@@ -87,7 +95,9 @@ def test_the_rows_notice_a_limit_that_is_a_tenth_off(task, monkeypatch):
                 wrong_by = sign * (1 if limit.unit == "" else 0.1 * getattr(limit, rules))
                 off = replace(limit, **{rules: getattr(limit, rules) + wrong_by})
                 monkeypatch.setattr(kind, "limits", {**true, name: off})
-                assert next(mismatches(task, rules), None), f"{task}, {rules}: nothing pins {name} to {getattr(limit, rules)}"
+                assert next(mismatches(task, rules), None), (
+                    f"{task}, {rules}: nothing pins {name} to {getattr(limit, rules)}"
+                )
 
 
 @pytest.mark.parametrize("rules", ["strict", "domino"])
@@ -97,7 +107,9 @@ def test_a_bottle_that_lies_on_the_floor_beside_the_bin_is_not_in_it(rules, besi
     take = Take("put_bottles_dustbin", rules)
     SPECS["put_bottles_dustbin"].good(take)
     x, y, _ = take.pose("dustbin")[:3]
-    take.put("bottle", pose((x + beside[0], y + beside[1], 0.035), quat_about((0, 1, 0), np.pi / 2)))
+    take.put(
+        "bottle", pose((x + beside[0], y + beside[1], 0.035), quat_about((0, 1, 0), np.pi / 2))
+    )
     take.peak("bottle")
     assert wrong(take) == {"within_outline"}
 

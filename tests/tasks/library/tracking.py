@@ -1,4 +1,5 @@
-"""Where the conditions of the tracking tasks turn over: every number is the specification's, strict | domino."""
+"""Where the conditions of the tracking tasks turn over: every number is the specification's, strict
+| domino."""
 
 import numpy as np
 
@@ -32,8 +33,8 @@ PRESS = 8
 
 
 def pressing(body, point, plane, high, asked):
-    """A press: `plane` and `high` are (strict, domino), `asked` whether domino rules ask for the closed gripper of
-    the acting arm."""
+    """A press: `plane` and `high` are (strict, domino), `asked` whether domino rules ask for the
+    closed gripper of the acting arm."""
 
     def good(t):
         side = t.arms["arm"]
@@ -53,14 +54,18 @@ def pressing(body, point, plane, high, asked):
 
     def opening(t, q):
         t.open(t.arms["arm"], 0.0)
-        (t.commanded if t.rules == "domino" else t.measured)[t.arms["arm"]][PRESS - (t.rules == "domino")] = q
+        (t.commanded if t.rules == "domino" else t.measured)[t.arms["arm"]][
+            PRESS - (t.rules == "domino")
+        ] = q
 
     closed = below("closed_at_press", opening, 0.2, 0.2 if asked else None)
     return Spec(
         good,
         (
             fails("touched", lambda t: t.contacts.clear(), also=("pressed", "closed_at_press")),
-            Row("touched", other_arm, [(1, False)], [(1, not asked)], ("pressed", "closed_at_press")),
+            Row(
+                "touched", other_arm, [(1, False)], [(1, not asked)], ("pressed", "closed_at_press")
+            ),
             *(below("pressed", at(axis), *plane, ("closed_at_press",), (1, -1)) for axis in (0, 1)),
             below("pressed", at(2), *high, ("closed_at_press",), (1, -1)),
             closed,
@@ -99,7 +104,8 @@ def rebound(t, q):
 
 
 def glancing(t):
-    """The hammer hits the block off its middle from well above the table, and its middle with the face on the table only."""
+    """The hammer hits the block off its middle from well above the table, and its middle with the
+    face on the table only."""
     struck(t)
     strike_height(t, 0.005)
     t.touch("hammer", "block", PEAK)
@@ -213,7 +219,12 @@ TRACKING = {
         (
             *circle("object", 0.035, 0.035),
             below("at_height", lambda t, q: t.shift("object", (0, 0, -q)), 0.01, 0.01),
-            Row("at_height", lambda t, q: t.shift("object", (0, 0, q)), [(0.05, True)], [(0.05, True)]),
+            Row(
+                "at_height",
+                lambda t, q: t.shift("object", (0, 0, q)),
+                [(0.05, True)],
+                [(0.05, True)],
+            ),
             *resting("object", "scale"),
             *opened("arm"),
             *lift("object", 0.03, 0.03),
@@ -263,7 +274,13 @@ TRACKING = {
             *box("stamp", 0.01, None),
             *height("stamp", 0.01, None),
             *circle("stamp", 0.035, 0.035, "at_distance", ("centred",)),
-            below("at_distance", lambda t, q: t.shift("stamp", (0, 0, q)), 0.035, 0.035, ("at_height",)),
+            below(
+                "at_distance",
+                lambda t, q: t.shift("stamp", (0, 0, q)),
+                0.035,
+                0.035,
+                ("at_height",),
+            ),
             *tilt("stamp", 0.26, 0.942),
             *resting("stamp", "pad", asked=True),
             *both_open(),

@@ -36,7 +36,9 @@ def test_only_the_upper_rungs_can_see_velocity():
     assert (features(s, before, "velocity")[:, -3:] == s.velocity).all()
     now, two = features(s, before, "position"), features(s, before, "two_frames")
     np.testing.assert_array_equal(two[:, : now.shape[1]], now)
-    np.testing.assert_array_equal(two[:, now.shape[1] :], (s.poses[:, :, :3] - s.poses[[0, 0, 0, 1], :, :3]).reshape(4, 6))
+    np.testing.assert_array_equal(
+        two[:, now.shape[1] :], (s.poses[:, :, :3] - s.poses[[0, 0, 0, 1], :, :3]).reshape(4, 6)
+    )
     assert now.shape == (4, 14 + 2 * 2 * 3 + 2 * 3 * 3 + 2 * 9)
 
 
@@ -60,17 +62,38 @@ class Log(SimpleNamespace):
         return len(self.state)
 
 
-@pytest.mark.parametrize("inputs, frames, holds", [("two_frames", 2, True), ("two_frames", 3, False), ("position", 1, False)])
+@pytest.mark.parametrize(
+    "inputs, frames, holds",
+    [("two_frames", 2, True), ("two_frames", 3, False), ("position", 1, False)],
+)
 def test_a_policy_holds_still_until_it_can_see_motion(inputs, frames, holds):
-    """It looks back by two frames: after the third one it acts on how the body moved since the first."""
+    """It looks back by two frames: after the third one it acts on how the body moved since the
+    first."""
     seen = state(frames, bodies=1, points=1)
     family: Any = SimpleNamespace(frames=lambda: SimpleNamespace(points={"top": np.zeros(7)}))
-    log: Any = Log(state=seen.joints, tcp=seen.tools, target_velocity=seen.velocity, pose=lambda name: seen.poses[:, 0])
+    log: Any = Log(
+        state=seen.joints,
+        tcp=seen.tools,
+        target_velocity=seen.velocity,
+        pose=lambda name: seen.poses[:, 0],
+    )
     shown = features(seen, seen, inputs)
-    network = train(np.repeat(shown, 40, 0), RNG.normal(size=(40 * frames, 4, 14)), Settings(inputs, 4, back=2, steps=2, width=8))
-    policy, nothing, begun = StatePolicy(network, 3), cast(Any, None), cast(Any, SimpleNamespace(action_names=["joint"] * 14))
+    network = train(
+        np.repeat(shown, 40, 0),
+        RNG.normal(size=(40 * frames, 4, 14)),
+        Settings(inputs, 4, back=2, steps=2, width=8),
+    )
+    policy, nothing, begun = (
+        StatePolicy(network, 3),
+        cast(Any, None),
+        cast(Any, SimpleNamespace(action_names=["joint"] * 14)),
+    )
     policy.reset(begun)
-    scene: Any = SimpleNamespace(bodies={"bell": SimpleNamespace(instance=family)}, clutter=(), task=SimpleNamespace(target="bell"))
+    scene: Any = SimpleNamespace(
+        bodies={"bell": SimpleNamespace(instance=family)},
+        clutter=(),
+        task=SimpleNamespace(target="bell"),
+    )
     trial: Any = SimpleNamespace(scene=scene, log=lambda: log)
     policy.see(trial, nothing)
     answer = policy.act(nothing)
@@ -105,11 +128,17 @@ def test_a_network_learns_and_is_the_same_when_read_again(tmp_path):
 
 def test_a_demonstration_is_the_same_when_read_again(tmp_path):
     s, cell = state(), Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
-    shown = Demonstration(cell, ("b", "a"), 3, s.joints, s.joints, s.tools, s.poses, s.points, s.velocity)
+    shown = Demonstration(
+        cell, ("b", "a"), 3, s.joints, s.joints, s.tools, s.poses, s.points, s.velocity
+    )
     path = tmp_path / "d.npz"
     path.write_bytes(shown.to_bytes())
     again = Demonstration.read(path)
-    assert (again.cell, again.bodies, again.untouched) == (shown.cell, shown.bodies, shown.untouched)
+    assert (again.cell, again.bodies, again.untouched) == (
+        shown.cell,
+        shown.bodies,
+        shown.untouched,
+    )
     x, y = samples([again, shown], Settings(inputs="velocity", chunk=3, copies=0))
     assert x.shape[0] == y.shape[0] == 6
     np.testing.assert_array_equal(x[:3], x[3:])
@@ -117,19 +146,29 @@ def test_a_demonstration_is_the_same_when_read_again(tmp_path):
 
 def test_of_a_correction_only_what_the_expert_does_is_learnt_as_often_as_it_weighs(tmp_path):
     s, cell = state(6), Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
-    whole = Demonstration(cell, ("b", "a"), 3, s.joints, s.joints, s.tools, s.poses, s.points, s.velocity)
+    whole = Demonstration(
+        cell, ("b", "a"), 3, s.joints, s.joints, s.tools, s.poses, s.points, s.velocity
+    )
     settings = Settings(inputs="velocity", chunk=3, copies=1)
     (tmp_path / "d.npz").write_bytes(replace(whole, corrected=2).to_bytes())
     corrected = Demonstration.read(tmp_path / "d.npz")
-    (every, _), (x, y) = samples([whole], replace(settings, copies=0)), samples([corrected], settings)
+    (every, _), (x, y) = (
+        samples([whole], replace(settings, copies=0)),
+        samples([corrected], settings),
+    )
     np.testing.assert_array_equal(x[:3], every[2:])
     assert len(x) == len(y) == 6
-    assert weights([whole, corrected], settings, 1.0) is None and weights([whole], settings, 2.0) is None
+    assert (
+        weights([whole, corrected], settings, 1.0) is None
+        and weights([whole], settings, 2.0) is None
+    )
     drawn = weights([whole, corrected], settings, 2.0)
     assert drawn is not None and drawn.tolist() == [1.0] * 10 + [2.0] * 6
 
 
 def test_what_weighs_nothing_is_not_learnt():
     x, y = RNG.normal(size=(200, 2)), np.repeat([[[0.0]], [[1.0]]], 100, 0)
-    network = train(x, y, Settings(chunk=1, width=8, steps=100, batch=32, rate=1e-2), np.repeat([0.0, 1.0], 100))
+    network = train(
+        x, y, Settings(chunk=1, width=8, steps=100, batch=32, rate=1e-2), np.repeat([0.0, 1.0], 100)
+    )
     assert network(x).min() > 0.8

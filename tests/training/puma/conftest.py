@@ -16,7 +16,9 @@ def one_thread() -> None:
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Never change it: copy it first."""
-    return make_dataset(tmp_path_factory.mktemp("data") / "bells", tmp_path_factory.mktemp("models"))
+    return make_dataset(
+        tmp_path_factory.mktemp("data") / "bells", tmp_path_factory.mktemp("models")
+    )
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,5 @@
-"""Configurations: all that come with the package are valid, unknown keys are refused, settings and files come on top."""
+"""Configurations: all that come with the package are valid, unknown keys are refused, settings and
+files come on top."""
 
 from pathlib import Path
 
@@ -21,8 +22,20 @@ def test_every_configuration_is_valid_and_named_like_its_file(name: str):
 def test_the_papers_values():
     config = read_config("puma-4b")
     model, train = config.model, config.train
-    assert (model.chunk, model.world_queries, model.history_length, model.stride, train.world_weight) == (16, 4, 4, 4, 0.05)
-    assert (train.backbone_rate, train.head_rate, train.betas, train.epsilon, train.weight_decay) == (
+    assert (
+        model.chunk,
+        model.world_queries,
+        model.history_length,
+        model.stride,
+        train.world_weight,
+    ) == (16, 4, 4, 4, 0.05)
+    assert (
+        train.backbone_rate,
+        train.head_rate,
+        train.betas,
+        train.epsilon,
+        train.weight_decay,
+    ) == (
         1e-5,
         1e-4,
         (0.9, 0.95),
@@ -41,24 +54,43 @@ def refused(values: dict, *settings: str) -> str:
 
 def test_unknown_keys_and_wrong_values_are_refused():
     assert refused({"model": {"chunks": 3}}) == "file.yaml: model.chunks is unknown"
-    assert refused({"model": {"chunk": 0}}).startswith("file.yaml: model.chunk: Input should be greater than or equal to 1")
-    assert refused({"execute": {"actions": 17}}) == "file.yaml: execute.actions 17 is more than model.chunk 16"
+    assert refused({"model": {"chunk": 0}}).startswith(
+        "file.yaml: model.chunk: Input should be greater than or equal to 1"
+    )
+    assert (
+        refused({"execute": {"actions": 17}})
+        == "file.yaml: execute.actions 17 is more than model.chunk 16"
+    )
     blind = refused({"execute": {"still": 8}, "model": {"track": {"memory": False}}})
-    wanted = "file.yaml: execute.still needs the target's velocity: set it to null, or give model.track its memory"
+    wanted = (
+        "file.yaml: execute.still needs the target's velocity: set it to null, or give model.track"
+        " its memory"
+    )
     assert blind == refused({"execute": {"still": 8}}) == wanted
     assert "no multiple of train.accumulate" in refused({"train": {"batch": 5, "accumulate": 2}})
     assert "exclude each other" in refused({"execute": {"ensemble": 0.1, "blend": 2}})
     assert "train.betas.1: Input should be less than 1" in refused({"train": {"betas": [0.9, 2]}})
-    assert "train.clip: Input should be a finite number" in refused({"train": {"clip": float("nan")}})
+    assert "train.clip: Input should be a finite number" in refused(
+        {"train": {"clip": float("nan")}}
+    )
     assert "data.cameras: Tuple should have at least 1 item" in refused({"data": {"cameras": []}})
-    assert "model.backbone: width 128 is no multiple of heads 7" in refused({"model": {"backbone": {"kind": "tiny", "heads": 7}}})
+    assert "model.backbone: width 128 is no multiple of heads 7" in refused(
+        {"model": {"backbone": {"kind": "tiny", "heads": 7}}}
+    )
     blind = {"kind": "perceptron"}
-    assert "a perceptron reads no images: set model.track" in refused({"model": {"backbone": blind}})
+    assert "a perceptron reads no images: set model.track" in refused(
+        {"model": {"backbone": blind}}
+    )
     assert "set model.world to none" in refused({"model": {"backbone": blind, "track": {}}})
     assert "set model.track" in refused({"model": {"arms": True}})
     assert refused({}, "train.stepz=3") == "puma-tiny: train.stepz is unknown"
-    assert refused({}, "train.steps") == "--set 'train.steps': write key=value, for example train.steps=1000"
-    with pytest.raises(TrainError, match="--config 'nothing' is unknown: give a YAML file or one of puma-2b, "):
+    assert (
+        refused({}, "train.steps")
+        == "--set 'train.steps': write key=value, for example train.steps=1000"
+    )
+    with pytest.raises(
+        TrainError, match="--config 'nothing' is unknown: give a YAML file or one of puma-2b, "
+    ):
         read_config("nothing")
 
 
@@ -66,7 +98,13 @@ def test_a_file_stands_on_another_one(tmp_path: Path):
     (tmp_path / "base.yaml").write_text("name: base\nmodel: {chunk: 20, state: true}\n")
     (tmp_path / "mine.yaml").write_text("extends: base\nname: mine\nmodel: {chunk: 24}\n")
     config = read_config(str(tmp_path / "mine.yaml"), ["train.steps=7", "execute.actions=3"])
-    assert (config.name, config.model.chunk, config.model.state, config.train.steps, config.execute.actions) == (
+    assert (
+        config.name,
+        config.model.chunk,
+        config.model.state,
+        config.train.steps,
+        config.execute.actions,
+    ) == (
         "mine",
         24,
         True,

@@ -1,4 +1,5 @@
-"""What training takes of a card, against counts made by hand, and the refusal of what cannot fit."""
+"""What training takes of a card, against counts made by hand, and the refusal of what cannot
+fit."""
 
 import json
 from pathlib import Path
@@ -39,7 +40,9 @@ def test_a_shell_has_every_weight_on_meta_and_everything_else_as_it_is(tmp_path:
         name: (w.shape, w.dtype) for name, w in built.named_parameters()
     }
     assert all(weight.is_meta for weight in shell.parameters())
-    assert all(torch.equal(one, other) for one, other in zip(shell.buffers(), built.buffers(), strict=True))
+    assert all(
+        torch.equal(one, other) for one, other in zip(shell.buffers(), built.buffers(), strict=True)
+    )
 
 
 def test_bytes_of_a_card_are_those_counted_by_hand():
@@ -55,34 +58,47 @@ def test_weights_of_a_layer_and_of_adapters(tmp_path: Path):
     assert found.layer == 2 * 64 * 64 + 2 * 64 * 32 + 3 * 64 * 128 + 2 * 64 + 2 * 16
     assert found.rest == found.trained - 2 * found.layer and found.frozen == 0
     adapted = weights_of(shell_of(tiny_qwen(tmp_path, lora={"rank": 2, "alpha": 4}), SIZES))
-    # of every layer: q, k, v, o and the three of the feed-forward part, each with two matrices of rank 2
+    # of every layer: q, k, v, o and the three of the feed-forward part, each with two matrices of
+    # rank 2
     per_layer = 2 * ((64 + 64) + 2 * (64 + 32) + (64 + 64) + 3 * (64 + 128))
     assert adapted.layer == per_layer and adapted.frozen > 0
 
 
 def test_the_backward_pass_keeps_less_with_checkpointing(tmp_path: Path):
     config = tiny_qwen(tmp_path)
-    kept = config.model_copy(update={"train": config.train.model_copy(update={"checkpointing": True})})
+    kept = config.model_copy(
+        update={"train": config.train.model_copy(update={"checkpointing": True})}
+    )
     less, more = (activations(shell_of(c, SIZES), 4) for c in (kept, config))
     assert 0 < less < more and activations(shell_of(kept, SIZES), 8) == 2 * less
     assert activations(shell_of(config_of(tmp_path, tmp_path), SIZES), 4) == 0
 
 
 def test_what_cannot_fit_is_refused_in_one_line_that_names_what_can(tmp_path: Path):
-    config = read_config("puma-4b", [f"model.backbone.name={CONFIGS / 'qwen3-vl-4b.json'}", "model.backbone.weights=random"])
+    config = read_config(
+        "puma-4b",
+        [f"model.backbone.name={CONFIGS / 'qwen3-vl-4b.json'}", "model.backbone.weights=random"],
+    )
     assert config.train.parallel == "zero2"
     weights = weights_of(shell_of(config, Sizes(14, 768)))
     assert refusal(config, weights, 1, 80_000_000_000) == ""
     said = refusal(config, weights, 1, 48_000_000_000)
     assert said.startswith(
-        "puma-4b: 4.51 billion trained weights take 72 GB in one process, the card has 48 GB: use train.parallel="
+        "puma-4b: 4.51 billion trained weights take 72 GB in one process, the card has 48 GB: use"
+        " train.parallel="
     )
-    assert "zero2 over 4 processes (36 GB each)" in said and "fsdp over 4 processes (22 GB each)" in said and "adapters" in said
+    assert (
+        "zero2 over 4 processes (36 GB each)" in said
+        and "fsdp over 4 processes (22 GB each)" in said
+        and "adapters" in said
+    )
     assert "\n" not in said
     assert refusal(config, weights, 4, 48_000_000_000) == ""
 
 
-def test_training_refuses_before_it_makes_anything(tmp_path: Path, dataset: Path, cache: Path, monkeypatch: pytest.MonkeyPatch):
+def test_training_refuses_before_it_makes_anything(
+    tmp_path: Path, dataset: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr("training.puma.memory.os.sysconf", lambda name: 1000)
     monkeypatch.setattr(training, "build_model", lambda *_: pytest.fail("weights were made"))
     with pytest.raises(TrainError, match=r"this machine's memory has 0 GB: use train\.parallel"):
@@ -91,8 +107,16 @@ def test_training_refuses_before_it_makes_anything(tmp_path: Path, dataset: Path
 
 
 def test_the_command_prints_a_table(tmp_path: Path):
-    words = ["memory", "--set", f"model.backbone.name={qwen_json(tmp_path / 'q.json')}", "--set", "model.backbone.weights=random"]
-    found = CliRunner().invoke(app, [*words, "--set", "data.image_size=[64,64]", "--cards", "1,2", "--json"])
+    words = [
+        "memory",
+        "--set",
+        f"model.backbone.name={qwen_json(tmp_path / 'q.json')}",
+        "--set",
+        "model.backbone.weights=random",
+    ]
+    found = CliRunner().invoke(
+        app, [*words, "--set", "data.image_size=[64,64]", "--cards", "1,2", "--json"]
+    )
     assert [(need["kind"], need["processes"]) for need in json.loads(found.stdout)] == [
         ("ddp", 1),
         ("ddp", 2),

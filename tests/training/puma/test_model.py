@@ -1,4 +1,5 @@
-"""The network: Qwen3-VL as transformers runs it, queries of their own, losses that see only what exists."""
+"""The network: Qwen3-VL as transformers runs it, queries of their own, losses that see only what
+exists."""
 
 from pathlib import Path
 
@@ -21,7 +22,11 @@ SIZES = Sizes(14, 32)
 
 
 def qwen_config(folder: Path, **model: object) -> Config:
-    backbone = {"kind": "qwen3-vl", "name": str(qwen_json(folder / "qwen.json")), "weights": "random"}
+    backbone = {
+        "kind": "qwen3-vl",
+        "name": str(qwen_json(folder / "qwen.json")),
+        "weights": "random",
+    }
     return config_of(folder / "none", folder / "cache", backbone=backbone, **model)
 
 
@@ -56,11 +61,14 @@ def targets(batch: int = 2, chunk: int = 6, world: int = 32) -> Targets:
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Puma:
     folder = tmp_path_factory.mktemp("network")
     torch.manual_seed(0)
-    return build_model(qwen_config(folder) if request.param == "qwen3-vl" else config_of(folder, folder), SIZES)
+    return build_model(
+        qwen_config(folder) if request.param == "qwen3-vl" else config_of(folder, folder), SIZES
+    )
 
 
 def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
-    """Hidden states (Q,H) by transformers' own forward: token ids, its positions, its scatter of images; queries as new tokens."""
+    """Hidden states (Q,H) by transformers' own forward: token ids, its positions, its scatter of
+    images; queries as new tokens."""
     backbone = network.backbone
     config = Qwen3VLConfig(**backbone.model.config.to_dict())
     queries = network.queries.detach()
@@ -95,15 +103,27 @@ def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("lora", [None, Lora(rank=2)], ids=["whole", "lora"])
-def test_weights_that_are_trained_are_float32_whatever_the_arithmetic(tmp_path: Path, lora: Lora | None):
+def test_weights_that_are_trained_are_float32_whatever_the_arithmetic(
+    tmp_path: Path, lora: Lora | None
+):
     config = qwen_config(tmp_path)
     backbone = config.model.backbone.model_copy(update={"lora": lora})
     model = config.model.model_copy(update={"backbone": backbone})
-    config = config.model_copy(update={"model": model, "train": config.train.model_copy(update={"precision": "bf16"})})
-    kinds = {(weight.requires_grad, weight.dtype) for weight in build_model(config, SIZES).parameters()}
-    assert kinds == ({(True, torch.float32)} if lora is None else {(True, torch.float32), (False, torch.bfloat16)})
+    config = config.model_copy(
+        update={"model": model, "train": config.train.model_copy(update={"precision": "bf16"})}
+    )
+    kinds = {
+        (weight.requires_grad, weight.dtype) for weight in build_model(config, SIZES).parameters()
+    }
+    assert kinds == (
+        {(True, torch.float32)}
+        if lora is None
+        else {(True, torch.float32), (False, torch.bfloat16)}
+    )
     acting = build_model(config, SIZES, trained=True)
-    assert {buffer.dtype for buffer in acting.buffers() if buffer.is_floating_point()} == {torch.float32}
+    assert {buffer.dtype for buffer in acting.buffers() if buffer.is_floating_point()} == {
+        torch.float32
+    }
 
 
 @pytest.mark.parametrize("sentences", [False, True])
@@ -118,14 +138,22 @@ def test_hidden_states_are_those_of_transformers(tmp_path: Path, sentences: bool
     with torch.no_grad():
         ours = network.backbone(given, torch.zeros(2, 0, 64), network.queries)
     for row in range(2):
-        np.testing.assert_allclose(ours[row].numpy(), reference(network, given, row).numpy(), atol=1e-4)
+        np.testing.assert_allclose(
+            ours[row].numpy(), reference(network, given, row).numpy(), atol=1e-4
+        )
 
 
 def test_patches_are_those_of_the_image_processor():
-    image = torch.randint(0, 256, (1, 32, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
+    image = torch.randint(
+        0, 256, (1, 32, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0)
+    )
     ours = patches_of(image, 16, 2, 2)[0]
     # block (0, 1) of 2x2 patches begins at column 32; its third patch is one row of patches lower
-    wanted = (image[0, 16:32, 32:48].permute(2, 0, 1).float() / 127.5 - 1)[:, None].expand(-1, 2, -1, -1).reshape(-1)
+    wanted = (
+        (image[0, 16:32, 32:48].permute(2, 0, 1).float() / 127.5 - 1)[:, None]
+        .expand(-1, 2, -1, -1)
+        .reshape(-1)
+    )
     np.testing.assert_allclose(ours[4 + 2].numpy(), wanted.numpy(), atol=1e-6)
 
 
@@ -141,10 +169,14 @@ def test_every_query_gets_a_gradient_of_its_own(network: Puma):
 
 def test_padding_of_the_instruction_changes_nothing(network: Puma):
     given = inputs()
-    longer = Inputs(**(vars(given) | {"text": torch.cat([given.text, torch.full((2, 16), PADDING)], 1)}))
+    longer = Inputs(
+        **(vars(given) | {"text": torch.cat([given.text, torch.full((2, 16), PADDING)], 1)})
+    )
     network.eval()
     with torch.no_grad():
-        np.testing.assert_allclose(network(given).actions.numpy(), network(longer).actions.numpy(), atol=1e-5)
+        np.testing.assert_allclose(
+            network(given).actions.numpy(), network(longer).actions.numpy(), atol=1e-5
+        )
     network.train()
 
 
@@ -165,7 +197,10 @@ def test_optional_inputs_matter_only_where_they_are_asked_for(tmp_path: Path, fu
         torch.manual_seed(0)
         network = build_model(config_of(tmp_path, tmp_path, **{further: asked}), SIZES)
         with torch.no_grad():
-            assert bool((network(given).actions - network(changed).actions).abs().max() > 1e-7) == asked
+            assert (
+                bool((network(given).actions - network(changed).actions).abs().max() > 1e-7)
+                == asked
+            )
 
 
 @pytest.mark.parametrize("kind", ["features", "boxes"])
@@ -180,8 +215,14 @@ def test_losses_and_gradients_see_only_what_exists(tmp_path: Path, kind: str):
         tensor.retain_grad()
     losses = network.losses(outputs, wanted)
     losses["loss"].backward()
-    assert not outputs.actions.grad[:, 4:].any() and (outputs.actions.grad[:, :4] != 0).any(-1).all()
-    assert not outputs.world.grad[0, 1].any() and outputs.world.grad[0, 0].any() and outputs.world.grad[1].any()
+    assert (
+        not outputs.actions.grad[:, 4:].any() and (outputs.actions.grad[:, :4] != 0).any(-1).all()
+    )
+    assert (
+        not outputs.world.grad[0, 1].any()
+        and outputs.world.grad[0, 0].any()
+        and outputs.world.grad[1].any()
+    )
     # what is masked may be anything
     wanted.action[:, 4:], wanted.world[0, 1] = 1e6, 1e6
     again = network.losses(network(given), wanted)
@@ -191,8 +232,13 @@ def test_losses_and_gradients_see_only_what_exists(tmp_path: Path, kind: str):
 
 
 def test_losses_by_hand():
-    found, wanted = torch.tensor([[[1.0, 2.0], [5.0, 5.0]]]), torch.tensor([[[0.0, 4.0], [5.0, 0.0]]])
-    assert float(action_loss(found, wanted, torch.tensor([[True, True]]))) == pytest.approx((3 + 5) / 2)
+    found, wanted = (
+        torch.tensor([[[1.0, 2.0], [5.0, 5.0]]]),
+        torch.tensor([[[0.0, 4.0], [5.0, 0.0]]]),
+    )
+    assert float(action_loss(found, wanted, torch.tensor([[True, True]]))) == pytest.approx(
+        (3 + 5) / 2
+    )
     assert float(action_loss(found, wanted, torch.tensor([[True, False]]))) == pytest.approx(3)
     mean = action_loss(found, wanted, torch.tensor([[True, True]]), "mean")
     assert float(mean) == pytest.approx((3 + 5) / 4)
@@ -204,10 +250,16 @@ def test_losses_by_hand():
 def test_only_the_best_of_several_chunks_is_drawn_to_a_sample():
     wanted = torch.tensor([[[1.0], [1.0]], [[-1.0], [9.0]]])
     valid = torch.tensor([[True, True], [True, False]])
-    chunks = torch.tensor([[[[0.5], [0.5]], [[-1.0], [-1.0]]]]).expand(2, -1, -1, -1).clone().requires_grad_()
+    chunks = (
+        torch.tensor([[[[0.5], [0.5]], [[-1.0], [-1.0]]]])
+        .expand(2, -1, -1, -1)
+        .clone()
+        .requires_grad_()
+    )
     scores = torch.zeros(2, 2, requires_grad=True)
     action, mode = mode_loss(chunks, scores, wanted, valid)
-    # summed errors of the chunks: 1 and 4 for the first sample, 1.5 and 0 for the second, over 3 steps that exist
+    # summed errors of the chunks: 1 and 4 for the first sample, 1.5 and 0 for the second, over 3
+    # steps that exist
     assert action.item() == pytest.approx((1 - EVERY) * (1 + 0) / 3 + EVERY * (2.5 + 0.75) / 3)
     assert mode.item() == pytest.approx(np.log(2))
     (action + mode).backward()
@@ -219,28 +271,48 @@ def test_only_the_best_of_several_chunks_is_drawn_to_a_sample():
 def test_the_chunk_with_the_highest_score_is_the_answer(tmp_path: Path):
     torch.manual_seed(0)
     backbone = {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1}
-    network = build_model(config_of(tmp_path, tmp_path, backbone=backbone, world="none", history="none", modes=3), SIZES)
+    network = build_model(
+        config_of(tmp_path, tmp_path, backbone=backbone, world="none", history="none", modes=3),
+        SIZES,
+    )
     found = network(inputs(4))
-    assert found.chunks is not None and found.scores is not None and found.chunks.shape == (4, 3, 6, 14)
+    assert (
+        found.chunks is not None
+        and found.scores is not None
+        and found.chunks.shape == (4, 3, 6, 14)
+    )
     for row, best in enumerate(found.scores.argmax(1)):
         assert torch.equal(found.actions[row], found.chunks[row, best])
     assert {"action", "mode", "loss"} == set(network.losses(found, targets(4)))
 
 
 def test_adapters_are_what_is_trained_of_the_backbone(tmp_path: Path):
-    backbone = {"kind": "qwen3-vl", "name": str(qwen_json(tmp_path / "qwen.json")), "weights": "random", "lora": {"rank": 2}}
+    backbone = {
+        "kind": "qwen3-vl",
+        "name": str(qwen_json(tmp_path / "qwen.json")),
+        "weights": "random",
+        "lora": {"rank": 2},
+    }
     network = build_model(config_of(tmp_path, tmp_path, backbone=backbone), SIZES)
-    trained = [name for name, weight in network.named_parameters() if weight.requires_grad and name.startswith("backbone.")]
+    trained = [
+        name
+        for name, weight in network.named_parameters()
+        if weight.requires_grad and name.startswith("backbone.")
+    ]
     assert trained and all("lora_" in name and "language_model" in name for name in trained)
     network.losses(network(inputs()), targets())["loss"].backward()
-    assert any(w.grad is not None and w.grad.any() for n, w in network.named_parameters() if "lora_B" in n)
+    assert any(
+        w.grad is not None and w.grad.any() for n, w in network.named_parameters() if "lora_B" in n
+    )
 
 
 def test_checkpointing_is_on_and_changes_nothing(tmp_path: Path):
     gradients = []
     for on in (False, True):
         config = qwen_config(tmp_path)
-        config = config.model_copy(update={"train": config.train.model_copy(update={"checkpointing": on})})
+        config = config.model_copy(
+            update={"train": config.train.model_copy(update={"checkpointing": on})}
+        )
         torch.manual_seed(0)
         network = build_model(config, SIZES)
         calls: list[object] = []
@@ -257,7 +329,9 @@ def test_checkpointing_is_on_and_changes_nothing(tmp_path: Path):
 
 def test_images_that_qwen_cannot_take_are_refused(tmp_path: Path):
     config = qwen_config(tmp_path)
-    config = config.model_copy(update={"data": config.data.model_copy(update={"image_size": (48, 64)})})
+    config = config.model_copy(
+        update={"data": config.data.model_copy(update={"image_size": (48, 64)})}
+    )
     with pytest.raises(TrainError, match=r"data\.image_size 48x64: .* multiples of 32"):
         build_model(config, SIZES)
 

@@ -1,4 +1,5 @@
-"""Experiments of the paper: everything that their commands name exists, and two run at tiny size."""
+"""Experiments of the paper: everything that their commands name exists, and two run at tiny
+size."""
 
 from pathlib import Path
 
@@ -47,7 +48,9 @@ def test_configurations_are_those_of_the_papers_tables():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mixture", "cross-level"])
-def test_an_experiment_runs_at_tiny_size(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_an_experiment_runs_at_tiny_size(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     app(["paper", name, "--out", str(tmp_path), "--tiny"], standalone_mode=False)
     printed = capsys.readouterr().out
     assert printed.count("differs from the paper") == len(study(name).networks)

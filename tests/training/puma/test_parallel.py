@@ -1,4 +1,5 @@
-"""Two processes on this machine: shares train what copies train, and go on from a checkpoint to the same bits."""
+"""Two processes on this machine: shares train what copies train, and go on from a checkpoint to the
+same bits."""
 
 import json
 import os
@@ -24,7 +25,8 @@ pytestmark = pytest.mark.slow
 
 
 def note_what_is_done_alone(rank: int, path: Path) -> None:
-    """Append a line for every cache that this process decodes and every network that it builds with weights."""
+    """Append a line for every cache that this process decodes and every network that it builds with
+    weights."""
     from training.puma import cache, train
 
     def noting(name: str, do: Callable[..., Any]) -> Callable[..., Any]:
@@ -41,7 +43,11 @@ def note_what_is_done_alone(rank: int, path: Path) -> None:
 
 def work(rank: int, port: int, runs: list[tuple[Config, Path, int]]) -> None:
     """Runs one after the other as one of two processes."""
-    os.environ |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "ACCELERATE_USE_CPU": "true"}
+    os.environ |= {
+        "MASTER_ADDR": "127.0.0.1",
+        "MASTER_PORT": str(port),
+        "ACCELERATE_USE_CPU": "true",
+    }
     os.environ |= {"WORLD_SIZE": "2", "RANK": str(rank), "LOCAL_RANK": str(rank)}
     torch.set_num_threads(1)
     note_what_is_done_alone(rank, runs[0][1].parent / "alone.txt")
@@ -56,7 +62,12 @@ def runs(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     backbone = {"kind": "qwen3-vl", "name": str(qwen_json(root / "q.json")), "weights": "random"}
     base = config_of(dataset, tmp_path_factory.mktemp("decoded"), backbone=backbone)
     jobs, out = list[tuple[Config, Path, int]](), dict[str, Path]()
-    for name, parallel in (("ddp", "ddp"), ("fsdp", "fsdp"), ("stopped", "fsdp"), ("zero2", "zero2")):
+    for name, parallel in (
+        ("ddp", "ddp"),
+        ("fsdp", "fsdp"),
+        ("stopped", "fsdp"),
+        ("zero2", "zero2"),
+    ):
         settings = {"parallel": parallel, "save_every": 1, "validate_every": 1, "steps": 2}
         config = base.model_copy(
             update={
@@ -83,9 +94,14 @@ def losses(out: Path) -> list[float]:
 @pytest.mark.parametrize("kind", ["fsdp", "zero2"])
 def test_shares_train_what_copies_train(runs: dict[str, Path], kind: str):
     np.testing.assert_allclose(losses(runs[kind]), losses(runs["ddp"]), rtol=1e-4)
-    ours, theirs = (load_file(checkpoint.newest(runs[name]) / "model.safetensors") for name in (kind, "ddp"))
-    assert {name: v.shape for name, v in ours.items()} == {name: v.shape for name, v in theirs.items()}
-    # the first steps of AdamW have the size of the learning rate (1e-3) whatever the size of the gradient
+    ours, theirs = (
+        load_file(checkpoint.newest(runs[name]) / "model.safetensors") for name in (kind, "ddp")
+    )
+    assert {name: v.shape for name, v in ours.items()} == {
+        name: v.shape for name, v in theirs.items()
+    }
+    # the first steps of AdamW have the size of the learning rate (1e-3) whatever the size of the
+    # gradient
     assert all((value - theirs[name]).abs().max() < 5e-4 for name, value in ours.items())
 
 
@@ -98,7 +114,10 @@ def test_one_process_decodes_and_of_shares_one_holds_all_weights(runs: dict[str,
 
 def test_a_run_in_shares_goes_on_to_the_same_bits(runs: dict[str, Path]):
     assert losses(runs["stopped"]) == losses(runs["fsdp"])
-    ends = [load_file(checkpoint.newest(runs[name]) / "model.safetensors") for name in ("stopped", "fsdp")]
+    ends = [
+        load_file(checkpoint.newest(runs[name]) / "model.safetensors")
+        for name in ("stopped", "fsdp")
+    ]
     assert all(torch.equal(value, ends[1][name]) for name, value in ends[0].items())
 
 

@@ -38,7 +38,9 @@ def test_a_served_policy_answers_as_the_local_one(run: Path):
     local = PumaPolicy.load(run)
     stop, up, loop = asyncio.Event(), threading.Event(), asyncio.new_event_loop()
     served_here = server(run, Place(port=0))
-    thread = threading.Thread(target=loop.run_until_complete, args=(served_here.serve(stop, lambda port: up.set()),))
+    thread = threading.Thread(
+        target=loop.run_until_complete, args=(served_here.serve(stop, lambda port: up.set()),)
+    )
     thread.start()
     try:
         assert up.wait(10)
@@ -49,7 +51,9 @@ def test_a_served_policy_answers_as_the_local_one(run: Path):
         for k in range(4):
             np.testing.assert_array_equal(remote.act(seen(2 * k / 15)), local.act(seen(2 * k / 15)))
         remote.close()
-        with pytest.raises(PolicyError, match="the policy has 320x240, the evaluation 32x24: add --size 320x240"):
+        with pytest.raises(
+            PolicyError, match="the policy has 320x240, the evaluation 32x24: add --size 320x240"
+        ):
             given = start()
             remote.reset(
                 Start(
@@ -79,15 +83,25 @@ def test_an_oracle_is_not_served(dataset: Path, cache: Path, tmp_path: Path):
 def test_the_contract_is_that_of_the_data(run: Path):
     contract = PumaPolicy.load(run).contract
     given = start()
-    assert (contract.action_names, contract.rate, contract.image_sizes) == (given.action_names, given.fps, given.image_sizes)
-    assert parse_clock("sim").name == "sim" and "policy.py@" in policy_name(str(checkpoint.newest(run) / "policy.py")).label
+    assert (contract.action_names, contract.rate, contract.image_sizes) == (
+        given.action_names,
+        given.fps,
+        given.image_sizes,
+    )
+    assert (
+        parse_clock("sim").name == "sim"
+        and "policy.py@" in policy_name(str(checkpoint.newest(run) / "policy.py")).label
+    )
 
 
 def test_the_command_trains_checks_and_lists(dataset: Path, cache: Path, tmp_path: Path):
     config = tmp_path / "mine.yaml"
     config.write_text(config_of(dataset, cache).to_yaml())
     out = tmp_path / "run"
-    made = COMMAND.invoke(app, ["train", "--config", str(config), "--set", "train.steps=2", "--out", str(out), "--quiet"])
+    made = COMMAND.invoke(
+        app,
+        ["train", "--config", str(config), "--set", "train.steps=2", "--out", str(out), "--quiet"],
+    )
     assert made.exit_code == 0 and made.output.strip().endswith("step_00000002")
     checked = COMMAND.invoke(app, ["replay-check", str(out), "--json"])
     assert checked.exit_code == 0 and json.loads(checked.output)["different"] == 0

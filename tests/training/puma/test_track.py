@@ -1,4 +1,5 @@
-"""Tracking by itself: pixels and places, sightings that are wrong, and a run that acts on what it found."""
+"""Tracking by itself: pixels and places, sightings that are wrong, and a run that acts on what it
+found."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,12 +27,19 @@ EXACT = np.full(3, 0.3)
 
 def pixels(x: float, y: float) -> np.ndarray:
     """Where the points of a target at x, y that lies along the world's axes are seen."""
-    points = np.array([x, y, SIGHT.height]) + SIGHT.reach * np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]])
+    points = np.array([x, y, SIGHT.height]) + SIGHT.reach * np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 0, 1]]
+    )
     return project(SIGHT.camera, np.array(SIGHT.pose), points)[0]
 
 
 def test_points_are_projected_and_taken_back_to_the_plane():
-    poses = np.array([[0.1, -0.05, SIGHT.height, 1, 0, 0, 0], [-0.2, 0.1, SIGHT.height, np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])
+    poses = np.array(
+        [
+            [0.1, -0.05, SIGHT.height, 1, 0, 0, 0],
+            [-0.2, 0.1, SIGHT.height, np.sqrt(0.5), 0, 0, np.sqrt(0.5)],
+        ]
+    )
     found = SIGHT.pixels(poses)
     assert found[0] == pytest.approx(pixels(0.1, -0.05))
     assert SIGHT.places(found[:, 0]) == pytest.approx(poses[:, :2])
@@ -43,13 +51,20 @@ def test_points_are_projected_and_taken_back_to_the_plane():
     assert SIGHT.places(beside[:, 3]) == pytest.approx(np.array([[0.2, -0.05], [-0.2, 0.2]]))
 
 
-def test_touch_points_are_the_tools_at_the_first_touch_as_the_target_sees_them(dataset: Path, cache: Path):
+def test_touch_points_are_the_tools_at_the_first_touch_as_the_target_sees_them(
+    dataset: Path, cache: Path
+):
     found = open_corpus(small(dataset, cache)).train[0].cache
     joints = np.linspace(-0.3, 0.3, 8)[:, None] * np.ones(14)
     places = tools_of(found.rows[0].embodiment, joints)
-    # two episodes of four frames, the first touched at its third frame, the second never; turned by half a turn about z
+    # two episodes of four frames, the first touched at its third frame, the second never; turned by
+    # half a turn about z
     target = np.array([0.1, 0.2, 0.8, 0, 0, 0, 1])
-    arrays = {"state": joints, "free": np.array([True, True, False, False, *[True] * 4]), "target": np.tile(target, (8, 1))}
+    arrays = {
+        "state": joints,
+        "free": np.array([True, True, False, False, *[True] * 4]),
+        "target": np.tile(target, (8, 1)),
+    }
     rows = [replace(found.rows[0], length=4)] * 2
     points = touch_points(replace(found, rows=rows, arrays=arrays))
     for frames, at in ((slice(0, 4), 2), (slice(4, 8), 7)):
@@ -89,21 +104,33 @@ def test_one_sighting_far_away_moves_a_track_little_even_if_the_finder_does_not_
 def small(dataset: Path, cache: Path, **track: int) -> Config:
     """`puma-small` with a few hundred weights, on images of 240 x 320."""
     values = config_of(dataset, cache).model_dump(mode="json")
-    values["model"] |= {"backbone": {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1}, "world": "none"}
-    values["model"] |= {"history": "none", "offsets": True, "arms": True, "track": {"steps": 4, "batch": 4, "width": 8, **track}}
+    values["model"] |= {
+        "backbone": {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1},
+        "world": "none",
+    }
+    values["model"] |= {
+        "history": "none",
+        "offsets": True,
+        "arms": True,
+        "track": {"steps": 4, "batch": 4, "width": 8, **track},
+    }
     values["data"] |= {"cameras": ["head_camera"], "image_size": [240, 320]}
     values["train"] |= {"disturb": 0.05}
     return parse_config(values, "test")
 
 
-def test_a_run_that_was_stopped_finds_the_same_targets_and_a_policy_sees_them(dataset: Path, cache: Path, tmp_path: Path):
+def test_a_run_that_was_stopped_finds_the_same_targets_and_a_policy_sees_them(
+    dataset: Path, cache: Path, tmp_path: Path
+):
     config = small(dataset, cache, touches=True)
     train(config, tmp_path / "whole", quiet=True)
     train(config, tmp_path / "parts", steps=3, quiet=True)
     train(config, tmp_path / "parts", quiet=True)
     files = ["model.safetensors", "preprocessing.json"]
     for name in files:
-        whole, parts = (tmp_path / run / "checkpoints" / "step_00000006" / name for run in ("whole", "parts"))
+        whole, parts = (
+            tmp_path / run / "checkpoints" / "step_00000006" / name for run in ("whole", "parts")
+        )
         assert whole.read_bytes() == parts.read_bytes()
     found = replay_check(tmp_path / "whole", [dataset], 1)
     assert found["answers"] and not found["different"]
@@ -147,7 +174,12 @@ def keeps_its_arms_until_others_are_much_likelier(policy: PumaPolicy):
     episode, chooser, answers = policy.begin(start()), policy._network.chooser, []
     assert chooser is not None
     held = {name: value.clone() for name, value in chooser.state_dict().items()}
-    for likely, chosen in (([0.5, 0.4, 0.1], 0), ([0.3, 0.7, 0.0], 0), ([0.1, 0.9, 0.0], 1), ([0.6, 0.4, 0.0], 1)):
+    for likely, chosen in (
+        ([0.5, 0.4, 0.1], 0),
+        ([0.3, 0.7, 0.0], 0),
+        ([0.1, 0.9, 0.0], 1),
+        ([0.6, 0.4, 0.0], 1),
+    ):
         last = chooser.third
         assert isinstance(last, torch.nn.Linear)
         torch.nn.init.zeros_(last.weight)
@@ -175,7 +207,9 @@ def test_images_of_another_size_cannot_be_cropped(dataset: Path, cache: Path):
         open_corpus(parse_config(values, "test"))
 
 
-def test_disturbed_joints_have_the_tools_and_the_actions_of_where_they_are(dataset: Path, cache: Path):
+def test_disturbed_joints_have_the_tools_and_the_actions_of_where_they_are(
+    dataset: Path, cache: Path
+):
     config = small(dataset, cache)
     prep: Preprocessing = open_corpus(config).preprocessing
     rng, joints = np.random.default_rng(1), np.tile(np.linspace(-0.4, 0.4, 14), (8, 1))
@@ -184,7 +218,9 @@ def test_disturbed_joints_have_the_tools_and_the_actions_of_where_they_are(datas
     before = {
         "state": prep.state.forward(joints),
         "tools": tools_of(prep.embodiments[0], joints),
-        "action": prep.action.forward(commands - np.where(np.arange(14) % 7 == 6, 0, joints)[:, None]),
+        "action": prep.action.forward(
+            commands - np.where(np.arange(14) % 7 == 6, 0, joints)[:, None]
+        ),
         "free": np.arange(8) != 3,
         "track": np.zeros((8, track_numbers(3)), np.float32),
     }
@@ -192,10 +228,18 @@ def test_disturbed_joints_have_the_tools_and_the_actions_of_where_they_are(datas
     Disturbance(0.05, config, prep).apply(after, rng)
     now = prep.state.backward(after["state"])
     moved = np.abs(np.delete(now - joints, [6, 13], 1)).max(1)
-    assert moved[3] == pytest.approx(0, abs=1e-6) and (moved > 1e-3).sum() >= 4 and moved.max() < 0.3
-    # grippers are shuffled before the touch, each by itself: together they no longer tell anything of the rest
+    assert (
+        moved[3] == pytest.approx(0, abs=1e-6) and (moved > 1e-3).sum() >= 4 and moved.max() < 0.3
+    )
+    # grippers are shuffled before the touch, each by itself: together they no longer tell anything
+    # of the rest
     assert np.sort(now[:, [6, 13]], 0) == pytest.approx(np.sort(joints[:, [6, 13]], 0), abs=1e-6)
-    assert now[3, [6, 13]] == pytest.approx(joints[3, [6, 13]], abs=1e-6) and np.ptp(now[:, 6] + now[:, 13]) > 0.1
+    assert (
+        now[3, [6, 13]] == pytest.approx(joints[3, [6, 13]], abs=1e-6)
+        and np.ptp(now[:, 6] + now[:, 13]) > 0.1
+    )
     assert after["tools"] == pytest.approx(tools_of(prep.embodiments[0], now), abs=1e-6)
-    meant = prep.action.backward(after["action"]) + np.where(np.arange(14) % 7 == 6, 0, now)[:, None]
+    meant = (
+        prep.action.backward(after["action"]) + np.where(np.arange(14) % 7 == 6, 0, now)[:, None]
+    )
     assert meant == pytest.approx(commands, abs=1e-4)

@@ -18,7 +18,9 @@ def told(config: Config, **values: object) -> Config:
     return config.model_copy(update={"train": config.train.model_copy(update=values)})
 
 
-def test_tensorboard_has_the_rows_of_the_log_also_of_a_run_that_was_stopped(dataset: Path, cache: Path, tmp_path: Path):
+def test_tensorboard_has_the_rows_of_the_log_also_of_a_run_that_was_stopped(
+    dataset: Path, cache: Path, tmp_path: Path
+):
     config = told(config_of(dataset, cache), trackers=("tensorboard",))
     train(config, tmp_path / "run", steps=2, quiet=True)
     train(config, tmp_path / "run", quiet=True)
@@ -34,5 +36,7 @@ def test_tensorboard_has_the_rows_of_the_log_also_of_a_run_that_was_stopped(data
 
 def test_a_tracker_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(trackers, "find_spec", lambda name: None)
-    with pytest.raises(TrainError, match=r"^train.trackers: wandb is not installed: pip install wandb$"):
+    with pytest.raises(
+        TrainError, match=r"^train.trackers: wandb is not installed: pip install wandb$"
+    ):
         trackers.check(["wandb"])

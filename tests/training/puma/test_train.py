@@ -1,4 +1,5 @@
-"""A run from training to the closed loop: it goes on bit by bit where it stopped, and its checkpoint acts by itself."""
+"""A run from training to the closed loop: it goes on bit by bit where it stopped, and its
+checkpoint acts by itself."""
 
 import json
 import shutil
@@ -51,11 +52,20 @@ def losses(out: Path) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", ["tiny", "qwen3-vl"])
-def test_a_run_that_was_stopped_goes_on_to_the_same_bits(dataset: Path, cache: Path, tmp_path: Path, kind: str):
+def test_a_run_that_was_stopped_goes_on_to_the_same_bits(
+    dataset: Path, cache: Path, tmp_path: Path, kind: str
+):
     model = {}
     if kind == "qwen3-vl":
         lora = {"rank": 2, "dropout": 0.5}
-        model = {"backbone": {"kind": kind, "name": str(qwen_json(tmp_path / "q.json")), "weights": "random", "lora": lora}}
+        model = {
+            "backbone": {
+                "kind": kind,
+                "name": str(qwen_json(tmp_path / "q.json")),
+                "weights": "random",
+                "lora": lora,
+            }
+        }
     config = with_train(config_of(dataset, cache, **model), shift=2, validate_every=100)
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     train(config, whole, quiet=True)
@@ -67,7 +77,9 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_bits(dataset: Path, cache: P
     assert all(torch.equal(value, ends[1][name]) for name, value in ends[0].items())
 
 
-def test_steps_that_a_killed_run_logged_are_logged_once(run: Path, dataset: Path, cache: Path, tmp_path: Path):
+def test_steps_that_a_killed_run_logged_are_logged_once(
+    run: Path, dataset: Path, cache: Path, tmp_path: Path
+):
     copy = Path(shutil.copytree(run, tmp_path / "run"))
     wanted = (copy / LOG).read_bytes()
     shutil.rmtree(checkpoint.newest(copy))
@@ -77,13 +89,25 @@ def test_steps_that_a_killed_run_logged_are_logged_once(run: Path, dataset: Path
     assert (copy / LOG).read_bytes() == wanted
 
 
-def test_a_refused_run_leaves_nothing_and_what_was_never_trained_may_change(dataset: Path, cache: Path, tmp_path: Path):
+def test_a_refused_run_leaves_nothing_and_what_was_never_trained_may_change(
+    dataset: Path, cache: Path, tmp_path: Path
+):
     config = with_train(config_of(dataset, cache), steps=1)
-    missing = config.model_copy(update={"data": config.data.model_copy(update={"cameras": ("nose",)})})
-    with pytest.raises(TrainError, match=r"has no images of nose; data.cameras can be head_camera, left_camera$"):
+    missing = config.model_copy(
+        update={"data": config.data.model_copy(update={"cameras": ("nose",)})}
+    )
+    with pytest.raises(
+        TrainError, match=r"has no images of nose; data.cameras can be head_camera, left_camera$"
+    ):
         train(missing, tmp_path / "run", quiet=True)
-    nowhere = config.model_copy(update={"data": config.data.model_copy(update={"sources": (Source(dataset=tmp_path / "no"),)})})
-    with pytest.raises(TrainError, match=r"no does not exist: give --data the directory of a dataset$"):
+    nowhere = config.model_copy(
+        update={
+            "data": config.data.model_copy(update={"sources": (Source(dataset=tmp_path / "no"),)})
+        }
+    )
+    with pytest.raises(
+        TrainError, match=r"no does not exist: give --data the directory of a dataset$"
+    ):
         train(nowhere, tmp_path / "run", quiet=True)
     assert not (tmp_path / "run").exists()
     (tmp_path / "run").mkdir()
@@ -117,7 +141,11 @@ def test_a_checkpoint_says_how_it_was_made_and_holds_no_pickle(run: Path):
     texts = {"state.json", "config.yaml", "preprocessing.json", "policy.py", "README.md"}
     assert files == texts | {"model.safetensors", "optimizer.safetensors"}
     card = (held.path / "README.md").read_text()
-    assert "step 6" in card and held.preprocessing.digest in card and "head_camera, left_camera" in card
+    assert (
+        "step 6" in card
+        and held.preprocessing.digest in card
+        and "head_camera, left_camera" in card
+    )
     rows = [json.loads(line) for line in (run / LOG).read_text().splitlines()]
     assert [row["step"] for row in rows] == [1, 2, 3, 4, 5, 6]
 
@@ -126,7 +154,9 @@ def test_validation_is_the_open_loop_error(run: Path, dataset: Path, cache: Path
     held = checkpoint.load(run)
     network = held.model()
     corpus = open_corpus(held.config)
-    corpus = Corpus(held.config, corpus.train, [Part.of(corpus.train[0].cache, [1])], held.preprocessing, [1.0])
+    corpus = Corpus(
+        held.config, corpus.train, [Part.of(corpus.train[0].cache, [1])], held.preprocessing, [1.0]
+    )
     found = open_loop(network, corpus, "cpu")
     arrays = batch_of(corpus.validation[0], np.arange(9), held.config, held.preprocessing)
     with torch.inference_mode():
@@ -137,10 +167,14 @@ def test_validation_is_the_open_loop_error(run: Path, dataset: Path, cache: Path
     assert network.training
 
 
-def test_a_changed_preprocessing_or_configuration_is_refused(run: Path, dataset: Path, cache: Path, tmp_path: Path):
+def test_a_changed_preprocessing_or_configuration_is_refused(
+    run: Path, dataset: Path, cache: Path, tmp_path: Path
+):
     copy = Path(shutil.copytree(run, tmp_path / "run"))
     other = with_train(config_of(dataset, cache, clock=True), seed=5)
-    with pytest.raises(TrainError, match=r"holds a run of another configuration \(train.seed 0, now 5\)"):
+    with pytest.raises(
+        TrainError, match=r"holds a run of another configuration \(train.seed 0, now 5\)"
+    ):
         train(other, copy, quiet=True)
     path = checkpoint.newest(copy) / "preprocessing.json"
     path.write_text(path.read_text().replace('"stride": 2', '"stride": 3'))
@@ -153,15 +187,27 @@ def test_a_changed_preprocessing_or_configuration_is_refused(run: Path, dataset:
 def test_accumulated_parts_are_one_batch(dataset: Path, cache: Path, tmp_path: Path):
     found = []
     for parts in (1, 2):
-        config = with_train(config_of(dataset, cache, world="none"), accumulate=parts, validate_every=100)
+        config = with_train(
+            config_of(dataset, cache, world="none"), accumulate=parts, validate_every=100
+        )
         found.append(train(config, tmp_path / str(parts), steps=2, quiet=True).rows[-1]["norm"])
     # a part's mean runs over its own valid steps, so the two agree only nearly
     assert found[0] == pytest.approx(found[1], rel=0.2)
 
 
 def test_learning_rates(dataset: Path, cache: Path):
-    settings = config_of(dataset, cache).train.model_copy(update={"warmup": 10, "steps": 110, "floor_rate": 1e-4})
-    assert [round(rate_at(step, settings), 4) for step in (0, 4, 9, 10, 60, 110, 500)] == [0.1, 0.5, 1, 1, 0.55, 0.1, 0.1]
+    settings = config_of(dataset, cache).train.model_copy(
+        update={"warmup": 10, "steps": 110, "floor_rate": 1e-4}
+    )
+    assert [round(rate_at(step, settings), 4) for step in (0, 4, 9, 10, 60, 110, 500)] == [
+        0.1,
+        0.5,
+        1,
+        1,
+        0.55,
+        0.1,
+        0.1,
+    ]
     config = config_of(dataset, cache)
     network = build_model(config, Sizes(14, 32))
     rates = {"backbone_rate": 1e-5, "head_rate": 1e-4, "weight_decay": 0.1}
@@ -189,7 +235,9 @@ def start(names: tuple[str, ...] = vector_names("aloha-agilex")) -> Start:
 
 def seen(time: float, episode: int = 0) -> Observation:
     rng = np.random.default_rng(round(time * 15) + 1000 * episode)
-    images = {camera: rng.integers(0, 256, (*size, 3), dtype=np.uint8) for camera, size in SIZES.items()}
+    images = {
+        camera: rng.integers(0, 256, (*size, 3), dtype=np.uint8) for camera, size in SIZES.items()
+    }
     return Observation(rng.normal(size=14), "press the bell", time, images)
 
 
@@ -209,11 +257,14 @@ def test_the_file_of_a_checkpoint_is_a_policy(run: Path):
     )
     policy.reset(start())
     first = policy.act(seen(0.0))
-    # answers come as often as the history needs an image: every two periods, of four that are executed
+    # answers come as often as the history needs an image: every two periods, of four that are
+    # executed
     assert np.shape(first) == (2, 14) and np.isfinite(first).all()
     policy.reset(start())
     np.testing.assert_array_equal(policy.act(seen(0.0)), first)
-    with pytest.raises(PolicyError, match="robot: the policy has aloha-agilex, the evaluation piper"):
+    with pytest.raises(
+        PolicyError, match="robot: the policy has aloha-agilex, the evaluation piper"
+    ):
         policy.reset(replace(start(), embodiment="piper"))
 
 
@@ -265,8 +316,11 @@ def test_episodes_that_are_answered_together_get_the_answers_of_each_alone(run: 
         for group in (order[: k + 1], order[k + 1 :]):
             asked = [(episodes[n], replace(seen(t, n), instruction=words[n])) for n in group]
             for n, answer in zip(group, policy.act_together(asked), strict=True):
-                # one row a pass gives the same bits; among more rows the place of a row decides how it is rounded
-                np.testing.assert_allclose(answer, alone[n][k], rtol=0, atol=0 if batch == 1 else 1e-5)
+                # one row a pass gives the same bits; among more rows the place of a row decides how
+                # it is rounded
+                np.testing.assert_allclose(
+                    answer, alone[n][k], rtol=0, atol=0 if batch == 1 else 1e-5
+                )
     assert [episode.inferences for episode in episodes] == [2] * len(words)
 
 
@@ -284,18 +338,24 @@ def test_history_is_by_simulated_time(run: Path):
     # a world that went on while the policy thought: the newest image that is old enough counts
     late = seen(9 / 15)
     policy.act(late)
-    glances = [held.preprocessing.glance(f.images["head_camera"]) for f in (frames[2], frames[3], late)]
+    glances = [
+        held.preprocessing.glance(f.images["head_camera"]) for f in (frames[2], frames[3], late)
+    ]
     np.testing.assert_array_equal(policy.given(late)["past"][0], held.preprocessing.past(glances))
 
 
-def test_images_of_an_episode_file_reach_the_network_unchanged(run: Path, dataset: Path, cache: Path):
+def test_images_of_an_episode_file_reach_the_network_unchanged(
+    run: Path, dataset: Path, cache: Path
+):
     held = checkpoint.load(run)
     policy = PumaPolicy(held.model(), held.preprocessing)
     policy.reset(start())
     with open_episode(episode_path(dataset, slot=0)) as episode:
         images = {camera: episode.rgb(camera, 0) for camera in SIZES}
         policy.act(Observation(episode.array("joint_state/vector")[0], "press", 0.0, images))
-        inputs = policy.inputs(Observation(episode.array("joint_state/vector")[0], "press", 0.0, images))
+        inputs = policy.inputs(
+            Observation(episode.array("joint_state/vector")[0], "press", 0.0, images)
+        )
     config = config_of(dataset, cache, clock=True)
     cached = open_cache(config.data.sources[0], config).arrays["image_left_camera"]
     np.testing.assert_array_equal(inputs.views[0, 1].numpy(), cached[0])
@@ -303,19 +363,28 @@ def test_images_of_an_episode_file_reach_the_network_unchanged(run: Path, datase
 
 
 def test_adapters_begin_from_a_trained_policy(dataset: Path, cache: Path, tmp_path: Path):
-    backbone = {"kind": "qwen3-vl", "name": str(qwen_json(tmp_path / "q.json")), "weights": "random"}
+    backbone = {
+        "kind": "qwen3-vl",
+        "name": str(qwen_json(tmp_path / "q.json")),
+        "weights": "random",
+    }
     first = with_train(config_of(dataset, cache, backbone=backbone), validate_every=100)
     train(first, tmp_path / "first", steps=1, quiet=True)
     adapted = config_of(dataset, cache, backbone=backbone | {"lora": {"rank": 2}})
     adapted = with_train(adapted, start=tmp_path / "first", validate_every=100)
     train(adapted, tmp_path / "second", steps=2, quiet=True)
-    before, after = (load_file(checkpoint.newest(tmp_path / n) / "model.safetensors") for n in ("first", "second"))
+    before, after = (
+        load_file(checkpoint.newest(tmp_path / n) / "model.safetensors")
+        for n in ("first", "second")
+    )
     same = [n for n in after if n.startswith("backbone.") and ".lora_" not in n]
     assert all(torch.equal(after[name], before[name.replace(".base_layer", "")]) for name in same)
     assert any(value.any() for name, value in after.items() if "lora_B" in name)
     wider = with_train(config_of(dataset, cache), start=tmp_path / "first")
     with pytest.raises(TrainError, match="weights are of another network"):
         train(wider, tmp_path / "third", quiet=True)
-    other = wider.model_copy(update={"data": wider.data.model_copy(update={"image_size": (64, 64)})})
+    other = wider.model_copy(
+        update={"data": wider.data.model_copy(update={"image_size": (64, 64)})}
+    )
     with pytest.raises(TrainError, match="was trained with another image_size"):
         train(other, tmp_path / "fourth", quiet=True)

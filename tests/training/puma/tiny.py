@@ -1,4 +1,5 @@
-"""A dataset of made-up episodes with its export and annotations, and configurations of networks with a few thousand weights."""
+"""A dataset of made-up episodes with its export and annotations, and configurations of networks
+with a few thousand weights."""
 
 import json
 from pathlib import Path
@@ -14,10 +15,18 @@ FRAMES = (14, 9, 14)
 
 
 def make_dataset(root: Path, models: Path) -> Path:
-    """Three episodes with two cameras, exported, with flow of stride 2 at 32x32, exact masks, and features of a random encoder."""
+    """Three episodes with two cameras, exported, with flow of stride 2 at 32x32, exact masks, and
+    features of a random encoder."""
     paths = [episode_path(root, slot=slot) for slot in range(len(FRAMES))]
     for slot, (path, frames) in enumerate(zip(paths, FRAMES, strict=True)):
-        make_episode(path, slot=slot, seed=slot, frames=frames, cameras=("head_camera", "left_camera"), segmentation=True)
+        make_episode(
+            path,
+            slot=slot,
+            seed=slot,
+            frames=frames,
+            cameras=("head_camera", "left_camera"),
+            segmentation=True,
+        )
     export(root, paths)
     encoder = models / "encoder"
     if not encoder.exists():
@@ -39,7 +48,12 @@ def export(root: Path, paths: list[Path]) -> None:
 
 def qwen_json(path: Path) -> Path:
     """The configuration of a Qwen3-VL with 0.2 million weights."""
-    rope = {"rope_type": "default", "rope_theta": 5e6, "mrope_section": [4, 2, 2], "mrope_interleaved": True}
+    rope = {
+        "rope_type": "default",
+        "rope_theta": 5e6,
+        "mrope_section": [4, 2, 2],
+        "mrope_interleaved": True,
+    }
     text = {
         "vocab_size": 96,
         "hidden_size": 64,
@@ -64,18 +78,42 @@ def qwen_json(path: Path) -> Path:
         "num_position_embeddings": 256,
         "deepstack_visual_indexes": [0, 1],
     }
-    marks = {"image_token_id": 90, "video_token_id": 91, "vision_start_token_id": 92, "vision_end_token_id": 93}
-    path.write_text(json.dumps({"text_config": text, "vision_config": vision, "tie_word_embeddings": True, **marks}))
+    marks = {
+        "image_token_id": 90,
+        "video_token_id": 91,
+        "vision_start_token_id": 92,
+        "vision_end_token_id": 93,
+    }
+    path.write_text(
+        json.dumps(
+            {"text_config": text, "vision_config": vision, "tie_word_embeddings": True, **marks}
+        )
+    )
     return path
 
 
 def config_of(dataset: Path, cache: Path, **model: object) -> Config:
     """A small configuration for `make_dataset`."""
-    backbone = {"kind": "tiny", "weights": "random", "width": 32, "layers": 1, "heads": 2, "keypoints": 8, "words": 64}
+    backbone = {
+        "kind": "tiny",
+        "weights": "random",
+        "width": 32,
+        "layers": 1,
+        "heads": 2,
+        "keypoints": 8,
+        "words": 64,
+    }
     return parse_config(
         {
             "name": "test",
-            "model": {"backbone": backbone, "chunk": 6, "stride": 2, "history_length": 2, "world_queries": 2, "state": True}
+            "model": {
+                "backbone": backbone,
+                "chunk": 6,
+                "stride": 2,
+                "history_length": 2,
+                "world_queries": 2,
+                "state": True,
+            }
             | model,
             "data": {
                 "sources": [{"dataset": str(dataset)}],

@@ -16,11 +16,17 @@ TEXTURE = print_texture("white", "red", "dots")
 
 def ball(radius: float, rings: int = 24) -> Mesh:
     """Latitude-longitude sphere without uvs."""
-    polar, around = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij")
-    n = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
+    )
+    n = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1
+    )
     i = np.arange(n.shape[0] * n.shape[1]).reshape(n.shape[:2])
     a, b, c, d = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
-    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    triangles = np.concatenate(
+        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
+    )
     n = n.reshape(-1, 3).astype(np.float32)
     return Mesh(n * np.float32(radius), triangles.astype(np.uint32), n)
 
@@ -40,7 +46,11 @@ def test_equal_materials_are_merged_and_others_are_not() -> None:
         (SMALL, replace(printed(TEXTURE), texture=printed(TEXTURE).texture.copy())),
     ]
     merged = by_material(parts)
-    assert [len(mesh.triangles) for mesh, _ in merged] == [2 * len(parts[0][0].triangles), len(parts[1][0].triangles), 24]
+    assert [len(mesh.triangles) for mesh, _ in merged] == [
+        2 * len(parts[0][0].triangles),
+        len(parts[1][0].triangles),
+        24,
+    ]
     assert np.isclose(np.abs(merged[0][0].vertices).max(), 0.3)
 
 
@@ -54,8 +64,14 @@ def test_a_body_is_one_mesh_per_texture_and_plain_parts_keep_their_material_in_t
         (ball(0.2, 4), printed(TEXTURE)),  # without uvs: plain
     ]
     merged = packed(parts)
-    assert len(merged) == 2 and merged[0][1].texture is parts[1][1].texture and merged[1][1].texture is parts[3][1].texture
-    assert sum(len(mesh.triangles) for mesh, _ in merged) == sum(len(mesh.triangles) for mesh, _ in parts)
+    assert (
+        len(merged) == 2
+        and merged[0][1].texture is parts[1][1].texture
+        and merged[1][1].texture is parts[3][1].texture
+    )
+    assert sum(len(mesh.triangles) for mesh, _ in merged) == sum(
+        len(mesh.triangles) for mesh, _ in parts
+    )
     mesh = merged[0][0]
     assert mesh.uvs is not None and len(merged[1][0].vertices) == len(SMALL.vertices)
     start = 0
@@ -67,7 +83,10 @@ def test_a_body_is_one_mesh_per_texture_and_plain_parts_keep_their_material_in_t
         color = np.array([code // 65536, code // 256 % 256, code % 256]) / 255
         roughness, metallic = divmod(PLAIN - int(v[0]), 256)
         assert np.allclose(color, material.color, atol=0.5 / 255 + 1e-9)
-        assert abs(roughness / 255 - material.roughness) < 0.002 and abs(metallic / 255 - material.metallic) < 0.002
+        assert (
+            abs(roughness / 255 - material.roughness) < 0.002
+            and abs(metallic / 255 - material.metallic) < 0.002
+        )
     assert np.array_equal(mesh.uvs[start:], parts[1][0].uvs) and mesh.uvs[start:, 1].min() > PLAIN
 
 
@@ -83,9 +102,15 @@ def test_a_caster_keeps_the_shape_and_welds_what_touches() -> None:
     assert abs(volume(coarse) / volume(sphere) - 1) < 0.02
     assert np.abs(np.linalg.norm(coarse.vertices, axis=1) - 0.05).max() < 0.004
     cube = caster([(box((0, 0, 0), HALF), plastic("red"))], 0.004)
-    assert len(cube.vertices) == 8 and len(cube.triangles) == 12 and np.isclose(volume(cube), 8 * np.prod(HALF))
+    assert (
+        len(cube.vertices) == 8
+        and len(cube.triangles) == 12
+        and np.isclose(volume(cube), 8 * np.prod(HALF))
+    )
     again = caster([(replace(sphere), plastic("blue"))], 0.004)
-    assert np.array_equal(coarse.vertices, again.vertices) and np.array_equal(coarse.triangles, again.triangles)
+    assert np.array_equal(coarse.vertices, again.vertices) and np.array_equal(
+        coarse.triangles, again.triangles
+    )
 
 
 def test_bounds_hold_every_part() -> None:

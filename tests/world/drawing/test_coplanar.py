@@ -1,4 +1,5 @@
-"""No two parts of a robot share a visible plane (`test_families` asks the same of every object), and the check itself."""
+"""No two parts of a robot share a visible plane (`test_families` asks the same of every object),
+and the check itself."""
 
 import numpy as np
 import pytest
@@ -23,7 +24,10 @@ def test_no_parts_of_a_robot_share_a_plane_at_any_opening(name: str) -> None:
         arm = robot.arms[side]
         for opening in (0.0, 0.03, 0.1, 0.3, 1.0):
             at = arm_poses(arm, arm.home, opening)
-            parts = [(link.name, [(mesh.moved(at[link.name]), skin) for mesh, skin in link.visual]) for link in arm.links]
+            parts = [
+                (link.name, [(mesh.moved(at[link.name]), skin) for mesh, skin in link.visual])
+                for link in arm.links
+            ]
             assert not coplanar(parts), (side, opening)
 
 
@@ -36,11 +40,14 @@ def test_no_parts_of_a_robot_share_a_plane_at_any_opening(name: str) -> None:
         ((0.005, 0.004, 0.003), 0.0),
     ],
 )
-def test_the_common_area_is_that_of_overlapping_faces(shift: tuple[float, float, float], area: float) -> None:
+def test_the_common_area_is_that_of_overlapping_faces(
+    shift: tuple[float, float, float], area: float
+) -> None:
     other = CUBE.moved(pose(shift))
     found = coplanar([("one", [(CUBE, RED)]), ("other", [(other, BLUE)])])
     assert sum(found.values()) == pytest.approx(area, abs=1e-9)
-    assert not coplanar([("one", [(CUBE, RED)]), ("other", [(other, RED)])])  # one colour: nobody sees which is drawn
+    # one colour: nobody sees which is drawn
+    assert not coplanar([("one", [(CUBE, RED)]), ("other", [(other, RED)])])
 
 
 def test_faces_inside_another_part_do_not_count() -> None:

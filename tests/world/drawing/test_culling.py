@@ -11,7 +11,9 @@ KIND = CameraType(64, 48, 40.0)
 
 def random_poses(rng: np.random.Generator, count: int, reach: float) -> np.ndarray:
     q = rng.normal(size=(count, 4))
-    return np.concatenate([rng.uniform(-reach, reach, (count, 3)), q / np.linalg.norm(q, axis=1)[:, None]], 1)
+    return np.concatenate(
+        [rng.uniform(-reach, reach, (count, 3)), q / np.linalg.norm(q, axis=1)[:, None]], 1
+    )
 
 
 def test_no_body_with_a_point_in_the_image_is_left_out_and_most_others_are() -> None:
@@ -20,7 +22,12 @@ def test_no_body_with_a_point_in_the_image_is_left_out_and_most_others_are() -> 
     centres, halves = rng.uniform(-0.2, 0.2, (5, 3)), rng.uniform(0.01, 0.3, (5, 3))
     found = in_view(KIND, cameras, bodies, centres, halves)
     points = centres[:, None] + rng.uniform(-1, 1, (5, 3000, 3)) * halves[:, None]
-    seen = np.array([[visible(KIND, cameras[t], transform(bodies[t, n], points[n])).any() for n in range(5)] for t in range(60)])
+    seen = np.array(
+        [
+            [visible(KIND, cameras[t], transform(bodies[t, n], points[n])).any() for n in range(5)]
+            for t in range(60)
+        ]
+    )
     assert found.shape == (60, 5) and found[seen].all()
     assert seen.sum() > 30 and np.mean(found[~seen]) < 0.35
 

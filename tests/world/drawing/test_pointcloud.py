@@ -12,7 +12,9 @@ KIND = CameraType(64, 48, 50.0)
 
 
 def view(depth, rgb, at):
-    return View(Camera("head_camera", KIND, None, at), np.repeat(at[None], len(depth), 0), rgb, depth)
+    return View(
+        Camera("head_camera", KIND, None, at), np.repeat(at[None], len(depth), 0), rgb, depth
+    )
 
 
 def test_each_point_is_the_farthest_from_those_before_it():
@@ -55,4 +57,6 @@ def test_only_what_stands_on_the_table_counts():
     np.testing.assert_array_equal(clouds[0, :6], clouds[0, 6:12])
     assert not clouds[1].any()
     assert (np.abs(clouds[2, :, 0]) <= 0.6).all() and (np.abs(clouds[2, :, 1]) <= 0.35).all()
-    np.testing.assert_array_equal(clouds, point_clouds(view(depth, np.full((3, 48, 64, 3), 255, np.uint8), at), 64))
+    np.testing.assert_array_equal(
+        clouds, point_clouds(view(depth, np.full((3, 48, 64, 3), 255, np.uint8), at), 64)
+    )

@@ -1,4 +1,5 @@
-"""The renderer against closed-form projection, and its promises: same bytes everywhere, exact masks, light that makes sense."""
+"""The renderer against closed-form projection, and its promises: same bytes everywhere, exact
+masks, light that makes sense."""
 
 import hashlib
 import os
@@ -15,7 +16,16 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import Camera, CameraType, extrinsics_cv, intrinsics, look
 from pipeline.data.episode.visuals import PointLight, Surface, Visuals
-from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_from_rpy, quat_rotate, transform
+from pipeline.poses import (
+    Pose,
+    compose,
+    inverse,
+    pose,
+    quat_about,
+    quat_from_rpy,
+    quat_rotate,
+    transform,
+)
 from pipeline.world.drawing.capture import FAR, NEAR, linear, millimetres
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import ROOM, box
@@ -40,11 +50,17 @@ MOUNT = pose((-0.25, 0.02, 0.1), quat_about((0, 1, 0), 0.4))
 
 def sphere(radius: float, rings: int = 24) -> Mesh:
     """Latitude-longitude sphere with its vertices on the surface."""
-    polar, around = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij")
-    n = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
+    )
+    n = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1
+    )
     i = np.arange(n.shape[0] * n.shape[1]).reshape(n.shape[:2])
     a, b, c, d = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
-    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    triangles = np.concatenate(
+        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
+    )
     n = n.reshape(-1, 3).astype(np.float32)
     return Mesh(n * np.float32(radius), triangles.astype(np.uint32), n)
 
@@ -58,7 +74,8 @@ POSES = {"ball": BALL_POSE[None], "box": BOX_POSE[None], "nothing": pose((9, 9, 
 
 
 def rays(camera: Camera, at: Pose) -> tuple[NDArray, NDArray]:
-    """World origin (3,) and directions (H,W,3) through pixel centres, scaled to unit depth along the viewing axis."""
+    """World origin (3,) and directions (H,W,3) through pixel centres, scaled to unit depth along
+    the viewing axis."""
     u, v = np.meshgrid(np.arange(camera.type.width) + 0.5, np.arange(camera.type.height) + 0.5)
     seen = np.stack([u, v, np.ones_like(u)], -1) @ np.linalg.inv(intrinsics(camera.type)).T
     return at[:3], seen @ extrinsics_cv(at)[:3, :3]
@@ -84,7 +101,8 @@ LABELS = np.array([1, 3, 0, 0])  # segmentation of ball, box, table top, room
 
 
 def expected(camera: Camera, at: Pose) -> tuple[NDArray, NDArray]:
-    """Depth in m, and which of ball, box, table top and room (0-3) each pixel shows, from closed forms."""
+    """Depth in m, and which of ball, box, table top and room (0-3) each pixel shows, from closed
+    forms."""
     o, d = rays(camera, at)
     with np.errstate(divide="ignore"):
         inside = np.max([(np.array(corner) - o) / d for corner in ROOM], axis=0).min(-1)
@@ -141,7 +159,9 @@ def test_masks_do_not_change_the_image_and_frames_are_independent(views: list) -
         back = renderer.render(two, frames=[1, 0, 1])[0]
     assert plain.depth is None and plain.segmentation is None and plain.rgb.shape == (2, 72, 96, 3)
     assert np.array_equal(plain.rgb[0], views[0].rgb[0])
-    assert np.array_equal(back.rgb, plain.rgb[[1, 0, 1]]) and not np.array_equal(plain.rgb[0], plain.rgb[1])
+    assert np.array_equal(back.rgb, plain.rgb[[1, 0, 1]]) and not np.array_equal(
+        plain.rgb[0], plain.rgb[1]
+    )
 
 
 HASH = """
@@ -157,19 +177,25 @@ def digest() -> str:
     with Renderer(BODIES, [], [HEAD], visuals) as renderer:
         view = renderer.render(POSES, depth=True, segmentation=True)[0]
     assert view.depth is not None and view.segmentation is not None
-    return hashlib.sha256(view.rgb.tobytes() + view.depth.tobytes() + view.segmentation.tobytes()).hexdigest()
+    return hashlib.sha256(
+        view.rgb.tobytes() + view.depth.tobytes() + view.segmentation.tobytes()
+    ).hexdigest()
 
 
 def test_same_bytes_again_and_in_another_process_with_more_threads() -> None:
     first = digest()
     assert digest() == first
     threads = os.environ | {"LP_NUM_THREADS": "2"}
-    other = subprocess.run([sys.executable, "-c", HASH], capture_output=True, text=True, check=True, env=threads)
+    other = subprocess.run(
+        [sys.executable, "-c", HASH], capture_output=True, text=True, check=True, env=threads
+    )
     assert f"sha {first}" in other.stdout.splitlines()
 
 
 def test_an_image_depends_on_no_other_camera_frame_or_hidden_body() -> None:
-    frames = 20  # more than share one drawing of what keeps still: the ball rests, the box passes through the image and out of it
+    # more than share one drawing of what keeps still: the ball rests, the box passes through the
+    # image and out of it
+    frames = 20
     drift = np.zeros((frames, 7))
     drift[:, 0] = np.linspace(-1.5, 1.5, frames)
     poses = {
@@ -204,7 +230,12 @@ def test_an_image_does_not_depend_on_the_renderer_before() -> None:
 
 def test_shadow_darkens_the_table_and_only_with_shadows_on() -> None:
     above = Camera("above", KIND, None, look((0, 0, 1.6), (0, 0.001, -1), (-1, 0, 0)))
-    flat = replace(CLEAN, table=replace(CLEAN.table, pattern="plain"), sun_direction=(0.0, 0.6, -1.0), points=())
+    flat = replace(
+        CLEAN,
+        table=replace(CLEAN.table, pattern="plain"),
+        sun_direction=(0.0, 0.6, -1.0),
+        points=(),
+    )
     bodies, poses = {"ball": BODIES["ball"]}, {"ball": pose((0, 0, 0.95))[None]}
     images = {}
     for preset in ("raster", "raster-fast"):
@@ -218,7 +249,8 @@ def test_shadow_darkens_the_table_and_only_with_shadows_on() -> None:
     assert abs(images["raster"][v, 10] - images["raster-fast"][v, 10]) < 6
     assert view.segmentation is not None
     changed = (np.abs(images["raster"] - images["raster-fast"]) > 12) & (view.segmentation[0] == 0)
-    rows, columns = np.nonzero(changed[2:-2])  # the outermost rows show the floor, with the shadow of the table
+    # the outermost rows show the floor, with the shadow of the table
+    rows, columns = np.nonzero(changed[2:-2])
     assert abs(np.mean(columns) + 0.5 - pixel[0] / pixel[2]) < 3 and abs(np.mean(rows) + 2 - v) < 3
 
 
@@ -242,16 +274,26 @@ def first_look() -> NDArray[np.uint8]:
 
 
 def test_an_episode_of_the_first_look_is_drawn_as_it_was() -> None:
-    stored = cv2.cvtColor(cv2.imread(str(Path(__file__).with_name("first_look.png"))), cv2.COLOR_BGR2RGB)
-    assert np.abs(first_look().astype(int) - stored).max() <= 2  # other processors may round otherwise
+    stored = cv2.cvtColor(
+        cv2.imread(str(Path(__file__).with_name("first_look.png"))), cv2.COLOR_BGR2RGB
+    )
+    # other processors may round otherwise
+    assert np.abs(first_look().astype(int) - stored).max() <= 2
 
 
 def test_sunlit_brightness_follows_the_cosine_law() -> None:
-    """A matt plate under the sun alone: display value squared, below the knee, is albedo x (ambient + sun x cosine)."""
+    """A matt plate under the sun alone: display value squared, below the knee, is albedo x (ambient
+    + sun x cosine)."""
     ambient, sun = 0.10, 0.40
-    dark = replace(CLEAN, ambient=(ambient,) * 3, sun=(sun,) * 3, sun_direction=(0.0, 0.0, -1.0), points=())
-    plate = {"plate": [(box((0, 0, 0), (0.2, 0.2, 0.005)), Material((0.8, 0.8, 0.8), roughness=1.0))]}
-    above = Camera("above", CameraType(32, 24, 20.0), None, look((0, 0, 1.8), (0, 0.001, -1), (-1, 0, 0)))
+    dark = replace(
+        CLEAN, ambient=(ambient,) * 3, sun=(sun,) * 3, sun_direction=(0.0, 0.0, -1.0), points=()
+    )
+    plate = {
+        "plate": [(box((0, 0, 0), (0.2, 0.2, 0.005)), Material((0.8, 0.8, 0.8), roughness=1.0))]
+    }
+    above = Camera(
+        "above", CameraType(32, 24, 20.0), None, look((0, 0, 1.8), (0, 0.001, -1), (-1, 0, 0))
+    )
     values = []
     with Renderer(plate, [], [above], dark) as renderer:
         for tilt in (0.0, 0.5, 1.0):
@@ -267,16 +309,27 @@ def test_sunlit_brightness_follows_the_cosine_law() -> None:
 def test_texture_appears_upright_with_row_zero_at_v_zero() -> None:
     image = np.zeros((64, 64, 4), np.uint8)
     image[..., 3] = 255
-    image[:32, :32, 0], image[:32, 32:, 1], image[32:, :32, 2], image[32:, 32:, :3] = 230, 230, 230, 230
+    image[:32, :32, 0], image[:32, 32:, 1], image[32:, :32, 2], image[32:, 32:, :3] = (
+        230,
+        230,
+        230,
+        230,
+    )
     corners = np.array([[0, -0.1, 0.1], [0, 0.1, 0.1], [0, 0.1, -0.1], [0, -0.1, -0.1]], np.float32)
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
     normals = np.tile(np.array([1, 0, 0], np.float32), (4, 1))
     sign = Mesh(corners, np.array([[0, 2, 1], [0, 3, 2]], np.uint32), normals, uvs)
-    front = Camera("front", CameraType(32, 32, 20.0), None, look((1.0, 0, 1.2), (-1, 0, 0), (0, -1, 0)))
-    with Renderer({"sign": [(sign, Material((1.0, 1.0, 1.0), texture=image))]}, [], [front], CLEAN) as renderer:
+    front = Camera(
+        "front", CameraType(32, 32, 20.0), None, look((1.0, 0, 1.2), (-1, 0, 0), (0, -1, 0))
+    )
+    with Renderer(
+        {"sign": [(sign, Material((1.0, 1.0, 1.0), texture=image))]}, [], [front], CLEAN
+    ) as renderer:
         rgb = renderer.render({"sign": pose((0.5, 0, 1.2))[None]})[0].rgb[0].astype(int)
     means = {(r, c): rgb[r, c] for r in (11, 20) for c in (11, 20)}
-    assert means[11, 11].argmax() == 0 and means[11, 20].argmax() == 1 and means[20, 11].argmax() == 2
+    assert (
+        means[11, 11].argmax() == 0 and means[11, 20].argmax() == 1 and means[20, 11].argmax() == 2
+    )
     assert np.ptp(means[20, 20]) < 25 and means[20, 20].min() > 100
 
 
@@ -320,7 +373,9 @@ def test_bad_input_is_named() -> None:
 def test_smooth_preset_softens_edges_and_leaves_masks_alone(views: list) -> None:
     with Renderer(BODIES, [], [HEAD], CLEAN, "raster-smooth") as renderer:
         smooth = renderer.render(POSES, depth=True, segmentation=True)[0]
-    assert np.array_equal(smooth.segmentation, views[0].segmentation) and np.array_equal(smooth.depth, views[0].depth)
+    assert np.array_equal(smooth.segmentation, views[0].segmentation) and np.array_equal(
+        smooth.depth, views[0].depth
+    )
     difference = np.abs(smooth.rgb[0].astype(int) - views[0].rgb[0]).max(-1) > 12
     mask = views[0].segmentation[0]
     edge = np.zeros_like(difference)
@@ -346,7 +401,9 @@ def test_renderers_come_and_go_without_leaking() -> None:
 
     sizes = []
     for i in range(20):
-        with Renderer(BODIES, [], [HEAD], draw_visuals(np.random.Generator(np.random.Philox(i)), "randomized")) as renderer:
+        with Renderer(
+            BODIES, [], [HEAD], draw_visuals(np.random.Generator(np.random.Philox(i)), "randomized")
+        ) as renderer:
             renderer.render(POSES)
         sizes.append(resident())
     assert sizes[-1] - sizes[4] < 25  # MiB over 15 renderers

@@ -21,7 +21,8 @@ def test_noise_has_the_variance_of_counted_electrons(gain):
         image = sensing(noise=gain).developed("head_camera", 3, np.full(SHAPE, light, np.float32))
         measured = np.square(image / 255.0)
         electrons = light * 6000 / gain
-        # shot noise is a Poisson variable's, read noise adds; rounding to 8 bits adds a uniform step's variance
+        # shot noise is a Poisson variable's, read noise adds; rounding to 8 bits adds a uniform
+        # step's variance
         step = 2 * np.sqrt(light) / 255
         expected = ((electrons + 9) / (6000 / gain) ** 2) + step**2 / 12
         assert measured.var() == pytest.approx(expected, rel=0.04)
@@ -52,7 +53,8 @@ def test_depth_errors_grow_with_the_square_of_the_distance():
     camera = sensing(depth_noise="d435")
     for metres in (0.5, 1.0, 2.0):
         depth = camera.measured("head_camera", 0, np.full((480, 640), metres * 1000, np.uint16))
-        # d = bf / z: a disparity error of 0.08 pixels, and steps of 1/32 pixel, by error propagation
+        # d = bf / z: a disparity error of 0.08 pixels, and steps of 1/32 pixel, by error
+        # propagation
         per_pixel = metres**2 / (0.05 * 447) * 1000
         expected = np.hypot(np.hypot(0.08, 1 / 32 / np.sqrt(12)) * per_pixel, 1 / np.sqrt(12))
         assert depth.std() == pytest.approx(expected, rel=0.03)
@@ -70,11 +72,15 @@ def test_depth_has_holes_at_edges_and_out_of_range():
 
 def test_poses_between_frames_are_those_of_the_frames_and_turn_steadily():
     turns = Rotation.from_euler("z", [[0], [20], [350]], degrees=True)
-    poses = np.concatenate([np.array([[0.0, 0, 1], [1, 0, 1], [1, 2, 1]]), np.roll(turns.as_quat(), 1, axis=1)], 1)
+    poses = np.concatenate(
+        [np.array([[0.0, 0, 1], [1, 0, 1], [1, 2, 1]]), np.roll(turns.as_quat(), 1, axis=1)], 1
+    )
     assert np.array_equal(between(poses, [2, 0, 1]), poses[[2, 0, 1]])
     assert np.array_equal(between(poses, [-3.5]), poses[:1])
     times = np.array([0.25, 0.5, 1.5])
     mid = between(poses, times)
     assert np.allclose(mid[:, :3], [[0.25, 0, 1], [0.5, 0, 1], [1, 1, 1]])
-    apart = Rotation.from_quat(np.roll(mid[:, 3:], -1, axis=1)).inv() * Slerp([0, 1, 2], turns)(times)
+    apart = Rotation.from_quat(np.roll(mid[:, 3:], -1, axis=1)).inv() * Slerp([0, 1, 2], turns)(
+        times
+    )
     assert apart.magnitude().max() < 0.002

@@ -47,7 +47,10 @@ def test_textures_of_a_directory_are_the_looks_of_an_episode(tmp_path):
     assert setup.textures == brought and brought.licence == "CC0 1.0"
     assert Setup.parse(setup.given()) == setup
     assert [metres for _, metres in textures_of(brought)["table"]] == [0.8, 0.6]
-    drawn = [visuals_of(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", slot, 0), setup) for slot in range(12)]
+    drawn = [
+        visuals_of(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", slot, 0), setup)
+        for slot in range(12)
+    ]
     assert {v.table.seed for v in drawn} == {0, 1} and {v.table.tile for v in drawn} == {0.8, 0.6}
     first = next(v for v in drawn if v.table.seed == 0)
     assert np.allclose(np.multiply(first.table.color, 255), (200, 100, 50), atol=1)
@@ -66,14 +69,17 @@ def test_light_has_the_direction_and_the_share_of_the_sun(tmp_path):
     setup = Setup(environment=environment)
     visuals = visuals_of(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 0), setup)
     polar, around = 8.5 / 32 * np.pi, (40.5 / 64 - 0.5) * 2 * np.pi
-    toward = np.array([np.sin(polar) * np.sin(around), np.sin(polar) * np.cos(around), np.cos(polar)])
+    toward = np.array(
+        [np.sin(polar) * np.sin(around), np.sin(polar) * np.cos(around), np.cos(polar)]
+    )
     # the brightest hundredth of the sphere has the sky around the sun, too
     assert -np.array(visuals.sun_direction) @ toward > 0.99
     assert visuals.points == ()
     sun, ambient = np.array(visuals.sun), np.array(visuals.ambient)
     assert sun - sun[0] == pytest.approx(0, abs=1e-3)
     assert (ambient - sun * visuals.sun_direction[2]).mean() == pytest.approx(BRIGHTNESS, abs=1e-5)
-    # a sky of 1 gives the table pi; the sun's pixel gives radiance times solid angle, and the table its cosine of that
+    # a sky of 1 gives the table pi; the sun's pixel gives radiance times solid angle, and the table
+    # its cosine of that
     direct = 2000 * np.sin(polar) * (np.pi / 32) ** 2 / np.pi
     assert sun[0] / ambient[0] == pytest.approx(direct, rel=0.1)
     assert light_of(environment).shape == (32, 64, 3)
@@ -107,7 +113,9 @@ def test_what_is_missing_or_damaged_is_named_in_one_line(tmp_path):
 def test_images_that_unpack_to_gigabytes_and_pipes_end_in_one_line(tmp_path):
     (tmp_path / "table").mkdir()
     (tmp_path / "table" / "bomb.png").write_bytes(png_of(20_000, zlib.compress(bytes(1 << 20))))
-    (tmp_path / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n" + bytes(1000))
+    (tmp_path / "sky.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n" + bytes(1000)
+    )
     for key, given in (("textures", tmp_path), ("environment", tmp_path / "sky.hdr")):
         with pytest.raises(RecipeError, match=f"{key}.*make it smaller") as error:
             Setup.parse({key: str(given)})
@@ -122,7 +130,11 @@ def png_of(side: int, packed: bytes) -> bytes:
     """A PNG of side x side RGB pixels whose rows are packed."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+        return (
+            len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+        )
 
     head = side.to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    )

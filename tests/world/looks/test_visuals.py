@@ -1,4 +1,5 @@
-"""Visuals, textures, materials: seeds decide everything, JSON is exact, splits share nothing, colour names are true."""
+"""Visuals, textures, materials: seeds decide everything, JSON is exact, splits share nothing,
+colour names are true."""
 
 import hashlib
 import json
@@ -23,7 +24,7 @@ from pipeline.world.looks.visuals import CLEAN, draw_visuals
 COLOURS = """
     red green blue yellow cyan magenta black gray orange purple brown pink lime olive teal maroon navy coral turquoise indigo
     beige tan silver
-""".split(None)  # noqa: SIM905
+""".split(None)  # noqa: E501, SIM905
 
 
 def rng(seed: int) -> np.random.Generator:
@@ -71,7 +72,9 @@ def test_drawn_lights_leave_the_picture_readable() -> None:
         assert total.max() < 2.2
 
 
-@pytest.mark.parametrize(("domain", "split", "word"), [("cleen", "seen", "cleen"), ("randomized", "test", "test")])
+@pytest.mark.parametrize(
+    ("domain", "split", "word"), [("cleen", "seen", "cleen"), ("randomized", "test", "test")]
+)
 def test_unknown_names_are_named(domain: str, split: str, word: str) -> None:
     with pytest.raises(ValueError, match=word):
         draw_visuals(rng(0), domain, split)
@@ -86,16 +89,27 @@ def test_texture_is_a_function_of_its_seed_and_tiles(pattern: str) -> None:
     if pattern in {"marble", "stone", "paint", "noise", "plain", "wood"}:
         p = first[..., :3].astype(int)
         inside = np.abs(np.diff(p, axis=0)).max(), np.abs(np.diff(p, axis=1)).max()
-        assert np.abs(p[0] - p[-1]).max() <= inside[0] + 2 and np.abs(p[:, 0] - p[:, -1]).max() <= inside[1] + 2
+        assert (
+            np.abs(p[0] - p[-1]).max() <= inside[0] + 2
+            and np.abs(p[:, 0] - p[:, -1]).max() <= inside[1] + 2
+        )
 
 
 def test_texture_bytes_are_pinned_across_processes() -> None:
     code = (
-        "import hashlib; from pipeline.world.looks.patterns import texture, PATTERNS;"
-        "print(hashlib.sha256(b''.join(texture(p, 9, (.5,.4,.3), 64).tobytes() for p in PATTERNS)).hexdigest())"
+        "import hashlib; from pipeline.world.looks.patterns import texture,"
+        " PATTERNS;print(hashlib.sha256(b''.join(texture(p, 9, (.5,.4,.3), 64).tobytes() for p in"
+        " PATTERNS)).hexdigest())"
     )
-    here = hashlib.sha256(b"".join(texture(p, 9, (0.5, 0.4, 0.3), 64).tobytes() for p in PATTERNS)).hexdigest()
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == here
+    here = hashlib.sha256(
+        b"".join(texture(p, 9, (0.5, 0.4, 0.3), 64).tobytes() for p in PATTERNS)
+    ).hexdigest()
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == here
+    )
 
 
 def test_unknown_pattern_lists_the_known_ones() -> None:
@@ -104,11 +118,15 @@ def test_unknown_pattern_lists_the_known_ones() -> None:
 
 
 @pytest.mark.parametrize("kind", SKINS)
-def test_a_skin_is_a_function_of_its_arguments_and_keeps_the_colour_that_words_name(kind: str) -> None:
+def test_a_skin_is_a_function_of_its_arguments_and_keeps_the_colour_that_words_name(
+    kind: str,
+) -> None:
     colours = (0.72, 0.16, 0.14), (0.20, 0.50, 0.25), (0.16, 0.30, 0.64)
     for strongest, colour in enumerate(colours):
         image = skin(kind, 3, colour, 64)
-        assert np.array_equal(image, skin(kind, 3, colour, 64)) and not np.array_equal(image, skin(kind, 4, colour, 64))
+        assert np.array_equal(image, skin(kind, 3, colour, 64)) and not np.array_equal(
+            image, skin(kind, 4, colour, 64)
+        )
         mean = image[..., :3].mean((0, 1)) / 255
         assert int(np.argmax(mean)) == strongest and 0.55 < mean.max() / max(colour) < 1.15
 
@@ -125,7 +143,11 @@ def test_palette_has_the_benchmark_colours_and_they_differ() -> None:
 def test_materials_are_textured_only_on_request_and_shared() -> None:
     assert materials.wood("oak").texture is None
     first = materials.wood("oak", seed=3).texture
-    assert first is not None and first is materials.wood("oak", seed=3).texture and not first.flags.writeable
+    assert (
+        first is not None
+        and first is materials.wood("oak", seed=3).texture
+        and not first.flags.writeable
+    )
     assert materials.metal().metallic > 0.5 > materials.plastic("red").metallic
     with pytest.raises(KeyError, match="turquoise"):
         materials.glaze("octarine")
@@ -142,13 +164,19 @@ def test_prints_show_both_colours(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["worn", "hem"])
 def test_finishes_keep_the_colour_they_are_named_by(kind: str) -> None:
-    image = materials.texture_pixels(materials.print_texture("teal", "cream", kind, seed=2))[..., :3] / 255
+    image = (
+        materials.texture_pixels(materials.print_texture("teal", "cream", kind, seed=2))[..., :3]
+        / 255
+    )
     assert np.abs(np.median(image, axis=(0, 1)) - materials.srgb("teal")).max() < 0.08
-    assert image.std((0, 1)).max() > 0.02 and image.max() > 0.5  # worn edges and stitches are lighter
+    # worn edges and stitches are lighter
+    assert image.std((0, 1)).max() > 0.02 and image.max() > 0.5
 
 
 def test_qr_finder_squares_are_where_readers_look() -> None:
-    image = materials.texture_pixels(materials.print_texture("white", "black", "qr", seed=1, size=250))[..., 0].astype(int)
+    image = materials.texture_pixels(
+        materials.print_texture("white", "black", "qr", seed=1, size=250)
+    )[..., 0].astype(int)
     modules = image[5::10, 5::10] < 128
     finder = np.zeros((7, 7), bool)
     finder[:] = True
@@ -161,11 +189,21 @@ def test_qr_finder_squares_are_where_readers_look() -> None:
 
 def test_room_meshes_face_outwards_and_have_the_right_size() -> None:
     top, legs = room.table(0.6)
-    assert np.allclose([top.vertices.min(0), top.vertices.max(0)], [[-0.6, -0.35, 0.69], [0.6, 0.35, 0.74]])
-    assert np.allclose(legs.vertices[:, 2].max(), 0.69) and np.allclose(legs.vertices[:, 2].min(), 0)
+    assert np.allclose(
+        [top.vertices.min(0), top.vertices.max(0)], [[-0.6, -0.35, 0.69], [0.6, 0.35, 0.74]]
+    )
+    assert np.allclose(legs.vertices[:, 2].max(), 0.69) and np.allclose(
+        legs.vertices[:, 2].min(), 0
+    )
     for mesh in (top, legs, *(mesh for parts in room.shell(CLEAN).values() for mesh, _ in parts)):
         a, b, c = (mesh.vertices[mesh.triangles[:, i]].astype(float) for i in range(3))
         facing = np.cross(b - a, c - a)
-        assert np.allclose(facing / np.linalg.norm(facing, axis=1)[:, None], mesh.normals[mesh.triangles[:, 0]], atol=1e-5)
+        assert np.allclose(
+            facing / np.linalg.norm(facing, axis=1)[:, None],
+            mesh.normals[mesh.triangles[:, 0]],
+            atol=1e-5,
+        )
     tri = top.vertices[top.triangles].astype(float)
-    assert np.isclose(np.einsum("ij,ij->i", tri[:, 0], np.cross(tri[:, 1], tri[:, 2])).sum() / 6, 1.2 * 0.7 * 0.05)
+    assert np.isclose(
+        np.einsum("ij,ij->i", tri[:, 0], np.cross(tri[:, 1], tri[:, 2])).sum() / 6, 1.2 * 0.7 * 0.05
+    )

@@ -46,20 +46,29 @@ class Glb:
     def view(self, data: bytes) -> int:
         """A buffer view of some bytes."""
         self.blob += b"\0" * (-len(self.blob) % 4)
-        self.document["bufferViews"].append({"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data)})
+        self.document["bufferViews"].append(
+            {"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data)}
+        )
         self.blob += data
         return len(self.document["bufferViews"]) - 1
 
     def accessor(self, values, normalized=False) -> int:
         """An accessor of an array (N,) or (N,W)."""
         kind = "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}"
-        entry = {"bufferView": self.view(values.tobytes()), "componentType": COMPONENTS[values.dtype.char], "count": len(values)}
+        entry = {
+            "bufferView": self.view(values.tobytes()),
+            "componentType": COMPONENTS[values.dtype.char],
+            "count": len(values),
+        }
         self.document["accessors"].append(entry | {"type": kind, "normalized": normalized})
         return len(self.document["accessors"]) - 1
 
     def texture(self, pixels, **info) -> None:
         """Give the material a texture."""
-        self.document |= {"images": [{"bufferView": self.view(png(pixels)), "mimeType": "image/png"}], "textures": [{"source": 0}]}
+        self.document |= {
+            "images": [{"bufferView": self.view(png(pixels)), "mimeType": "image/png"}],
+            "textures": [{"source": 0}],
+        }
         self.surface["baseColorTexture"] = {"index": 0} | info
 
     def write(self, path: Path, **changes) -> Path:
@@ -84,21 +93,35 @@ DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COL
 <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{primitives}</mesh></geometry></library_geometries>
 <library_visual_scenes><visual_scene id="s"><node>{place}<instance_geometry url="#g"><bind_material><technique_common>{bound}
 </technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""  # noqa: E501
 
 
 def dae(path: Path, colors=((1, 0, 0),), primitives=None, unit="", place="") -> Path:
     """A COLLADA file of a square, one primitive a material, each with its diffuse color."""
     made = primitives or [
-        f'<triangles count="2" material="m{k}"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 2 3</p></triangles>'
+        f'<triangles count="2" material="m{k}"><input semantic="VERTEX" source="#v"'
+        ' offset="0"/><p>0 1 2 0 2 3</p></triangles>'
         for k in range(len(colors))
     ]
     effects = "".join(
-        f'<effect id="e{k}"><profile_COMMON><technique sid="c"><phong><diffuse><color>{r} {g} {b} 1</color></diffuse></phong>'
-        "</technique></profile_COMMON></effect>"
+        f'<effect id="e{k}"><profile_COMMON><technique sid="c"><phong><diffuse><color>{r} {g} {b}'
+        " 1</color></diffuse></phong></technique></profile_COMMON></effect>"
         for k, (r, g, b) in enumerate(colors)
     )
-    materials = "".join(f'<material id="n{k}"><instance_effect url="#e{k}"/></material>' for k in range(len(colors)))
-    bound = "".join(f'<instance_material symbol="m{k}" target="#n{k}"/>' for k in range(len(colors)))
-    path.write_text(DAE.format(unit=unit, effects=effects, materials=materials, primitives="".join(made), place=place, bound=bound))
+    materials = "".join(
+        f'<material id="n{k}"><instance_effect url="#e{k}"/></material>' for k in range(len(colors))
+    )
+    bound = "".join(
+        f'<instance_material symbol="m{k}" target="#n{k}"/>' for k in range(len(colors))
+    )
+    path.write_text(
+        DAE.format(
+            unit=unit,
+            effects=effects,
+            materials=materials,
+            primitives="".join(made),
+            place=place,
+            bound=bound,
+        )
+    )
     return path

@@ -43,20 +43,31 @@ def test_a_texture_is_read_by_way_of_its_sampler(tmp_path):
     (tmp_path / "red left.png").write_bytes(png(RED_LEFT))
     texels = '<input semantic="TEXCOORD" source="#t" offset="0" set="0"/>'
     path = dae(
-        tmp_path / "a.dae", primitives=[f'<triangles count="2" material="m0">{VERTEX}{texels}<p>0 1 2 0 2 3</p></triangles>']
+        tmp_path / "a.dae",
+        primitives=[
+            f'<triangles count="2" material="m0">{VERTEX}{texels}<p>0 1 2 0 2 3</p></triangles>'
+        ],
     )
     surface = '<newparam sid="f"><surface type="2D"><init_from>i</init_from></surface></newparam>'
     sampler = '<newparam sid="s2"><sampler2D><source>f</source></sampler2D></newparam>'
-    text = path.read_text().replace("<color>1 0 0 1</color>", '<texture texture="s2" texcoord="UV"/>')
+    text = path.read_text().replace(
+        "<color>1 0 0 1</color>", '<texture texture="s2" texcoord="UV"/>'
+    )
     text = text.replace("<profile_COMMON>", f"<profile_COMMON>{surface}{sampler}")
-    images = '<library_images><image id="i"><init_from>{}</init_from></image></library_images><library_effects>'
+    images = (
+        "<library_images><image"
+        ' id="i"><init_from>{}</init_from></image></library_images><library_effects>'
+    )
     path.write_text(text.replace("<library_effects>", images.format("red%20left.png")))
     (part,) = read_mesh(path).parts
     assert part.look.texture.shape == (2, 2, 4)
     assert_allclose(part.uv[0], [0, 0])  # v = 1 above, which is where an image begins
     path.write_text(text.replace("<library_effects>", images.format("gone.png")))
     read = read_mesh(path)
-    assert "has no texture: 'gone.png' was not found" in read.notes[0] and read.parts[0].look.texture is None
+    assert (
+        "has no texture: 'gone.png' was not found" in read.notes[0]
+        and read.parts[0].look.texture is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,7 +79,11 @@ def test_a_texture_is_read_by_way_of_its_sampler(tmp_path):
         ("<p>0 1 2 0 2 3</p>", "<ph><p>0 1 2 0 2 3</p></ph>", "polygon with a hole"),
         ('url="#g"', 'url="#gone"', "names '#gone', which the file does not hold"),
         ("<node>", "<node><skew>1 2 3</skew>", "places a node by <skew>"),
-        ("<node>", '<node id="n"><instance_node url="#n"/>', "nested more than 100 deep, or in a circle"),
+        (
+            "<node>",
+            '<node id="n"><instance_node url="#n"/>',
+            "nested more than 100 deep, or in a circle",
+        ),
         ("<asset>", '<asset><unit meter="0"/>', "has a unit of 0 metres"),
     ],
 )

@@ -39,8 +39,13 @@ def colors_at(part):
 
 
 def test_quantized_positions_are_numbers_of_their_range(tmp_path, glb):
-    glb.primitive["attributes"]["POSITION"] = glb.accessor((SQUARE * 32767).astype(np.int16), normalized=True)
-    assert_allclose(one(glb.write(tmp_path / "a.glb", extensionsRequired=["KHR_mesh_quantization"])).points, SQUARE)
+    glb.primitive["attributes"]["POSITION"] = glb.accessor(
+        (SQUARE * 32767).astype(np.int16), normalized=True
+    )
+    assert_allclose(
+        one(glb.write(tmp_path / "a.glb", extensionsRequired=["KHR_mesh_quantization"])).points,
+        SQUARE,
+    )
     glb.primitive["attributes"]["POSITION"] = glb.accessor((SQUARE * 200).astype(np.uint8))
     glb.document["nodes"][0]["scale"] = [0.005] * 3
     assert_allclose(one(glb.write(tmp_path / "b.glb")).points, SQUARE, atol=1e-7)
@@ -55,11 +60,15 @@ def test_strides_offsets_and_sparse_values_are_read(tmp_path, glb):
     glb.document["bufferViews"][-1]["byteStride"] = 24
     assert_allclose(one(glb.write(tmp_path / "a.glb")).points, SQUARE)
     moved = {"count": 1, "indices": {"bufferView": glb.view(b"\2"), "componentType": 5121}}
-    entry["sparse"] = moved | {"values": {"bufferView": glb.view(np.array([5, 6, 7], np.float32).tobytes())}}
+    entry["sparse"] = moved | {
+        "values": {"bufferView": glb.view(np.array([5, 6, 7], np.float32).tobytes())}
+    }
     assert_allclose(one(glb.write(tmp_path / "b.glb")).points[2], [5, 6, 7])
 
 
-@pytest.mark.parametrize(("mode", "corners"), [(4, TWO), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3]), (4, None)])
+@pytest.mark.parametrize(
+    ("mode", "corners"), [(4, TWO), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3]), (4, None)]
+)
 def test_lists_strips_and_fans_make_the_same_square(tmp_path, glb, mode, corners):
     glb.primitive["mode"] = mode
     if corners is None:
@@ -75,7 +84,10 @@ def test_lists_strips_and_fans_make_the_same_square(tmp_path, glb, mode, corners
 def test_a_mirroring_node_keeps_the_outside_out(tmp_path, glb):
     turn = quat_about((0, 0, 1), np.pi / 2)
     place = {"translation": [0, 0, 2], "rotation": [*turn[1:], turn[0]], "scale": [1, -1, 3]}
-    glb.document["nodes"] = [{"children": [1], "matrix": np.eye(4).T.ravel().tolist()}, {"mesh": 0} | place]
+    glb.document["nodes"] = [
+        {"children": [1], "matrix": np.eye(4).T.ravel().tolist()},
+        {"mesh": 0} | place,
+    ]
     part = one(glb.write(tmp_path / "a.glb"))
     assert_allclose(part.points.max(0), [1, 1, 2], atol=1e-9)
     assert_allclose(area(part), [0, 0, 1], atol=1e-9)
@@ -98,7 +110,10 @@ def test_a_primitive_without_a_material_states_no_color(tmp_path, glb):
 
 def test_coordinates_are_of_the_set_that_the_texture_names_and_transformed(tmp_path, glb):
     left = UV * [0.4, 1]
-    glb.primitive["attributes"] |= {"TEXCOORD_0": glb.accessor(UV), "TEXCOORD_1": glb.accessor(left.astype(np.float32))}
+    glb.primitive["attributes"] |= {
+        "TEXCOORD_0": glb.accessor(UV),
+        "TEXCOORD_1": glb.accessor(left.astype(np.float32)),
+    }
     glb.texture(RED_LEFT, texCoord=1)
     assert (colors_at(one(glb.write(tmp_path / "a.glb"))) == [255, 0, 0]).all()
     change = {"offset": [0.6, 0.1], "scale": [0.5, 1.0], "texCoord": 1}
@@ -116,7 +131,9 @@ def test_colors_of_vertices_become_a_palette_times_the_factor(tmp_path, glb, kin
     top = 1 if kind is np.float32 else np.iinfo(kind).max
     shades = np.array([[1, 0, 0, 1], [1, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1]]) * top
     glb.primitive["attributes"]["POSITION"] = glb.accessor(SQUARE[TWO])
-    glb.primitive["attributes"]["COLOR_0"] = glb.accessor(shades[[0, 1, 2, 3, 3, 3]].astype(kind), kind is not np.float32)
+    glb.primitive["attributes"]["COLOR_0"] = glb.accessor(
+        shades[[0, 1, 2, 3, 3, 3]].astype(kind), kind is not np.float32
+    )
     del glb.primitive["indices"]
     glb.surface["baseColorFactor"] = [0.5, 0.5, 0.5, 1]
     part = one(glb.write(tmp_path / "a.glb"))
@@ -144,8 +161,17 @@ def test_what_is_not_drawn_as_stated_is_noted(tmp_path, glb):
     glb.document["materials"][0]["alphaMode"] = "BLEND"
     glb.texture(RED_LEFT)
     glb.document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "mode": 1})
-    said = " ".join(read_mesh(glb.write(tmp_path / "a.glb", extensionsUsed=["KHR_materials_clearcoat"])).notes)
-    for words in ("morph targets", "skin", "transparent", "no TEXCOORD_0", "points or lines", "KHR_materials_clearcoat"):
+    said = " ".join(
+        read_mesh(glb.write(tmp_path / "a.glb", extensionsUsed=["KHR_materials_clearcoat"])).notes
+    )
+    for words in (
+        "morph targets",
+        "skin",
+        "transparent",
+        "no TEXCOORD_0",
+        "points or lines",
+        "KHR_materials_clearcoat",
+    ):
         assert words in said
 
 
@@ -159,7 +185,9 @@ def test_a_gltf_names_its_buffer_and_image_with_percent_signs_or_holds_them(tmp_
         files = {"buffers": [{"byteLength": len(glb.blob), "uri": uri}], "images": [{"uri": image}]}
         (tmp_path / "a.gltf").write_text(json.dumps(glb.document | files))
         assert one(tmp_path / "a.gltf").look.texture.shape == (2, 2, 4)
-    (tmp_path / "a.gltf").write_text(json.dumps(glb.document | files | {"images": [{"uri": "gone.png"}]}))
+    (tmp_path / "a.gltf").write_text(
+        json.dumps(glb.document | files | {"images": [{"uri": "gone.png"}]})
+    )
     with pytest.raises(MeshError, match=r"'gone\.png' was not found"):
         read_mesh(tmp_path / "a.gltf")
 
@@ -171,4 +199,8 @@ def test_deep_and_many_nodes_end_at_once(tmp_path, glb):
         read_mesh(glb.write(tmp_path / "many.glb", nodes=[{"mesh": 0}] * 100_000))
     glb.primitive["indices"] = glb.accessor(np.tile(TWO, 50_000))
     with pytest.raises(MeshError, match="has 600000 triangles"):
-        read_mesh(glb.write(tmp_path / "often.glb", nodes=[{"mesh": 0}] * 6, scenes=[{"nodes": [*range(6)]}]))
+        read_mesh(
+            glb.write(
+                tmp_path / "often.glb", nodes=[{"mesh": 0}] * 6, scenes=[{"nodes": [*range(6)]}]
+            )
+        )

@@ -21,8 +21,13 @@ def put(folder, obj, mtl="", **images):
 
 def test_each_material_is_a_part_of_its_color_however_many_groups_there_are(tmp_path):
     groups = "".join(f"g group{k}\nusemtl {'ab'[k % 2]}\nf -4 -3 -2 -1\n" for k in range(20_000))
-    read = read_mesh(put(tmp_path, f"mtllib a.mtl\n{SQUARE}{groups}", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0.2\n"))
-    assert [part.look.color for part in read.parts] == [(1, 0, 0), (0.2, 0.2, 0.2)] and read.notes == ()
+    read = read_mesh(
+        put(tmp_path, f"mtllib a.mtl\n{SQUARE}{groups}", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0.2\n")
+    )
+    assert [part.look.color for part in read.parts] == [
+        (1, 0, 0),
+        (0.2, 0.2, 0.2),
+    ] and read.notes == ()
     assert sum(len(part.faces) for part in read.parts) == 40_000
 
 
@@ -65,18 +70,24 @@ def test_a_texture_is_found_as_it_is_written_or_guessed_with_a_line(tmp_path, li
 def test_scale_and_offset_of_a_texture_change_its_coordinates(tmp_path):
     (tmp_path / "red.png").write_bytes(png(RED_LEFT))
     text = f"mtllib a.mtl\n{SQUARE}{TEXELS}usemtl a\n{FACE}"
-    (part,) = read_mesh(put(tmp_path, text, "newmtl a\nmap_Kd -s 2 3 1 -o 0.5 0.25 red.png\n")).parts
+    (part,) = read_mesh(
+        put(tmp_path, text, "newmtl a\nmap_Kd -s 2 3 1 -o 0.5 0.25 red.png\n")
+    ).parts
     corner = part.uv[np.argmax(part.points[:, :2].sum(1))]
     assert_allclose(corner, [2.5, 1 - 3.25])
 
 
 def test_colors_of_vertices_are_a_palette(tmp_path):
-    points = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 0 1\nv 1 2 0 0 0 1\nv 2 2 0 0 0 1\n"
+    points = (
+        "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 0 1\nv 1 2 0 0 0 1\nv 2 2 0 0 0 1\n"
+    )
     (part,) = read_mesh(put(tmp_path, points + "f 1 2 3\nf 4 5 6\n")).parts
     at = (part.uv * part.look.texture.shape[1::-1]).astype(int)
     shades = part.look.texture[at[:, 1], at[:, 0], :3]
     assert shades[:3].tolist() == [[255, 0, 0]] * 3 and shades[3:].tolist() == [[0, 0, 255]] * 3
-    (part,) = read_mesh(put(tmp_path, "v 0 0 0 0 1 0\nv 1 0 0 0 1 0\nv 1 1 0 0 1 0\nf 1 2 3\n")).parts
+    (part,) = read_mesh(
+        put(tmp_path, "v 0 0 0 0 1 0\nv 1 0 0 0 1 0\nv 1 1 0 0 1 0\nf 1 2 3\n")
+    ).parts
     assert part.look.texture is None and part.look.color == (0, 1, 0)
 
 
@@ -84,11 +95,27 @@ def test_colors_of_vertices_are_a_palette(tmp_path):
     ("obj", "mtl", "words"),
     [
         (f"mtllib a.mtl\n{SQUARE}f 1 2 3\n", "newmtl a\nKd 1 0 0\n", "uses none of it"),
-        (f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "", "has no materials: 'gone.mtl' was not found"),
-        (f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "", "uses the material 'a', which no mtllib holds"),
-        (f"mtllib a.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "newmtl a\nmap_Kd red.png\n", "no coordinates for it"),
+        (
+            f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n",
+            "",
+            "has no materials: 'gone.mtl' was not found",
+        ),
+        (
+            f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n",
+            "",
+            "uses the material 'a', which no mtllib holds",
+        ),
+        (
+            f"mtllib a.mtl\n{SQUARE}usemtl a\nf 1 2 3\n",
+            "newmtl a\nmap_Kd red.png\n",
+            "no coordinates for it",
+        ),
         (f"mtllib a.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "newmtl a\nd 0.5\n", "transparent"),
-        (SQUARE.replace("0 0 0", "0 0 0 1 1 1", 1) + "f 1 2 3\n", "", "without a color among others"),
+        (
+            SQUARE.replace("0 0 0", "0 0 0 1 1 1", 1) + "f 1 2 3\n",
+            "",
+            "without a color among others",
+        ),
     ],
 )
 def test_what_is_missing_has_a_line(tmp_path, obj, mtl, words):
@@ -105,8 +132,16 @@ def test_what_is_missing_has_a_line(tmp_path, obj, mtl, words):
         (SQUARE, "", "holds no triangles"),
         (f"{SQUARE}f a b c\n", "", "not readable"),
         (f"mtllib ../a.mtl\n{SQUARE}f 1 2 3\n", "", "is outside of"),
-        (f"mtllib a.mtl\n{SQUARE}{TEXELS}usemtl a\n{FACE}", "newmtl a\nmap_Kd a.obj\n", "a texture that is no image"),
-        (f"mtllib a.mtl\n{SQUARE}usemtl a\n{FACE}", "newmtl a\nKd spectral a.rfl\n", "Kd spectral, which is not read"),
+        (
+            f"mtllib a.mtl\n{SQUARE}{TEXELS}usemtl a\n{FACE}",
+            "newmtl a\nmap_Kd a.obj\n",
+            "a texture that is no image",
+        ),
+        (
+            f"mtllib a.mtl\n{SQUARE}usemtl a\n{FACE}",
+            "newmtl a\nKd spectral a.rfl\n",
+            "Kd spectral, which is not read",
+        ),
     ],
 )
 def test_what_is_wrong_is_refused(tmp_path, obj, mtl, words):

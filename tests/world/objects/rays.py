@@ -13,7 +13,8 @@ Line = Callable[[np.ndarray, np.ndarray], Interval | None]
 
 
 def prepare(pieces: Sequence[Collider]) -> list[Line]:
-    """For each piece a function of (origin, unit direction): the range of t for which origin + t * direction lies inside it."""
+    """For each piece a function of (origin, unit direction): the range of t for which origin + t *
+    direction lies inside it."""
     return [_line(c) for c in pieces]
 
 
@@ -36,12 +37,19 @@ def _line(piece: Collider) -> Line:
     return inside
 
 
-def _round(piece: Collider, normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray) -> Interval | None:
+def _round(
+    piece: Collider, normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray
+) -> Interval | None:
     r = piece.size[0]
     if piece.kind == "sphere":
         return _roots(d @ d, o @ d, o @ o - r**2)
     across = np.array([1.0, 1, 0])
-    found = [_meet(_roots((d * across) @ d, (o * across) @ d, (o * across) @ o - r**2), _slabs(normals, offsets, o, d))]
+    found = [
+        _meet(
+            _roots((d * across) @ d, (o * across) @ d, (o * across) @ o - r**2),
+            _slabs(normals, offsets, o, d),
+        )
+    ]
     if piece.kind == "capsule":
         for c in (np.array([0, 0, -piece.size[1]]), np.array([0, 0, piece.size[1]])):
             found.append(_roots(d @ d, (o - c) @ d, (o - c) @ (o - c) - r**2))
@@ -60,7 +68,9 @@ def merged(intervals: Sequence[Interval], gap: float = 5e-4) -> list[Interval]:
     return out
 
 
-def _slabs(normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray) -> Interval | None:
+def _slabs(
+    normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray
+) -> Interval | None:
     speed, room = normals @ d, offsets - normals @ o
     level = np.abs(speed) < 1e-12
     if np.any(room[level] < 0):

@@ -1,4 +1,5 @@
-"""Every registered family against its contract: determinism, geometry, grasps that hold material, words, rest, hollowness."""
+"""Every registered family against its contract: determinism, geometry, grasps that hold material,
+words, rest, hollowness."""
 
 import re
 from collections.abc import Sequence
@@ -19,7 +20,19 @@ from tests.world.objects.rays import Line, merged, prepare
 
 NAMES = sorted(FAMILIES)
 TRIANGLES = 800
-HOLLOW = {"bowl", "cup", "mug", "pot", "skillet", "basket", "bread_basket", "table_bin", "big_bin", "dustbin", "drawer"}
+HOLLOW = {
+    "bowl",
+    "cup",
+    "mug",
+    "pot",
+    "skillet",
+    "basket",
+    "bread_basket",
+    "table_bin",
+    "big_bin",
+    "dustbin",
+    "drawer",
+}
 
 
 def rng(seed: int) -> np.random.Generator:
@@ -60,7 +73,10 @@ def test_shapes_are_a_function_of_the_parameters(name):
         assert skin.color == other_skin.color
         assert (skin.texture is None) == (other_skin.texture is None)
         assert skin.texture is None or np.array_equal(skin.texture, other_skin.texture)
-    assert all(np.array_equal(a.pose, b.pose) and a.size == b.size for a, b in zip(shape.collision, again.collision, strict=True))
+    assert all(
+        np.array_equal(a.pose, b.pose) and a.size == b.size
+        for a, b in zip(shape.collision, again.collision, strict=True)
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,7 +85,8 @@ def test_visual_and_collision_agree_and_stand_on_the_ground(name):
         points = np.concatenate([m.vertices for m, _ in shape.visual])
         seen = np.stack([points.min(0), points.max(0)])
         solid = shape.aabb()
-        if any(c.kind == "cylinder" for c in shape.collision):  # the bounds of turned cylinders are boxes' bounds
+        # the bounds of turned cylinders are boxes' bounds
+        if any(c.kind == "cylinder" for c in shape.collision):
             assert np.all(seen[0] - solid[0] > -0.004)
             assert np.all(solid[1] - seen[1] > -0.004)
         assert np.abs(seen - solid).max() < 0.009, (one, seen, solid)
@@ -106,7 +123,8 @@ def test_frames_lie_on_the_object(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_grasps_hold_material_with_room_for_the_fingers(name):
-    """Along the opening direction, at the tcp or up to 12 mm ahead (inside the pads), material ends at +-width/2, then air."""
+    """Along the opening direction, at the tcp or up to 12 mm ahead (inside the pads), material ends
+    at +-width/2, then air."""
     for one, shape in built(name)[:2]:
         grasps = one.frames().grasps
         chosen = rng(5).permutation(len(grasps))[:30]
@@ -114,7 +132,10 @@ def test_grasps_hold_material_with_room_for_the_fingers(name):
         for g in (grasps[k] for k in chosen):
             assert 0 < g.width <= 0.075
             approach, opening = quat_rotate(g.pose[3:], np.eye(3)[:2])
-            assert any(_held(lines, g.pose[:3] + ahead * approach, opening, g.width) for ahead in (0, 0.004, 0.008, 0.012)), (
+            assert any(
+                _held(lines, g.pose[:3] + ahead * approach, opening, g.width)
+                for ahead in (0, 0.004, 0.008, 0.012)
+            ), (
                 drawn,
                 g,
             )
@@ -123,7 +144,9 @@ def test_grasps_hold_material_with_room_for_the_fingers(name):
 def _held(lines: Sequence[Line], at: np.ndarray, opening: np.ndarray, width: float) -> bool:
     spans = merged([s for line in lines if (s := line(at, opening))])
     near = [s for s in spans if s[0] < width / 2 + 0.01 and s[1] > -width / 2 - 0.01]
-    return bool(near) and abs(near[0][0] + width / 2) < 0.003 and abs(near[-1][1] - width / 2) < 0.003
+    return (
+        bool(near) and abs(near[0][0] + width / 2) < 0.003 and abs(near[-1][1] - width / 2) < 0.003
+    )
 
 
 def test_a_pinch_beside_the_object_or_of_the_wrong_width_would_be_noticed():
@@ -144,27 +167,33 @@ def test_words_are_true_and_plenty(name):
         assert (len(words.seen), len(words.unseen)) == (12, 3)
         assert len(set(words.seen) | set(words.unseen)) == len(words.seen) + len(words.unseen)
         assert words.noun in words.seen
-        assert all(p == p.strip() and "{" not in p and not p.lower().startswith(("a ", "the ")) for p in words.seen + words.unseen)
+        assert all(
+            p == p.strip() and "{" not in p and not p.lower().startswith(("a ", "the "))
+            for p in words.seen + words.unseen
+        )
         own = {v for v in astuple(one) if isinstance(v, str)} | {"wooden"}
         named = {c for c in (*PALETTE, *WOODS) for p in words.seen if f" {c} " in f" {p} "}
         compound = {part for v in own for part in v.split()} | own
         assert named <= compound, (named - compound, one)
 
 
-SIZES = [("small", "large"), ("short", "tall"), ("short", "long"), ("narrow", "wide"), ("low", "tall"), ("thin", "thick"),
+SIZES = [("small", "large"), ("short", "tall"), ("short", "long"), ("narrow", "wide"), ("low", "tall"), ("thin", "thick"),  # noqa: E501
          ("slim", "thick")]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_words_of_size_follow_a_measure_of_the_object(name):
-    """Some parameter of the family (or the area hx times hy) separates the instances that are called small, medium-sized, large."""
+    """Some parameter of the family (or the area hx times hy) separates the instances that are
+    called small, medium-sized, large."""
     called: dict[str, list[dict[str, float]]] = {}
     ones = [FAMILIES[name].draw(rng(seed)) for seed in range(60)]
     first = [{phrase.split()[0] for phrase in one.words().seen} for one in ones]
     for one, said in zip(ones, first, strict=True):
         values = {k: v for k, v in vars(one).items() if isinstance(v, float)}
         values["area"] = values.get("hx", 1.0) * values.get("hy", 1.0)
-        size = (said - set.intersection(*first)) & {word for pair in SIZES for word in (*pair, "medium-sized")}
+        size = (said - set.intersection(*first)) & {
+            word for pair in SIZES for word in (*pair, "medium-sized")
+        }
         called.setdefault(min(size) if len(size) == 1 else "", []).append(values)
     if set(called) == {""}:
         assert name in ("drawer", "long_block")  # one size
@@ -173,7 +202,8 @@ def test_words_of_size_follow_a_measure_of_the_object(name):
     order = [called[word] for word in (least, "medium-sized", most) if word in called]
     assert len(order) >= 2
     assert any(
-        all(max(v[key] for v in low) <= min(v[key] for v in high) for low, high in pairwise(order)) for key in order[0][0]
+        all(max(v[key] for v in low) <= min(v[key] for v in high) for low, high in pairwise(order))
+        for key in order[0][0]
     ), name
 
 
@@ -184,13 +214,19 @@ def test_words_of_shape_are_those_of_the_instance(name):
     assert len(forms) > 1
     for one in drawn_ones:
         words = one.words()
-        said = {form for form in forms for p in (*words.seen, *words.unseen) if re.search(rf"\b{form}\b", p)}
+        said = {
+            form
+            for form in forms
+            for p in (*words.seen, *words.unseen)
+            if re.search(rf"\b{form}\b", p)
+        }
         assert said <= {vars(one)["form"]}, one
 
 
 @pytest.fixture(scope="module")
 def settled() -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
-    """Poses (7,) after one second on a table, as displacement and quaternion, of three instances of every family."""
+    """Poses (7,) after one second on a table, as displacement and quaternion, of three instances of
+    every family."""
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / 240)
     scene.add_ground(0, render=False)
@@ -215,9 +251,15 @@ def add(scene: sapien.Scene, shape: Shape, at: np.ndarray) -> sapien.Entity:
         elif c.kind == "sphere":
             piece = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
         elif c.kind == "convex":
-            piece = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1, 1, 1), material)
+            piece = sapien.physx.PhysxCollisionShapeConvexMesh(
+                np.asarray(c.vertices, np.float32), (1, 1, 1), material
+            )
         else:
-            form = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
+            form = (
+                sapien.physx.PhysxCollisionShapeCylinder
+                if c.kind == "cylinder"
+                else sapien.physx.PhysxCollisionShapeCapsule
+            )
             piece = form(c.size[0], c.size[1], material)
             local = local * sapien.Pose(q=[0.5**0.5, 0, 0.5**0.5, 0])
         piece.set_local_pose(local)

@@ -29,7 +29,7 @@ RING = 0.1 * np.column_stack([np.cos(TURN), np.sin(TURN), 0 * TURN])
 SQUARE = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 SOLIDS = {
     "cylinder": (geometry.cylinder(0.1, 0.3, 24), polygon_area(0.1, 24) * 0.3),
-    "hollow": (geometry.revolve([(0, 0), (0.1, 0), (0.1, 0.2), (0.09, 0.2), (0.09, 0.01), (0, 0.01)], 16),
+    "hollow": (geometry.revolve([(0, 0), (0.1, 0), (0.1, 0.2), (0.09, 0.2), (0.09, 0.01), (0, 0.01)], 16),  # noqa: E501
                polygon_area(0.1, 16) * 0.2 - polygon_area(0.09, 16) * 0.19),
     "box": (geometry.box(0.1, 0.2, 0.3), 0.048),
     "L prism": (geometry.extrude(L, 0.5), 0.03 * 0.5),
@@ -37,7 +37,7 @@ SOLIDS = {
     "capsule": (geometry.capsule(0.1, 0.2, 24, 48), np.pi * 0.01 * 0.4 + 4 / 3 * np.pi * 0.001),
     "torus": (geometry.sweep(RING, 0.02, 16, closed=True), 2 * np.pi * 0.1 * np.pi * 0.02**2),
     "tube": (geometry.sweep([(0, 0, 0), (0, 0, 0.2)], 0.02, 12), polygon_area(0.02, 12) * 0.2),
-    "frustum": (geometry.loft([[(x * s, y * s, z) for x, y in SQUARE] for s, z in ((1, 0), (0.5, 1))]), (4 + 1 + 2) / 3),
+    "frustum": (geometry.loft([[(x * s, y * s, z) for x, y in SQUARE] for s, z in ((1, 0), (0.5, 1))]), (4 + 1 + 2) / 3),  # noqa: E501
 }  # fmt: skip
 
 
@@ -45,7 +45,9 @@ SOLIDS = {
 def test_solids_are_closed_and_have_their_volume(name):
     mesh, expected = SOLIDS[name]
     assert closed(mesh)
-    assert volume(mesh) == pytest.approx(expected, rel=0.04 if name in {"sphere", "capsule", "torus"} else 1e-5)
+    assert volume(mesh) == pytest.approx(
+        expected, rel=0.04 if name in {"sphere", "capsule", "torus"} else 1e-5
+    )
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1, abs=1e-5)
     assert mesh.uvs is not None
     assert mesh.uvs.shape == (len(mesh.vertices), 2)
@@ -66,7 +68,8 @@ def test_a_chamfered_box_loses_exactly_its_edges(hx, hy, hz, share):
     bevel = share * min(hx, hy, hz)
     mesh = geometry.box(hx, hy, hz, bevel)
     straight = sum(2 * (h - bevel) * 4 * bevel**2 / 2 for h in (hx, hy, hz))
-    corners = 8 * (bevel**3 - bevel**3 / 6)  # each corner cube keeps only the tetrahedron cut at its three inner points
+    # each corner cube keeps only the tetrahedron cut at its three inner points
+    corners = 8 * (bevel**3 - bevel**3 / 6)
     assert volume(mesh) == pytest.approx(8 * hx * hy * hz - straight - corners, rel=1e-4)
     assert len(mesh.triangles) == 44
     assert np.abs(mesh.vertices).max(0) == pytest.approx([hx, hy, hz], abs=1e-6)
@@ -75,7 +78,9 @@ def test_a_chamfered_box_loses_exactly_its_edges(hx, hy, hz, share):
 def test_creases_stay_sharp_and_rounds_smooth():
     cube = geometry.box(0.1, 0.1, 0.1)
     assert len(cube.vertices) == 24
-    assert np.sort(np.abs(cube.normals), axis=1) == pytest.approx(np.tile([0, 0, 1], (24, 1)), abs=1e-6)
+    assert np.sort(np.abs(cube.normals), axis=1) == pytest.approx(
+        np.tile([0, 0, 1], (24, 1)), abs=1e-6
+    )
     ball = geometry.sphere(0.1, 16, 32)
     assert np.einsum("ij,ij->i", ball.normals, ball.vertices / 0.1).min() > 0.99
 
@@ -146,7 +151,14 @@ def test_a_ring_of_boxes_is_a_hollow_wall(radius, top):
         inner = transform(piece.pose, (-piece.size[0], 0, 0))
         assert np.hypot(*inner[:2]) < (radius + top) / 2 - wall * 0.9
     inside = np.array([0.0, 0, 0.07])
-    local = [np.abs(transform(c.pose * [1, 1, 1, 1, -1, -1, -1] * [0, 0, 0, 1, 1, 1, 1], inside - c.pose[:3])) for c in pieces]
+    local = [
+        np.abs(
+            transform(
+                c.pose * [1, 1, 1, 1, -1, -1, -1] * [0, 0, 0, 1, 1, 1, 1], inside - c.pose[:3]
+            )
+        )
+        for c in pieces
+    ]
     assert all(np.any(p > c.size) for p, c in zip(local, pieces, strict=True))
 
 

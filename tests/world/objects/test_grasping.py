@@ -63,7 +63,9 @@ def test_palms_stay_out_of_the_body(radius, height):
         return
     position, approach, _ = parts(grasps)
     palm = position - PALM * approach
-    assert not np.any((np.hypot(palm[:, 0], palm[:, 1]) < radius) & (palm[:, 2] < top) & (palm[:, 2] > 0))
+    assert not np.any(
+        (np.hypot(palm[:, 0], palm[:, 1]) < radius) & (palm[:, 2] < top) & (palm[:, 2] > 0)
+    )
     # the fingers still close round the widest part: the tcp is short of the axis by at most 8 mm
     assert np.linalg.norm(position - [0, 0, height], axis=1).max() < 0.0081
     assert np.all(pitch(approach)[palm[:, 2] < top] < 75)

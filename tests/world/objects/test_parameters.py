@@ -1,4 +1,5 @@
-"""Declared parameters against the draws that they stand for, and the facts that follow from them."""
+"""Declared parameters against the draws that they stand for, and the facts that follow from
+them."""
 
 from dataclasses import dataclass
 
@@ -45,5 +46,7 @@ def test_parameters_are_drawn_in_their_order(seed):
     assert thing == Thing(width, depth, material, colour, ring, lid, legs, texture)
     facts = thing.facts()
     assert facts["size"] == LARGE[int(3 * (width - 2) / 2)]
-    assert (facts["material"], facts["plain"]) == (("wooden", "") if material == "wood" else ("metal", "metal"))
+    assert (facts["material"], facts["plain"]) == (
+        ("wooden", "") if material == "wood" else ("metal", "metal")
+    )
     assert (facts["ring"], facts["lid"]) == (ring, lid)

@@ -1,4 +1,5 @@
-"""Things that are made for each other fit: phone and stand, mug and rack, drawer and cabinet, what goes into what."""
+"""Things that are made for each other fit: phone and stand, mug and rack, drawer and cabinet, what
+goes into what."""
 
 import numpy as np
 import pytest
@@ -42,11 +43,16 @@ def test_a_phone_rests_on_its_stand(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_phone_that_comes_down_onto_a_moving_stand_does_not_touch_it_before(seed):
-    """The phone comes down at 0.2 m/s, the stand moves along y, where lip and back rest are in the way."""
+    """The phone comes down at 0.2 m/s, the stand moves along y, where lip and back rest are in the
+    way."""
     stand, phone = FAMILIES["phone_stand"].draw(rng(seed)), FAMILIES["phone"].draw(rng(seed + 100))
-    goal = compose(compose(stand.frames()["seat"], pose((0, 0, GAP))), inverse(phone.frames()["foot"]))
+    goal = compose(
+        compose(stand.frames()["seat"], pose((0, 0, GAP))), inverse(phone.frames()["foot"])
+    )
     low, high = phone.shape().aabb()
-    grid = np.stack(np.meshgrid([low[0], 0, high[0]], *np.linspace(low[1:], high[1:], 60).T, indexing="ij"), -1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid([low[0], 0, high[0]], *np.linspace(low[1:], high[1:], 60).T, indexing="ij"), -1
+    ).reshape(-1, 3)
     for early in np.linspace(0.01, 0.3, 30):  # s
         for speed in (0.08, 0.0, -0.12):
             points = transform(goal, grid) + np.array([0, speed, 0.2]) * early
@@ -59,7 +65,8 @@ def test_a_phone_that_comes_down_onto_a_moving_stand_does_not_touch_it_before(se
 def test_a_mug_hangs_on_the_rack(seed):
     rack, mug = FAMILIES["rack"].draw(rng(seed)), FAMILIES["mug"].draw(rng(seed + 100))
     hole = mug.frames()["handle_hole"]
-    # the hole's axis goes along the peg, the mug hangs below it: its x axis (towards the ear) points up
+    # the hole's axis goes along the peg, the mug hangs below it: its x axis (towards the ear)
+    # points up
     along = rack.frames()["peg_middle"]
     z = quat_rotate(along[3:], (0, 0, 1))
     x = np.array([0, 0, 1.0]) - z * z[2]
@@ -138,7 +145,13 @@ def test_what_is_set_on_something_fits_on_it(small, large):
 
 
 def test_faces_look_out_of_their_objects():
-    for name, point in (("seal", "stamp"), ("qr_sign", "code"), ("scanner", "window"), ("tea_box", "left"), ("fan", "front")):
+    for name, point in (
+        ("seal", "stamp"),
+        ("qr_sign", "code"),
+        ("scanner", "window"),
+        ("tea_box", "left"),
+        ("fan", "front"),
+    ):
         one = FAMILIES[name].draw(rng(0))
         p = one.frames()[point]
         out = quat_rotate(p[3:], (0, 0, 1))

@@ -1,4 +1,5 @@
-"""The articulation of an arm has the bits that SAPIEN's own loader gives it from the arm as URDF."""
+"""The articulation of an arm has the bits that SAPIEN's own loader gives it from the arm as
+URDF."""
 
 from dataclasses import replace
 
@@ -22,12 +23,37 @@ def bits(builder: sapien.ArticulationBuilder) -> list[bytes]:
     for link in builder.link_builders:
         joint = link.joint_record
         at = (link._cmass_local_pose, joint.pose_in_parent, joint.pose_in_child)
-        numbers = [*(part for p in at for part in (p.p, p.q)), link._mass, link._inertia, np.ravel(joint.limits), joint.damping]
+        numbers = [
+            *(part for p in at for part in (p.p, p.q)),
+            link._mass,
+            link._inertia,
+            np.ravel(joint.limits),
+            joint.damping,
+        ]
         for shape in link.collision_records:
-            surface = (shape.material.static_friction, shape.material.dynamic_friction, shape.material.restitution)
-            numbers += [shape.pose.p, shape.pose.q, shape.scale, shape.radius, shape.length, shape.density, *surface]
-        words = [link.name, joint.name, joint.joint_type, *(shape.type for shape in link.collision_records)]
-        found.append(b"".join(np.asarray(n, np.float32).tobytes() for n in numbers) + repr(words).encode())
+            surface = (
+                shape.material.static_friction,
+                shape.material.dynamic_friction,
+                shape.material.restitution,
+            )
+            numbers += [
+                shape.pose.p,
+                shape.pose.q,
+                shape.scale,
+                shape.radius,
+                shape.length,
+                shape.density,
+                *surface,
+            ]
+        words = [
+            link.name,
+            joint.name,
+            joint.joint_type,
+            *(shape.type for shape in link.collision_records),
+        ]
+        found.append(
+            b"".join(np.asarray(n, np.float32).tobytes() for n in numbers) + repr(words).encode()
+        )
     return found
 
 
@@ -42,6 +68,10 @@ def by_loader(arm: Arm, path) -> sapien.ArticulationBuilder:
 def test_an_arm_is_what_the_loader_makes_of_its_urdf(name, tmp_path):
     arm = get_embodiment(name).arms["left"]
     first, *others = arm.links
-    turned = replace(first, products=(0.1 * first.inertia[0], 0.0, -0.05 * first.inertia[0]), collision=(*first.collision, CAPSULE))
+    turned = replace(
+        first,
+        products=(0.1 * first.inertia[0], 0.0, -0.05 * first.inertia[0]),
+        collision=(*first.collision, CAPSULE),
+    )
     for one in (arm, replace(arm, links=(turned, *others))):
         assert bits(arm_builder(one, "left")) == bits(by_loader(one, tmp_path / "arm.urdf"))

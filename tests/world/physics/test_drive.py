@@ -1,4 +1,5 @@
-"""The drive of a touched target: what it follows, how hard it pulls, when it comes back, and what ends it."""
+"""The drive of a touched target: what it follows, how hard it pulls, when it comes back, and what
+ends it."""
 
 import numpy as np
 import pytest
@@ -15,15 +16,24 @@ SPEED = 0.1
 
 
 def body(name, family, x, y, fixed=False):
-    return Body(name, family, FAMILIES[family].draw(np.random.default_rng(0)), yawed((x, y, TABLE_TOP), 0.0), fixed)
+    return Body(
+        name,
+        family,
+        FAMILIES[family].draw(np.random.default_rng(0)),
+        yawed((x, y, TABLE_TOP), 0.0),
+        fixed,
+    )
 
 
 def driven(grips=(), other=0.0):
-    """A can that goes along x at SPEED and hits a block beside its way, `other` m off its line; both free."""
+    """A can that goes along x at SPEED and hits a block beside its way, `other` m off its line;
+    both free."""
     target, block = body("target", "can", -0.2, 0.15), body("block", "block", -0.1, 0.15 + other)
     way = Segment(0.0, 4.0, np.array([[-0.2, SPEED * 4.0], [0.15, 0.0]]))
     motion = PlanarMotion(1, 0.1, 4.0, 0.0, TABLE_TOP, target.pose[3:], (way,))
-    s = Simulation(get_embodiment("aloha-agilex"), (target, block), "target", motion, after_touch=Hold(grips))
+    s = Simulation(
+        get_embodiment("aloha-agilex"), (target, block), "target", motion, after_touch=Hold(grips)
+    )
     assert s.settle()
     return s, motion
 

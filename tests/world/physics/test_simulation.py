@@ -1,4 +1,5 @@
-"""Physics against closed forms: fall, rest, following, release, drives, grasping, contacts; and bytes that repeat."""
+"""Physics against closed forms: fall, rest, following, release, drives, grasping, contacts; and
+bytes that repeat."""
 
 import hashlib
 import subprocess
@@ -17,7 +18,14 @@ from pipeline.expert.skills import grasp, lift, open_
 from pipeline.motion.models.turntable import Turntable
 from pipeline.motion.pace import Pace
 from pipeline.motion.planar.motion import PlanarMotion, Segment
-from pipeline.poses import quat_about, quat_conjugate, quat_multiply, quat_rotate, rotation_vector, yawed
+from pipeline.poses import (
+    quat_about,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    rotation_vector,
+    yawed,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
 from pipeline.world.physics.body import TABLE_TOP, Body
@@ -42,7 +50,12 @@ def far_target():
 
 def simulate(*bodies, target="target", motion=None):
     start = next(b for b in bodies if b.name == target)
-    return Simulation(get_embodiment("aloha-agilex"), bodies, target, motion or PlanarMotion.still(start.pose, 1.0))
+    return Simulation(
+        get_embodiment("aloha-agilex"),
+        bodies,
+        target,
+        motion or PlanarMotion.still(start.pose, 1.0),
+    )
 
 
 def hold(simulation, steps):
@@ -54,15 +67,20 @@ def hold(simulation, steps):
 def curve(start, duration=2.0):
     """From a pose 20 cm to the right and 10 cm away on a parabola, in `duration` s."""
     c = np.array([[start[0], 0.2, 0.0], [start[1], 0.0, 0.1]])
-    return PlanarMotion(2, 0.2, duration, 0.0, float(start[2]), start[3:], (Segment(0.0, duration, c),))
+    return PlanarMotion(
+        2, 0.2, duration, 0.0, float(start[2]), start[3:], (Segment(0.0, duration, c),)
+    )
 
 
 def straight(start, speed, duration=5.0):
     c = np.array([[start[0], speed * duration], [start[1], 0.0]])
-    return PlanarMotion(1, speed, duration, 0.0, float(start[2]), start[3:], (Segment(0.0, duration, c),))
+    return PlanarMotion(
+        1, speed, duration, 0.0, float(start[2]), start[3:], (Segment(0.0, duration, c),)
+    )
 
 
-# --- bodies -----------------------------------------------------------------------------------------------------------------
+# --- bodies
+# ------------------------------------------------------------------------------------------
 
 
 def test_a_fixed_body_is_no_target():
@@ -76,7 +94,9 @@ def test_a_free_body_falls_as_it_must_and_comes_to_rest_on_the_table():
     for n in range(1, 30):
         hold(s, 1)
         # semi-implicit Euler: the speed of a step is that of its end
-        assert s.pose("block")[2] == pytest.approx(TABLE_TOP + 0.12 - G * DT * DT * n * (n + 1) / 2, abs=2e-4)
+        assert s.pose("block")[2] == pytest.approx(
+            TABLE_TOP + 0.12 - G * DT * DT * n * (n + 1) / 2, abs=2e-4
+        )
     assert s.speed("block") == pytest.approx(G * 29 * DT, rel=1e-3)
     hold(s, 200)
     np.testing.assert_allclose(s.pose("block")[:3], block.pose[:3] - (0, 0, 0.12), atol=1.5e-3)
@@ -98,7 +118,9 @@ def test_settling_ends_when_all_is_quiet_and_does_not_count_as_time():
 def test_a_scene_that_does_not_come_to_rest_or_touches_its_target_is_not_settled():
     assert not simulate(far_target(), body("ball", "block", 0.3, 0.2, up=6.0)).settle()
     target = far_target()
-    falling = Body("block", "block", FAMILIES["block"].draw(np.random.default_rng(0)), lifted(target.pose, 0.2))
+    falling = Body(
+        "block", "block", FAMILIES["block"].draw(np.random.default_rng(0)), lifted(target.pose, 0.2)
+    )
     assert not simulate(target, falling).settle()
 
 
@@ -123,7 +145,8 @@ def test_the_table_carries_a_resting_body_with_its_weight():
     assert all(a < b for a, b, *_ in s.contacts())
 
 
-# --- the target -------------------------------------------------------------------------------------------------------------
+# --- the target
+# ------------------------------------------------------------------------------------------
 
 
 def test_the_target_follows_its_motion_until_it_is_touched():
@@ -138,7 +161,9 @@ def test_the_target_follows_its_motion_until_it_is_touched():
         recorder.after_step()
     log = recorder.log()
     assert len(log) == 31
-    assert np.linalg.norm(log.pose("target")[:, :3] - motion.position(log.times), axis=1).max() < 1e-5
+    assert (
+        np.linalg.norm(log.pose("target")[:, :3] - motion.position(log.times), axis=1).max() < 1e-5
+    )
     np.testing.assert_allclose(log.target_velocity, motion.velocity(log.times), atol=1e-12)
     assert np.ptp(log.pose("target")[:, 3:], axis=0).max() < 1e-6
     assert not s.released
@@ -174,7 +199,9 @@ def test_without_stops_the_target_pushes_through_and_ends_its_motion_when_releas
     speed = 0.1
     target, block = body("target", "can", -0.2, 0.15), body("block", "block", -0.08, 0.15)
     motion = straight(target.pose, speed)
-    s = Simulation(get_embodiment("aloha-agilex"), (target, block), "target", motion, after_touch="continue")
+    s = Simulation(
+        get_embodiment("aloha-agilex"), (target, block), "target", motion, after_touch="continue"
+    )
     assert s.settle()
     hold(s, 240)
     assert s.touched_by == "block"
@@ -191,20 +218,34 @@ def test_without_stops_the_target_pushes_through_and_ends_its_motion_when_releas
 
 def test_a_touch_of_clutter_is_seen_at_the_step_of_the_touch_and_once():
     speed = 0.1
-    target, block, other = body("target", "can", -0.2, 0.15), body("block", "block", -0.08, 0.15), body("other", "block", 0.2, -0.1)
+    target, block, other = (
+        body("target", "can", -0.2, 0.15),
+        body("block", "block", -0.08, 0.15),
+        body("other", "block", 0.2, -0.1),
+    )
     motion = straight(target.pose, speed)
     bodies = (target, block, other)
-    s = Simulation(get_embodiment("aloha-agilex"), bodies, "target", motion, after_touch="continue", clutter=("block", "other"))
+    s = Simulation(
+        get_embodiment("aloha-agilex"),
+        bodies,
+        "target",
+        motion,
+        after_touch="continue",
+        clutter=("block", "other"),
+    )
     assert s.settle()
     assert s.events == []
-    gap = -0.08 + block.instance.shape().aabb()[0, 0] - (-0.2 + target.instance.shape().aabb()[1, 0])
+    gap = (
+        -0.08 + block.instance.shape().aabb()[0, 0] - (-0.2 + target.instance.shape().aabb()[1, 0])
+    )
     hold(s, 240)
     touches = [e for e in s.events if e.name == "clutter_touched"]
     assert [e.by for e in touches] == ["block"]
     assert touches[0].time == pytest.approx(gap / speed, abs=0.02)
 
 
-# --- the robot --------------------------------------------------------------------------------------------------------------
+# --- the robot
+# ------------------------------------------------------------------------------------------
 
 
 def test_the_drives_follow_a_sine_with_feed_forward_to_5_mrad():
@@ -217,7 +258,10 @@ def test_the_drives_follow_a_sine_with_feed_forward_to_5_mrad():
     w, worst = 2 * np.pi * 0.5, 0.0
     for n in range(1, 481):
         t = n * DT
-        s.step(home + sign * amplitude * (1 - np.cos(w * t)) / 2, sign * amplitude * w * np.sin(w * t) / 2)
+        s.step(
+            home + sign * amplitude * (1 - np.cos(w * t)) / 2,
+            sign * amplitude * w * np.sin(w * t) / 2,
+        )
         error = np.abs(s.state_vector(s.qpos()[0]) - s.command)[~grip]
         worst = max(worst, float(error.max()))
     assert worst < 5e-3
@@ -276,7 +320,9 @@ def test_a_grasped_can_is_lifted_and_held(lifted_can):
     assert o.opening("right") * gripper.max_opening == pytest.approx(width, abs=3e-3)
     for finger in o.fingers("right"):
         row = o.contacts(finger, "target", 1)[-1]
-        local = quat_rotate(o.pose("target")[3:] * np.array([1, -1, -1, -1]), row["point"] - o.pose("target")[:3])
+        local = quat_rotate(
+            o.pose("target")[3:] * np.array([1, -1, -1, -1]), row["point"] - o.pose("target")[:3]
+        )
         assert np.hypot(*local[:2]) == pytest.approx(width / 2, abs=4e-3)
 
 
@@ -319,7 +365,8 @@ def test_a_rate_that_does_not_divide_the_physics_is_refused(fps):
         Recorder(Dummy(), fps)  # type: ignore[arg-type]
 
 
-# --- determinism ------------------------------------------------------------------------------------------------------------
+# --- determinism
+# ------------------------------------------------------------------------------------------
 
 
 def rollout_hash():
@@ -335,21 +382,42 @@ def rollout_hash():
             s.step(command, np.zeros(len(command)))
             recorder.after_step()
     log = recorder.log()
-    parts = [log.poses, log.qpos, log.qvel, log.state, log.tcp, log.target_velocity, log.target_angular_velocity, log.contacts]
-    return hashlib.sha256(b"".join(p.tobytes() for p in parts) + repr(log.events).encode()).hexdigest()
+    parts = [
+        log.poses,
+        log.qpos,
+        log.qvel,
+        log.state,
+        log.tcp,
+        log.target_velocity,
+        log.target_angular_velocity,
+        log.contacts,
+    ]
+    return hashlib.sha256(
+        b"".join(p.tobytes() for p in parts) + repr(log.events).encode()
+    ).hexdigest()
 
 
 def test_the_same_commands_give_the_same_bytes_in_any_process():
     first = rollout_hash()
     assert rollout_hash() == first
-    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.world.physics.test_simulation import rollout_hash; "
+    code = (
+        f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.world.physics.test_simulation"
+        " import rollout_hash; "
+    )
     code += "print(rollout_hash())"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == first
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == first
+    )
 
 
 def test_a_turning_target_keeps_its_spin_and_its_origin_s_velocity_at_release():
     can = body("target", "can", 0.1, -0.1, up=0.3)
-    motion = Turntable(1, 0.1, 2.0, 0.0, tuple(can.pose), Pace(0.0, (2.0,), (0.1,)), (0.1, -0.2), 1, 0.15)
+    motion = Turntable(
+        1, 0.1, 2.0, 0.0, tuple(can.pose), Pace(0.0, (2.0,), (0.1,)), (0.1, -0.2), 1, 0.15
+    )
     s = simulate(can, motion=motion)
     hold(s, 120)
     before, twist = s.pose("target"), motion.twist(0.5)
@@ -362,7 +430,8 @@ def test_a_turning_target_keeps_its_spin_and_its_origin_s_velocity_at_release():
 
 @dataclass
 class Tumbling:
-    """A body whose origin flies straight at `speed` (3,) m/s while it turns at `spin` (3,) rad/s."""
+    """A body whose origin flies straight at `speed` (3,) m/s while it turns at `spin` (3,)
+    rad/s."""
 
     start: np.ndarray
     speed: np.ndarray
@@ -385,8 +454,8 @@ class Tumbling:
 
 @pytest.fixture(scope="module")
 def tumbled():
-    """A tumbling can, whose origin is the middle of its base, let go after 0.25 s: simulation, poses and twists of each step, and
-    the step of the release."""
+    """A tumbling can, whose origin is the middle of its base, let go after 0.25 s: simulation,
+    poses and twists of each step, and the step of the release."""
     can = body("target", "can", 0.0, 0.1, up=1.0)
     motion = Tumbling(can.pose, np.array([0.3, -0.2, 0.1]), np.array([3.0, 2.0, -1.0]))
     s = simulate(can, motion=motion)
@@ -412,9 +481,13 @@ def test_a_tumbling_target_is_let_go_with_the_velocity_of_its_origin(tumbled):
 def test_the_velocities_of_a_target_are_those_of_its_pose_before_and_after_the_release(tumbled):
     _, poses, twists, _ = tumbled
     moved = np.diff(poses[:, :3], axis=0) / DT
-    turned = [rotation_vector(quat_multiply(b[3:], quat_conjugate(a[3:]))) / DT for a, b in pairwise(poses)]
+    turned = [
+        rotation_vector(quat_multiply(b[3:], quat_conjugate(a[3:]))) / DT
+        for a, b in pairwise(poses)
+    ]
     between = (twists[1:] + twists[:-1]) / 2
-    # gravity changes the velocity by 0.04 m/s a step; the mass centre's is up to 0.15 m/s away from the origin's
+    # gravity changes the velocity by 0.04 m/s a step; the mass centre's is up to 0.15 m/s away from
+    # the origin's
     np.testing.assert_allclose(moved, between[:, :3], atol=0.022)
     np.testing.assert_allclose(turned, between[:, 3:], atol=0.02)
 

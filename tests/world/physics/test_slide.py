@@ -25,19 +25,35 @@ def test_a_drawer_runs_out_of_its_cabinet_and_nowhere_else():
     cabinet = drawn("cabinet")
     shell = Body("cabinet", "cabinet", cabinet, yawed((0, 0.2, TABLE_TOP), 0.3), fixed=True)
     closed = compose(shell.pose, cabinet.slot())
-    drawer = Body("drawer", "drawer", cabinet.drawer(), closed, inside="cabinet", slide=cabinet.slide())
+    drawer = Body(
+        "drawer", "drawer", cabinet.drawer(), closed, inside="cabinet", slide=cabinet.slide()
+    )
     can = Body("can", "can", drawn("can"), yawed((0.3, -0.2, TABLE_TOP), 0.0))
-    s = Simulation(get_embodiment("aloha-agilex"), (shell, drawer, can), "can", PlanarMotion.still(can.pose, 1.0))
+    s = Simulation(
+        get_embodiment("aloha-agilex"),
+        (shell, drawer, can),
+        "can",
+        PlanarMotion.still(can.pose, 1.0),
+    )
     assert s.settle()
     out = quat_rotate(shell.pose[3:], np.array([0.0, -1.0, 0.0]))
     force, damping, mass = 6.0, 60.0, cabinet.drawer().shape().mass
-    run(s, PHYSICS_HZ // 2, lambda: s._rigid["drawer"].add_force_at_point(force * out, s.pose("drawer")[:3]))
+    run(
+        s,
+        PHYSICS_HZ // 2,
+        lambda: s._rigid["drawer"].add_force_at_point(force * out, s.pose("drawer")[:3]),
+    )
     t = 0.5
-    expected = force / damping * (t - mass / damping * (1 - np.exp(-damping * t / mass)))  # m x'' = F - d x'
+    # m x'' = F - d x'
+    expected = force / damping * (t - mass / damping * (1 - np.exp(-damping * t / mass)))
     moved = compose(inverse(closed), s.pose("drawer"))
     np.testing.assert_allclose(moved[:3], [0, -expected, 0], atol=0.004)
     np.testing.assert_allclose(np.abs(moved[3:]), [1, 0, 0, 0], atol=0.01)
-    run(s, 2 * PHYSICS_HZ, lambda: s._rigid["drawer"].add_force_at_point(3 * force * out, s.pose("drawer")[:3]))
+    run(
+        s,
+        2 * PHYSICS_HZ,
+        lambda: s._rigid["drawer"].add_force_at_point(3 * force * out, s.pose("drawer")[:3]),
+    )
     assert abs(-compose(inverse(closed), s.pose("drawer"))[1] - cabinet.slide().upper) < 0.01
 
 

@@ -28,7 +28,9 @@ def test_aliases_and_case():
 
 @pytest.mark.parametrize("name", ["pipper", "", "piper+", "piper+ur5+arx", "piper+nobody"])
 def test_unknown_names_say_what_exists(name):
-    with pytest.raises(UnknownEmbodiment, match=rf"choose {', '.join(MODELS)} or a pair .*left\+right"):
+    with pytest.raises(
+        UnknownEmbodiment, match=rf"choose {', '.join(MODELS)} or a pair .*left\+right"
+    ):
         get_embodiment(name)
 
 
@@ -93,7 +95,9 @@ def test_links_form_one_tree_with_plausible_inertias(name):
 def link_points(e: Embodiment, side: str, q: np.ndarray, value: float) -> dict[str, np.ndarray]:
     poses = arm_poses(e.arms[side], q, value)
     return {
-        link.name: np.concatenate([transform(poses[link.name], mesh.vertices) for mesh, _ in link.visual])
+        link.name: np.concatenate(
+            [transform(poses[link.name], mesh.vertices) for mesh, _ in link.visual]
+        )
         for link in e.arms[side].links
         if link.visual
     }
@@ -115,7 +119,9 @@ def test_wrist_camera_sees_both_finger_ends_and_what_lies_between(name):
                 assert visible(kind, camera, points[along > 0.003]).mean() > 0.95
                 assert visible(kind, camera, points[along > 0.008]).all()
             # the camera looks along the approach, with the tool's z up
-            uv, _ = project(kind, camera, transform(tcp, np.array([[0, 0, 0.0], [0, 0, 0.02], [0, 0.02, 0]])))
+            uv, _ = project(
+                kind, camera, transform(tcp, np.array([[0, 0, 0.0], [0, 0, 0.02], [0, 0.02, 0]]))
+            )
             assert uv[1, 1] < uv[0, 1] - 10 and uv[2, 0] < uv[0, 0] - 10
 
 
@@ -127,19 +133,26 @@ def test_of_its_own_arm_a_wrist_camera_sees_the_fingers_only(name):
         arm = e.arms[side]
         poses = {name: at[None] for name, at in arm_poses(arm, arm.home).items()}
         solids = solids_of({link.name: link.visual for link in arm.links}, ())
-        others = [link.name for link in arm.links if link.visual and link.name not in arm.gripper.fingers]
+        others = [
+            link.name for link in arm.links if link.visual and link.name not in arm.gripper.fingers
+        ]
         world = compose(poses[arm.camera.link], camera.pose)
         assert not track_bodies(solids, poses, others, camera.type, world).visible.any()
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_head_camera_is_not_blocked_at_home(name):
-    """No part of the robot or its furniture covers the table where objects are: |x| <= 0.4, y in -0.2..0.25."""
+    """No part of the robot or its furniture covers the table where objects are: |x| <= 0.4, y in
+    -0.2..0.25."""
     e = get_embodiment(name)
     head = cameras_of(e)[0]
     table = np.array([[x, y, 0.74] for x in (-0.25, 0.0, 0.25) for y in (-0.15, 0.2)])
     uv, depth = project(head.type, head.pose, table)
-    clouds = [points for side in SIDES for points in link_points(e, side, np.array(e.arms[side].home), 1.0).values()]
+    clouds = [
+        points
+        for side in SIDES
+        for points in link_points(e, side, np.array(e.arms[side].home), 1.0).values()
+    ]
     clouds += [mesh.vertices.astype(float) for mesh, _ in e.furniture]
     points = np.concatenate(clouds)
     seen = visible(head.type, head.pose, points)
@@ -159,10 +172,17 @@ def test_budget_and_meshes(name):
         np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-3)
         a, b, c = (mesh.vertices[mesh.triangles[:, i]].astype(float) for i in range(3))
         area = np.cross(b - a, c - a)
-        # counter-clockwise triangles agree with the normals, and each joined set of closed parts has positive volume
-        assert (np.einsum("ij,ij->i", area, mesh.normals[mesh.triangles].sum(1)) > -1e-12).mean() > 0.999
+        # counter-clockwise triangles agree with the normals, and each joined set of closed parts
+        # has positive volume
+        assert (
+            np.einsum("ij,ij->i", area, mesh.normals[mesh.triangles].sum(1)) > -1e-12
+        ).mean() > 0.999
         assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
-        assert 0 <= material.roughness <= 1 and 0 <= material.metallic <= 1 and 0 <= min(material.color) <= max(material.color) <= 1
+        assert (
+            0 <= material.roughness <= 1
+            and 0 <= material.metallic <= 1
+            and 0 <= min(material.color) <= max(material.color) <= 1
+        )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -180,7 +200,8 @@ def test_furniture_keeps_clear_of_the_table(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_visuals_fit_their_collision_pieces(name):
-    """The drawn body stays within 3 cm of its collision bounds and fills at least half of their extent."""
+    """The drawn body stays within 3 cm of its collision bounds and fills at least half of their
+    extent."""
     for arm in get_embodiment(name).arms.values():
         for link in arm.links:
             if not link.collision:
@@ -189,4 +210,7 @@ def test_visuals_fit_their_collision_pieces(name):
             solid = np.concatenate([c.support_points() for c in link.collision])
             assert np.all(drawn.min(0) > solid.min(0) - 0.03), (arm.model, link.name)
             assert np.all(drawn.max(0) < solid.max(0) + 0.03), (arm.model, link.name)
-            assert np.all(np.ptp(drawn, axis=0) > 0.5 * np.ptp(solid, axis=0)), (arm.model, link.name)
+            assert np.all(np.ptp(drawn, axis=0) > 0.5 * np.ptp(solid, axis=0)), (
+                arm.model,
+                link.name,
+            )

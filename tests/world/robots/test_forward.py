@@ -1,4 +1,5 @@
-"""Forward kinematics of the specs against tables that were written down by other people in other conventions."""
+"""Forward kinematics of the specs against tables that were written down by other people in other
+conventions."""
 
 import numpy as np
 import pytest
@@ -62,7 +63,9 @@ def in_base(arm: Arm, q: np.ndarray, link: str) -> np.ndarray:
 def errors(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
     """Position error (m) and rotation error (rad)."""
     turn = found[:3, :3].T @ expected[:3, :3]
-    return float(np.linalg.norm(found[:3, 3] - expected[:3, 3])), float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    return float(np.linalg.norm(found[:3, 3] - expected[:3, 3])), float(
+        np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
+    )
 
 
 def test_panda_flange_is_frankas_modified_dh():
@@ -78,23 +81,45 @@ def test_panda_flange_is_frankas_modified_dh():
     ]
     arm = get_embodiment("panda").arms["left"]
     for q in configurations(arm):
-        np.testing.assert_allclose(in_base(arm, q, "panda_link8"), modified_dh(rows, q) @ shift(0, 0, 0.107), atol=1e-6)
+        np.testing.assert_allclose(
+            in_base(arm, q, "panda_link8"), modified_dh(rows, q) @ shift(0, 0, 0.107), atol=1e-6
+        )
 
 
 def test_ur5_flange_is_urs_standard_dh_on_a_base_turned_by_pi():
     h = np.pi / 2
-    rows = [(0, 0.089159, h), (-0.425, 0, 0), (-0.39225, 0, 0), (0, 0.10915, h), (0, 0.09465, -h), (0, 0.0823, 0)]
+    rows = [
+        (0, 0.089159, h),
+        (-0.425, 0, 0),
+        (-0.39225, 0, 0),
+        (0, 0.10915, h),
+        (0, 0.09465, -h),
+        (0, 0.0823, 0),
+    ]
     arm = get_embodiment("ur5").arms["left"]
     flange_in_ee = rot("z", -h) @ rot("x", -h)  # `tool0` as seen from `ee_link`
     for q in configurations(arm):
-        np.testing.assert_allclose(in_base(arm, q, "ee_link") @ flange_in_ee, rot("z", np.pi) @ standard_dh(rows, q), atol=1e-6)
+        np.testing.assert_allclose(
+            in_base(arm, q, "ee_link") @ flange_in_ee,
+            rot("z", np.pi) @ standard_dh(rows, q),
+            atol=1e-6,
+        )
 
 
 def test_piper_is_piper_sdks_modified_dh_but_for_the_cad_term():
-    table = [(0, 0, 123, 0), (0, -90, 0, -174.22), (285.03, 0, 0, -100.78), (-21.98, 90, 250.75, 0), (0, -90, 0, 0), (0, 90, 91, 0)]
+    table = [
+        (0, 0, 123, 0),
+        (0, -90, 0, -174.22),
+        (285.03, 0, 0, -100.78),
+        (-21.98, 90, 250.75, 0),
+        (0, -90, 0, 0),
+        (0, 90, 91, 0),
+    ]
     rows = [(a / 1000, alpha * DEG, d / 1000, offset * DEG) for a, alpha, d, offset in table]
     arm = get_embodiment("piper").arms["left"]
-    found = np.array([errors(in_base(arm, q, "link6"), modified_dh(rows, q)) for q in configurations(arm)])
+    found = np.array(
+        [errors(in_base(arm, q, "link6"), modified_dh(rows, q)) for q in configurations(arm)]
+    )
     assert found[:, 0].max() < 1.45e-3
     assert found[:, 0].min() > 1.39e-3, "the CAD term of joint6 is part of the spec"
     assert found[:, 1].max() < 0.003 * DEG
@@ -112,7 +137,9 @@ VENDOR_X5 = [
 
 def test_arx_x5_is_the_vendors_x5_to_3_mm():
     arm = get_embodiment("arx").arms["left"]
-    found = np.array([errors(in_base(arm, q, "link6"), chained(VENDOR_X5, q)) for q in configurations(arm)])
+    found = np.array(
+        [errors(in_base(arm, q, "link6"), chained(VENDOR_X5, q)) for q in configurations(arm)]
+    )
     assert 2e-3 < found[:, 0].mean() < 2.9e-3
     assert found[:, 0].max() < 3.01e-3
     assert found[:, 1].max() < 0.002 * DEG
@@ -120,18 +147,30 @@ def test_arx_x5_is_the_vendors_x5_to_3_mm():
 
 def test_aloha_front_arms_are_close_relatives_of_the_x5():
     aloha, arx = get_embodiment("aloha").arms, get_embodiment("arx").arms["right"]
-    found = np.array([errors(in_base(aloha["left"], q, "link6"), in_base(arx, q, "link6")) for q in configurations(arx)])
+    found = np.array(
+        [
+            errors(in_base(aloha["left"], q, "link6"), in_base(arx, q, "link6"))
+            for q in configurations(arx)
+        ]
+    )
     assert 5e-3 < found[:, 0].mean() < 11e-3
     assert found[:, 0].max() < 15e-3
     for q in configurations(arx, 5):
-        np.testing.assert_allclose(in_base(aloha["left"], q, "link6"), in_base(aloha["right"], q, "link6"), atol=1e-12)
+        np.testing.assert_allclose(
+            in_base(aloha["left"], q, "link6"), in_base(aloha["right"], q, "link6"), atol=1e-12
+        )
 
 
 def test_aloha_bases_stand_where_the_footprint_chain_puts_them():
     root = shift(0, -0.65, 0) @ rot("z", np.pi / 2)
-    for side, xyz, yaw in (("left", (0.2305, 0.297, 0.782), 0.02), ("right", (0.2315, -0.3063, 0.781), 0.01)):
+    for side, xyz, yaw in (
+        ("left", (0.2305, 0.297, 0.782), 0.02),
+        ("right", (0.2315, -0.3063, 0.781), 0.01),
+    ):
         expected = root @ shift(*xyz) @ rot("z", yaw)
-        np.testing.assert_allclose(matrix(get_embodiment("aloha").arms[side].base), expected, atol=1e-12)
+        np.testing.assert_allclose(
+            matrix(get_embodiment("aloha").arms[side].base), expected, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -141,8 +180,17 @@ def test_the_tool_lies_between_the_fingers(name):
         for value in (0.0, 1.0):
             poses = arm_poses(arm, np.array(arm.home), value)
             local = [
-                np.concatenate([(matrix(compose(inverse(tcp), poses[f])) @ np.c_[p, np.ones(len(p))].T).T[:, :3] for p in points])
-                for f, points in ((link.name, [c.support_points() for c in link.collision]) for link in arm.links)
+                np.concatenate(
+                    [
+                        (matrix(compose(inverse(tcp), poses[f])) @ np.c_[p, np.ones(len(p))].T).T[
+                            :, :3
+                        ]
+                        for p in points
+                    ]
+                )
+                for f, points in (
+                    (link.name, [c.support_points() for c in link.collision]) for link in arm.links
+                )
                 if f in arm.gripper.fingers
             ]
             near = [points[np.abs(points[:, 0]) < 0.06] for points in local]

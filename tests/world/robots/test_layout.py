@@ -32,13 +32,19 @@ def test_a_stand_is_under_each_moved_base(name):
         robot = get_embodiment(name, layout)
         for side in SIDES:
             base = robot.arms[side].base
-            below = [c for c in robot.furniture_collision if np.abs(c.pose[:2] - base[:2]).max() < 0.15]
+            below = [
+                c for c in robot.furniture_collision if np.abs(c.pose[:2] - base[:2]).max() < 0.15
+            ]
             tops = [float(c.support_points()[:, 2].max()) for c in below]
             assert max(tops) == pytest.approx(base[2] - 0.003, abs=1e-6), (layout, side)
 
 
 def test_robots_that_stand_where_the_originals_do_are_the_same():
-    same = {name for name in MODELS if get_embodiment(name) == get_embodiment(name, "original") or _same_bases(name)}
+    same = {
+        name
+        for name in MODELS
+        if get_embodiment(name) == get_embodiment(name, "original") or _same_bases(name)
+    }
     assert same == {"aloha-agilex", "arx-x5"}
 
 
@@ -50,4 +56,6 @@ def _same_bases(name: str) -> bool:
 def test_a_scene_has_the_robot_of_its_rules():
     spec = EpisodeSpec("click_bell", "piper", 0, 0.1, "clean", 0, 0)
     assert build_scene(spec).embodiment.arms["left"].base[2] == pytest.approx(0.85)
-    assert build_scene(spec, Rules(layout="original")).embodiment.arms["left"].base[2] == pytest.approx(0.75)
+    assert build_scene(spec, Rules(layout="original")).embodiment.arms["left"].base[
+        2
+    ] == pytest.approx(0.75)

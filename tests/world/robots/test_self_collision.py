@@ -1,4 +1,5 @@
-"""The collision pieces of the specs, asked of pinocchio and coal: home is free, and no reviewed pair is missing or idle."""
+"""The collision pieces of the specs, asked of pinocchio and coal: home is free, and no reviewed
+pair is missing or idle."""
 
 from itertools import combinations
 
@@ -19,7 +20,8 @@ TABLE = Collider("box", (0.6, 0.35, 0.025), pose((0, 0, 0.715)))
 
 
 class Checker:
-    """All pieces of both arms, the furniture and the table; `touching` names the link pairs that overlap."""
+    """All pieces of both arms, the furniture and the table; `touching` names the link pairs that
+    overlap."""
 
     def __init__(self, e: Embodiment, path) -> None:
         path.write_text(embodiment_urdf(e))
@@ -31,10 +33,16 @@ class Checker:
             assert piece.kind == "box"
             placement = pin.SE3(matrix(piece.pose))
             self.geometry.addGeometryObject(
-                pin.GeometryObject(f"fixed{i}", 0, 0, placement, coal.Box(*(2 * s for s in piece.size)))
+                pin.GeometryObject(
+                    f"fixed{i}", 0, 0, placement, coal.Box(*(2 * s for s in piece.size))
+                )
             )
             self.owner.append("table" if i == 0 else "furniture")
-        adjacent = {frozenset((f"{s}_{j.parent}", f"{s}_{j.child}")) for s in SIDES for j in e.arms[s].joints}
+        adjacent = {
+            frozenset((f"{s}_{j.parent}", f"{s}_{j.child}"))
+            for s in SIDES
+            for j in e.arms[s].joints
+        }
         fixed = {"table", "furniture"}
         for i, j in combinations(range(len(self.owner)), 2):
             pair = frozenset((self.owner[i], self.owner[j]))
@@ -56,7 +64,9 @@ class Checker:
 
 
 def allowed(e: Embodiment) -> set[frozenset[str]]:
-    return {frozenset((f"{s}_{a}", f"{s}_{b}")) for s in SIDES for a, b in e.arms[s].allowed_overlap}
+    return {
+        frozenset((f"{s}_{a}", f"{s}_{b}")) for s in SIDES for a, b in e.arms[s].allowed_overlap
+    }
 
 
 @pytest.mark.parametrize("name", (*MODELS, "aloha+ur5", "piper+franka"))

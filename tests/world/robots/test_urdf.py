@@ -19,7 +19,9 @@ angles = st.floats(-np.pi, np.pi)
 @given(angles, angles, angles)
 def test_rpy_is_the_inverse_of_quat_from_rpy(roll, pitch, yaw):
     q = quat_from_rpy(roll, pitch, yaw)
-    np.testing.assert_allclose(quat_to_matrix(quat_from_rpy(*rpy_from_quat(q))), quat_to_matrix(q), atol=1e-7)
+    np.testing.assert_allclose(
+        quat_to_matrix(quat_from_rpy(*rpy_from_quat(q))), quat_to_matrix(q), atol=1e-7
+    )
 
 
 def random_q(arm: Arm, rng: np.random.Generator) -> np.ndarray:
@@ -39,8 +41,12 @@ def test_pinocchio_agrees_with_forward_kinematics(name):
         q = np.zeros(model.nq)
         for side in SIDES:
             arm = e.arms[side]
-            jaws = np.array(arm.gripper.closed) + value * (np.array(arm.gripper.opened) - np.array(arm.gripper.closed))
-            for joint, position in zip((*arm.arm_joints, *arm.gripper.joints), (*qs[side], *jaws), strict=True):
+            jaws = np.array(arm.gripper.closed) + value * (
+                np.array(arm.gripper.opened) - np.array(arm.gripper.closed)
+            )
+            for joint, position in zip(
+                (*arm.arm_joints, *arm.gripper.joints), (*qs[side], *jaws), strict=True
+            ):
                 q[model.joints[model.getJointId(f"{side}_{joint}")].idx_q] = position
         pin.framesForwardKinematics(model, data, q)
         for side in SIDES:
@@ -65,7 +71,11 @@ def test_sapien_agrees_with_forward_kinematics(name, tmp_path):
         q = np.zeros(len(names), np.float32)
         for side in SIDES:
             arm = e.arms[side]
-            for joint, position in zip((*arm.arm_joints, *arm.gripper.joints), (*qs[side], *arm.gripper.opened), strict=True):
+            for joint, position in zip(
+                (*arm.arm_joints, *arm.gripper.joints),
+                (*qs[side], *arm.gripper.opened),
+                strict=True,
+            ):
                 q[names.index(f"{side}_{joint}")] = position
         robot.set_qpos(q)
         found = {link.name: link.entity_pose for link in robot.links}
@@ -83,7 +93,14 @@ def test_urdf_carries_masses_limits_and_prefix(name):
     assert {n for n in model.names if n != "universe"} == {f"x_{n}" for n in moving}
     for joint in moving.values():
         i = model.joints[model.getJointId(f"x_{joint.name}")].idx_q
-        limits = (model.lowerPositionLimit[i], model.upperPositionLimit[i], model.velocityLimit[i], model.effortLimit[i])
+        limits = (
+            model.lowerPositionLimit[i],
+            model.upperPositionLimit[i],
+            model.velocityLimit[i],
+            model.effortLimit[i],
+        )
         np.testing.assert_allclose(limits, (joint.lower, joint.upper, joint.velocity, joint.effort))
     # pinocchio keeps the fixed root's mass on the universe, which is the first entry
-    assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(sum(link.mass for link in arm.links))
+    assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(
+        sum(link.mass for link in arm.links)
+    )

@@ -19,12 +19,15 @@ class _Residual(nn.Module):
 
 
 class ActionHead(nn.Sequential):
-    """(..., H) -> (..., A) normalised joint targets: the paper's MLP with two residual blocks of twice the width."""
+    """(..., H) -> (..., A) normalised joint targets: the paper's MLP with two residual blocks of
+    twice the width."""
 
     def __init__(self, hidden: int, actions: int) -> None:
         wide = 2 * hidden
         first = (nn.LayerNorm(hidden), nn.Linear(hidden, wide), nn.ReLU())
-        super().__init__(*first, _Residual(wide), _Residual(wide), nn.LayerNorm(wide), nn.Linear(wide, actions))
+        super().__init__(
+            *first, _Residual(wide), _Residual(wide), nn.LayerNorm(wide), nn.Linear(wide, actions)
+        )
 
 
 class WorldHead(nn.Sequential):
@@ -44,7 +47,9 @@ def action_loss(found: Tensor, wanted: Tensor, valid: Tensor, over: Over = "sum"
     return _mean(_distance(found, wanted, over), valid)
 
 
-def mode_loss(found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor, over: Over = "sum") -> tuple[Tensor, Tensor]:
+def mode_loss(
+    found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor, over: Over = "sum"
+) -> tuple[Tensor, Tensor]:
     """As `action_loss`, of the best of several chunks (B,M,K,A), and how badly scores (B,M)
     foretell which one that is.
 
@@ -58,12 +63,14 @@ def mode_loss(found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor, over
 
 
 def feature_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
-    """1 - cosine, averaged over the moments (B,N) at which the target is known; features are (B,N,D)."""
+    """1 - cosine, averaged over the moments (B,N) at which the target is known; features are
+    (B,N,D)."""
     return _mean(1 - torch.cosine_similarity(found.float(), wanted.float(), dim=-1), valid)
 
 
 def box_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
-    """L1 summed over the corners (B,N,4), fractions of the image, averaged over the moments at which the target is seen."""
+    """L1 summed over the corners (B,N,4), fractions of the image, averaged over the moments at
+    which the target is seen."""
     return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
 
 

@@ -1,4 +1,5 @@
-"""What the network takes: tensors of a batch, made from arrays in the same way in training and when the policy acts."""
+"""What the network takes: tensors of a batch, made from arrays in the same way in training and when
+the policy acts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -16,10 +17,12 @@ from training.puma.track import aims
 
 @dataclass(eq=False)
 class Inputs:
-    """B samples. `views` (B,V,h,w,3) and `past` (B,h,fh,fw,3) are uint8, `text` (B,L) token ids, padded at its end with -1.
+    """B samples. `views` (B,V,h,w,3) and `past` (B,h,fh,fw,3) are uint8, `text` (B,L) token ids,
+    padded at its end with -1.
 
-    `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F), `choice` (B,), which arms act, and
-    `oracle` (B,F) are there where the model takes them, `views` where the backbone looks at images.
+    `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F), `choice` (B,),
+    which arms act, and `oracle` (B,F) are there where the model takes them, `views` where the
+    backbone looks at images.
     """
 
     text: Tensor
@@ -43,21 +46,33 @@ class Inputs:
 def stacked(some: Sequence[Inputs]) -> Inputs:
     """Inputs with the same parts and lengths as one, row after row."""
     parts = ((f.name, [getattr(rows, f.name) for rows in some]) for f in fields(Inputs))
-    whole: dict[str, Any] = {name: None if values[0] is None else torch.cat(values) for name, values in parts}
+    whole: dict[str, Any] = {
+        name: None if values[0] is None else torch.cat(values) for name, values in parts
+    }
     return Inputs(**whole)
 
 
 def on[T](values: T, device: torch.device | str) -> T:
     """A dataclass of tensors, or of None, on a device."""
-    return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
+    return type(values)(
+        **{
+            name: None if v is None else v.to(device, non_blocking=True)
+            for name, v in vars(values).items()
+        }
+    )
 
 
-def inputs_of(arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: Config, words: Words) -> Inputs:
-    """Inputs from the arrays of `training.puma.data.batch_of`, or the same arrays made while a policy acts."""
+def inputs_of(
+    arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: Config, words: Words
+) -> Inputs:
+    """Inputs from the arrays of `training.puma.data.batch_of`, or the same arrays made while a
+    policy acts."""
     model = config.model
     found: dict[str, Tensor] = {"text": words.ids(texts)}
     if model.looks:
-        found["views"] = torch.from_numpy(np.stack([arrays[f"image_{camera}"] for camera in config.data.cameras], 1))
+        found["views"] = torch.from_numpy(
+            np.stack([arrays[f"image_{camera}"] for camera in config.data.cameras], 1)
+        )
     if model.history != "none":
         found["past"] = torch.from_numpy(np.ascontiguousarray(arrays["past"]))
         if model.history_times:

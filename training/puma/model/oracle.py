@@ -26,7 +26,9 @@ def oracle_numbers(poses: NDArray[np.float32], fps: int) -> NDArray[np.float32]:
     places = poses[..., :3]
     now, end = places[:, 1] - places[:, 0], places[:, -1] - places[:, -2]
     parameters = [places[:, 0], now * fps, places[:, -1], end * fps]
-    return np.concatenate([poses[:, 1:].reshape(len(poses), -1), *parameters], axis=1, dtype=np.float32)
+    return np.concatenate(
+        [poses[:, 1:].reshape(len(poses), -1), *parameters], axis=1, dtype=np.float32
+    )
 
 
 class Oracle(nn.Module):
@@ -35,7 +37,9 @@ class Oracle(nn.Module):
 
     def __init__(self, width: int, numbers: int) -> None:
         super().__init__()
-        self.encoder = nn.Sequential(nn.Linear(numbers, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.encoder = nn.Sequential(
+            nn.Linear(numbers, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()
+        )
         self.merge = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, width))
 
     def forward(self, hidden: Tensor, future: Tensor) -> Tensor:

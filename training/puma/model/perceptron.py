@@ -1,4 +1,5 @@
-"""A backbone that reads the further inputs alone: a multilayer perceptron, which trains in a minute on a processor."""
+"""A backbone that reads the further inputs alone: a multilayer perceptron, which trains in a minute
+on a processor."""
 
 from itertools import pairwise
 

@@ -9,7 +9,14 @@ from torch.nn import functional
 
 from training.puma.config import Config
 from training.puma.model.finder import FinderNet
-from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss, mode_loss
+from training.puma.model.heads import (
+    ActionHead,
+    WorldHead,
+    action_loss,
+    box_loss,
+    feature_loss,
+    mode_loss,
+)
 from training.puma.model.inputs import Inputs
 from training.puma.model.oracle import Oracle, oracle_size
 from training.puma.model.perceptron import PerceptronBackbone
@@ -18,7 +25,8 @@ from training.puma.model.tiny import TinyBackbone
 from training.puma.track import CHOICES, aim_numbers, track_numbers
 
 FARTHEST = 8.0
-"""Standard deviations at which numbers are clipped: a target that is taken for something else may be found anywhere."""
+"""Standard deviations at which numbers are clipped: a target that is taken for something else may
+be found anywhere."""
 
 
 CHOOSER = 32
@@ -27,9 +35,11 @@ CHOOSER = 32
 
 @dataclass(eq=False)
 class Outputs:
-    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits `choice` (B,CHOICES) likewise.
+    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits
+    `choice` (B,CHOICES) likewise.
 
-    Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are those with the highest score."""
+    Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are
+    those with the highest score."""
 
     actions: Tensor
     world: Tensor | None
@@ -40,8 +50,8 @@ class Outputs:
 
 @dataclass(eq=False)
 class Targets:
-    """What outputs should be: `action` (B,K,A), `action_valid` (B,K), for the world `world` (B,N,D), `world_valid` (B,N), and
-    `choice` (B,)."""
+    """What outputs should be: `action` (B,K,A), `action_valid` (B,K), for the world `world`
+    (B,N,D), `world_valid` (B,N), and `choice` (B,)."""
 
     action: Tensor
     action_valid: Tensor
@@ -70,7 +80,8 @@ class Standard(nn.Module):
         self.register_buffer("spread", torch.ones(numbers))
 
     def fit(self, values: Tensor, floor: float = 1e-3) -> None:
-        """Take the scale of values (N,F); one that deviates by less than `floor` is divided by it."""
+        """Take the scale of values (N,F); one that deviates by less than `floor` is divided by
+        it."""
         self.mean.copy_(values.mean(0))
         self.spread.copy_(values.std(0).clamp(min=floor))
 
@@ -79,12 +90,15 @@ class Standard(nn.Module):
 
 
 class Chooser(nn.Module):
-    """Scaled aims (B,F) -> logits (B,CHOICES), from the track alone: the arm that has moved is not the reason to move it."""
+    """Scaled aims (B,F) -> logits (B,CHOICES), from the track alone: the arm that has moved is not
+    the reason to move it."""
 
     def __init__(self, track: int) -> None:
         super().__init__()
         self.track = track
-        self.first, self.second, self.third = (nn.Linear(a, b) for a, b in pairwise((track, CHOOSER, CHOOSER, len(CHOICES))))
+        self.first, self.second, self.third = (
+            nn.Linear(a, b) for a, b in pairwise((track, CHOOSER, CHOOSER, len(CHOICES)))
+        )
 
     def forward(self, aims: Tensor) -> Tensor:
         hidden = self.second(self.first(aims[:, : self.track]).relu()).relu()
@@ -92,7 +106,8 @@ class Chooser(nn.Module):
 
 
 class Puma(nn.Module):
-    """See the package. `backbone(inputs, extras, queries)` gives hidden states at the queries; `backbone.width` is their width."""
+    """See the package. `backbone(inputs, extras, queries)` gives hidden states at the queries;
+    `backbone.width` is their width."""
 
     def __init__(self, config: Config, sizes: Sizes, backbone: nn.Module, words: Words) -> None:
         super().__init__()
@@ -100,14 +115,20 @@ class Puma(nn.Module):
         self.config, self.sizes, self.words = config, sizes, words
         self.backbone = backbone
         self.queries = nn.Parameter(0.02 * torch.randn(model.queries, width))
-        self.extra = nn.ModuleDict({name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()})
+        self.extra = nn.ModuleDict(
+            {name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()}
+        )
         self.action_head = ActionHead(width, model.modes * sizes.joints)
         self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.oracle = Oracle(width, oracle_size(model.chunk)) if model.oracle else None
         self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
         self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
-        self.chooser = Chooser(track_numbers(model.track.points)) if model.track is not None and model.arms else None
+        self.chooser = (
+            Chooser(track_numbers(model.track.points))
+            if model.track is not None and model.arms
+            else None
+        )
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
@@ -118,19 +139,29 @@ class Puma(nn.Module):
             given["choice"] = functional.one_hot(inputs.choice, len(CHOICES)).float()
         extras = [layer(given[name])[:, None] for name, layer in self.extra.items()]
         empty = self.queries.new_zeros(len(inputs), 0, self.queries.shape[1])
-        hidden = self.backbone(inputs, torch.cat(extras, 1) if extras else empty, self.queries).float()
+        hidden = self.backbone(
+            inputs, torch.cat(extras, 1) if extras else empty, self.queries
+        ).float()
         device = hidden.device.type
         with torch.autocast(device, enabled=False):
-            before, last = hidden[:, : -self.config.model.chunk], hidden[:, -self.config.model.chunk :]
+            before, last = (
+                hidden[:, : -self.config.model.chunk],
+                hidden[:, -self.config.model.chunk :],
+            )
             if self.oracle is not None and inputs.oracle is not None:
                 last = self.oracle(last, inputs.oracle)
-            world, actions = None if self.world_head is None else self.world_head(before), self.action_head(last)
+            world, actions = (
+                None if self.world_head is None else self.world_head(before),
+                self.action_head(last),
+            )
             choice = None if self.chooser is None else self.chooser(given["aims"])
             if self.mode_head is None:
                 return Outputs(actions, world, choice)
             chunks = actions.unflatten(-1, (-1, self.sizes.joints)).transpose(1, 2)
             scores = self.mode_head(last.mean(1))
-            return Outputs(chunks[torch.arange(len(chunks)), scores.argmax(1)], world, choice, chunks, scores)
+            return Outputs(
+                chunks[torch.arange(len(chunks)), scores.argmax(1)], world, choice, chunks, scores
+            )
 
     def choices(self, aims: Tensor) -> Tensor:
         """How likely (B,CHOICES) each choice of arms is for `aims` (B,F)."""
@@ -138,15 +169,24 @@ class Puma(nn.Module):
         return self.chooser(self.aim_scale(aims)).softmax(-1)
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
-        """`action`, `mode` where several chunks are predicted, `world` where it is, and their weighted sum `loss`."""
+        """`action`, `mode` where several chunks are predicted, `world` where it is, and their
+        weighted sum `loss`."""
         over = self.config.train.action_loss
         if outputs.chunks is None or outputs.scores is None:
-            found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid, over)}
+            found = {
+                "action": action_loss(outputs.actions, targets.action, targets.action_valid, over)
+            }
             found["loss"] = found["action"]
         else:
-            action, mode = mode_loss(outputs.chunks, outputs.scores, targets.action, targets.action_valid, over)
+            action, mode = mode_loss(
+                outputs.chunks, outputs.scores, targets.action, targets.action_valid, over
+            )
             found = {"action": action, "mode": mode, "loss": action + mode}
-        if outputs.world is not None and targets.world is not None and targets.world_valid is not None:
+        if (
+            outputs.world is not None
+            and targets.world is not None
+            and targets.world_valid is not None
+        ):
             measure = box_loss if self.config.model.world == "boxes" else feature_loss
             found["world"] = measure(outputs.world, targets.world, targets.world_valid)
             found["loss"] = found["loss"] + self.config.train.world_weight * found["world"]
@@ -170,12 +210,20 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
 
 
 def build_model(config: Config, sizes: Sizes, trained: bool = False) -> Puma:
-    """The network with its first weights, from the global generator of torch. `trained`: weights follow, none are loaded."""
+    """The network with its first weights, from the global generator of torch. `trained`: weights
+    follow, none are loaded."""
     extras = len(extra_sizes(config, sizes))
     if config.model.backbone.kind == "tiny":
-        return Puma(config, sizes, TinyBackbone(config, extras), HashedWords(config.model.backbone.words))
+        return Puma(
+            config, sizes, TinyBackbone(config, extras), HashedWords(config.model.backbone.words)
+        )
     if config.model.backbone.kind == "perceptron":
-        return Puma(config, sizes, PerceptronBackbone(config, extras), HashedWords(config.model.backbone.words))
+        return Puma(
+            config,
+            sizes,
+            PerceptronBackbone(config, extras),
+            HashedWords(config.model.backbone.words),
+        )
     from training.puma.model.qwen import build_qwen
 
     backbone, words = build_qwen(config, trained)

@@ -1,8 +1,10 @@
-"""Qwen3-VL as a backbone: images at their own size, explicit positions, hidden states of the base model at the queries.
+"""Qwen3-VL as a backbone: images at their own size, explicit positions, hidden states of the base
+model at the queries.
 
-The sequence is a user's turn: images of the past, views, instruction, further inputs, queries; then the mark of the assistant's
-turn. Only the instruction differs in length; its padding stands between it and what follows, is attended by nothing and takes no
-position, so every other token has a fixed place.
+The sequence is a user's turn: images of the past, views, instruction, further inputs, queries; then
+the mark of the assistant's turn. Only the instruction differs in length; its padding stands between
+it and what follows, is attended by nothing and takes no position, so every other token has a fixed
+place.
 """
 
 from collections.abc import Sequence
@@ -66,7 +68,8 @@ class QwenBackbone(nn.Module):
             self.register_buffer(name, words, persistent=False)
 
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
-        """Hidden states (B,Q,width), after the last norm, at queries (Q,width); `extras` (B,E,width) stand before them."""
+        """Hidden states (B,Q,width), after the last norm, at queries (Q,width); `extras`
+        (B,E,width) stand before them."""
         b, embed = len(inputs), self.model.get_input_embeddings()
         images, deep = self._images(inputs)
         prefix = embed(self.prefix).expand(b, -1, -1)
@@ -95,30 +98,45 @@ class QwenBackbone(nn.Module):
         return torch.cat([hidden[:, end - len(first) : end], actions], 1)
 
     def _images(self, inputs: Inputs) -> tuple[Tensor, list[Tensor]]:
-        """Tokens (B,V,width) of all images of a sample in their order, and those for the first layers."""
+        """Tokens (B,V,width) of all images of a sample in their order, and those for the first
+        layers."""
         b, on = len(inputs), self.checkpointing and self.training
-        groups = [] if self.past is None or inputs.past is None else [self.past(inputs.past.flatten(0, 1), on)]
+        groups = (
+            []
+            if self.past is None or inputs.past is None
+            else [self.past(inputs.past.flatten(0, 1), on)]
+        )
         assert inputs.views is not None
         groups.append(self.views(inputs.views.flatten(0, 1), on))
         tokens = torch.cat([first.reshape(b, -1, self.width) for first, _ in groups], 1)
         layers = zip(*(deep for _, deep in groups), strict=True)
-        return tokens, [torch.cat([part.reshape(b, -1, self.width) for part in layer], 1) for layer in layers]
+        return tokens, [
+            torch.cat([part.reshape(b, -1, self.width) for part in layer], 1) for layer in layers
+        ]
 
     def _positions(self, attended: Tensor) -> Tensor:
-        """Positions (3,B,L) by time, row and column: those of the prefix, then one after the other what is attended (B,rest)."""
+        """Positions (3,B,L) by time, row and column: those of the prefix, then one after the other
+        what is attended (B,rest)."""
         first = self.places.max() + 1
         rest = first + attended.long().cumsum(1) - 1
         places = self.places[:, None].expand(-1, len(attended), -1)
         return torch.cat([places, rest.expand(3, -1, -1)], 2)
 
 
-def _prefix(before: list[int], grids: Sequence[tuple[int, int]], config: Any) -> tuple[list[int], list[bool], list[list[int]]]:
-    """Token ids of all that stands before the instruction, which of them are images, and their positions [time, row, column]."""
+def _prefix(
+    before: list[int], grids: Sequence[tuple[int, int]], config: Any
+) -> tuple[list[int], list[bool], list[list[int]]]:
+    """Token ids of all that stands before the instruction, which of them are images, and their
+    positions [time, row, column]."""
     merge = config.vision_config.spatial_merge_size
     ids, seen, places = list(before), [False] * len(before), [[i] * 3 for i in range(len(before))]
     at = len(before)
     for height, width in ((h // merge, w // merge) for h, w in grids):
-        ids += [config.vision_start_token_id, *[config.image_token_id] * (height * width), config.vision_end_token_id]
+        ids += [
+            config.vision_start_token_id,
+            *[config.image_token_id] * (height * width),
+            config.vision_end_token_id,
+        ]
         seen += [False, *[True] * (height * width), False]
         places.append([at] * 3)
         places += [[at + 1, at + 1 + y, at + 1 + x] for y in range(height) for x in range(width)]
@@ -129,19 +147,31 @@ def _prefix(before: list[int], grids: Sequence[tuple[int, int]], config: Any) ->
 
 
 def build_qwen(config: Config, trained: bool) -> tuple[QwenBackbone, Words]:
-    """The backbone and its tokenizer. `trained`: weights follow, so none are loaded. Raises TrainError for what cannot be had."""
+    """The backbone and its tokenizer. `trained`: weights follow, so none are loaded. Raises
+    TrainError for what cannot be had."""
     settings = config.model.backbone
-    for name, size in (("image_size", config.data.image_size), ("flow_size", config.data.flow_size)):
+    for name, size in (
+        ("image_size", config.data.image_size),
+        ("flow_size", config.data.flow_size),
+    ):
         if size[0] % UNIT or size[1] % UNIT:
-            raise TrainError(f"data.{name} {size[0]}x{size[1]}: Qwen3-VL takes sides that are multiples of {UNIT}")
+            raise TrainError(
+                f"data.{name} {size[0]}x{size[1]}: Qwen3-VL takes sides that are multiples of"
+                f" {UNIT}"
+            )
     half = config.train.precision == "bf16" and (trained or settings.lora is not None)
     try:
         model = _weights(settings, half, settings.weights == "random" or trained)
         own = settings.name.endswith(".json")
-        tokenizer = None if own else AutoTokenizer.from_pretrained(settings.name, **_revision(settings))
+        tokenizer = (
+            None if own else AutoTokenizer.from_pretrained(settings.name, **_revision(settings))
+        )
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise TrainError(f"model.backbone.name {settings.name}: {reason}; give a hub id, a directory or a config.json") from error
+        raise TrainError(
+            f"model.backbone.name {settings.name}: {reason}; give a hub id, a directory or a"
+            " config.json"
+        ) from error
     if config.train.checkpointing:
         model.language_model.activation_checkpointing_enable({"use_reentrant": False})
     if settings.lora is not None:
@@ -176,7 +206,8 @@ def _marks(config: Config, words: Words, before: Sequence[int], after: Sequence[
 
 
 def _weights(settings: Backbone, half: bool, random: bool) -> Any:
-    """The base model, without the layer of vocabulary logits; `half`: in bf16, for weights that are not trained."""
+    """The base model, without the layer of vocabulary logits; `half`: in bf16, for weights that are
+    not trained."""
     revision = _revision(settings)
     if settings.name.endswith(".json"):
         if settings.weights != "random":
@@ -190,7 +221,8 @@ def _weights(settings: Backbone, half: bool, random: bool) -> Any:
     found._attn_implementation = "sdpa"
     model: Any = Qwen3VLModel(found)
     for weight in model.parameters():
-        # the weights only: frequencies of positions that are rounded to bf16 are wrong by half a radian after 300 tokens
+        # the weights only: frequencies of positions that are rounded to bf16 are wrong by half a
+        # radian after 300 tokens
         weight.data = weight.data.to(torch.bfloat16 if half else torch.float32)
     return model
 
@@ -206,7 +238,9 @@ def _with_adapters(model: Any, settings: Backbone) -> Any:
     assert settings.lora is not None
     targets = r".*language_model\.layers\.\d+\.(self_attn\.(q|k|v|o)_proj|mlp\.(gate|up|down)_proj)"
     lora = settings.lora
-    options = LoraConfig(r=lora.rank, lora_alpha=lora.alpha, lora_dropout=lora.dropout, target_modules=targets)
+    options = LoraConfig(
+        r=lora.rank, lora_alpha=lora.alpha, lora_dropout=lora.dropout, target_modules=targets
+    )
     model.requires_grad_(False)
     model = inject_adapter_in_model(options, model)
     for weight in model.parameters():

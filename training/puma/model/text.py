@@ -1,4 +1,5 @@
-"""From sentences to token ids: by the tokenizer of the weights, or by hashed words where there is none."""
+"""From sentences to token ids: by the tokenizer of the weights, or by hashed words where there is
+none."""
 
 import re
 import zlib
@@ -24,7 +25,8 @@ class Words(Protocol):
 
 
 class HashedWords:
-    """Every word, in lower case, is the CRC of its letters modulo `size - first`, plus `first`: a vocabulary without a file."""
+    """Every word, in lower case, is the CRC of its letters modulo `size - first`, plus `first`: a
+    vocabulary without a file."""
 
     def __init__(self, size: int, first: int = 0) -> None:
         self._size, self._first = size, first
@@ -32,7 +34,12 @@ class HashedWords:
     def ids(self, texts: Sequence[str]) -> Tensor:
         """See Words."""
         span = self._size - self._first
-        return padded([[self._first + zlib.crc32(w.encode()) % span for w in re.findall(r"\w+", t.lower())] for t in texts])
+        return padded(
+            [
+                [self._first + zlib.crc32(w.encode()) % span for w in re.findall(r"\w+", t.lower())]
+                for t in texts
+            ]
+        )
 
 
 class TokenizedWords:
@@ -43,7 +50,9 @@ class TokenizedWords:
 
     def ids(self, texts: Sequence[str]) -> Tensor:
         """See Words."""
-        return padded([self._tokenizer(text, add_special_tokens=False)["input_ids"] for text in texts])
+        return padded(
+            [self._tokenizer(text, add_special_tokens=False)["input_ids"] for text in texts]
+        )
 
 
 def padded(rows: Sequence[Sequence[int]]) -> Tensor:

@@ -1,6 +1,8 @@
-"""A small backbone that is trained from scratch: convolutions that locate points, and a transformer over one token a thing.
+"""A small backbone that is trained from scratch: convolutions that locate points, and a transformer
+over one token a thing.
 
-It has the interface of the large one. Instructions are bags of words, which tells tasks and colors apart and little more.
+It has the interface of the large one. Instructions are bags of words, which tells tasks and colors
+apart and little more.
 """
 
 import torch
@@ -12,16 +14,20 @@ from training.puma.model.inputs import Inputs
 
 
 class Points(nn.Module):
-    """Images (N,3,h,w) from -1 to 1 -> (N, 3 M): where M filters respond (expected column and row, -1 to 1), and how strongly.
+    """Images (N,3,h,w) from -1 to 1 -> (N, 3 M): where M filters respond (expected column and row,
+    -1 to 1), and how strongly.
 
-    Normalisation and responses that are sharp from the start are what makes it find anything: without them its points stay in the
-    middle of the image for the first thousand steps.
+    Normalisation and responses that are sharp from the start are what makes it find anything:
+    without them its points stay in the middle of the image for the first thousand steps.
     """
 
     def __init__(self, points: int, width: int = 32) -> None:
         super().__init__()
         self.body = nn.Sequential(
-            *_block(3, width, 7, 4), *_block(width, width, 3, 1), *_block(width, width, 3, 1), nn.Conv2d(width, points, 1)
+            *_block(3, width, 7, 4),
+            *_block(width, width, 3, 1),
+            *_block(width, width, 3, 1),
+            nn.Conv2d(width, points, 1),
         )
         self.sharpness = nn.Parameter(torch.full((points,), 4.0))
 
@@ -38,11 +44,14 @@ class Points(nn.Module):
 
 
 class Summary(nn.Module):
-    """Images (N,3,h,w) from -1 to 1 -> (N,width): what is to be seen where, at a sixteenth of the resolution."""
+    """Images (N,3,h,w) from -1 to 1 -> (N,width): what is to be seen where, at a sixteenth of the
+    resolution."""
 
     def __init__(self, size: tuple[int, int], width: int) -> None:
         super().__init__()
-        self.body = nn.Sequential(*_block(3, 24, 5, 4), *_block(24, 32, 3, 2), *_block(32, 32, 3, 2))
+        self.body = nn.Sequential(
+            *_block(3, 24, 5, 4), *_block(24, 32, 3, 2), *_block(32, 32, 3, 2)
+        )
         with torch.no_grad():
             # on the device of the weights, which may be meta
             numbers = self.body(next(self.body.parameters()).new_zeros(1, 3, *size)).numel()
@@ -69,14 +78,20 @@ class Layer(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         b, length, width = x.shape
         q, k, v = self.qkv(self.norm1(x)).view(b, length, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
-        x = x + self.out(functional.scaled_dot_product_attention(q, k, v).transpose(1, 2).reshape(b, length, width))
+        x = x + self.out(
+            functional.scaled_dot_product_attention(q, k, v)
+            .transpose(1, 2)
+            .reshape(b, length, width)
+        )
         return x + self.down(functional.gelu(self.up(self.norm2(x))))
 
 
 class TinyBackbone(nn.Module):
-    """A small transformer whose tokens are those of views, past images and the instruction, the extra tokens and the queries.
+    """A small transformer whose tokens are those of views, past images and the instruction, the
+    extra tokens and the queries.
 
-    A view has a points token and a summary token, an image of the past a summary token. Every place has a learned embedding."""
+    A view has a points token and a summary token, an image of the past a summary token. Every place
+    has a learned embedding."""
 
     def __init__(self, config: Config, extras: int) -> None:
         super().__init__()
@@ -88,16 +103,24 @@ class TinyBackbone(nn.Module):
         past = 0 if model.history == "none" else model.history_length
         self.past = Summary(data.flow_size, self.width) if past else None
         self.words = nn.Embedding(settings.words, self.width)
-        self.place = nn.Parameter(0.02 * torch.randn(2 * len(data.cameras) + past + 1 + extras, self.width))
-        self.layers = nn.ModuleList([Layer(self.width, settings.heads) for _ in range(settings.layers)])
+        self.place = nn.Parameter(
+            0.02 * torch.randn(2 * len(data.cameras) + past + 1 + extras, self.width)
+        )
+        self.layers = nn.ModuleList(
+            [Layer(self.width, settings.heads) for _ in range(settings.layers)]
+        )
         self.norm = nn.LayerNorm(self.width)
 
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
-        """Hidden states (B,Q,width) at queries (Q,width); `extras` (B,E,width) are further inputs."""
+        """Hidden states (B,Q,width) at queries (Q,width); `extras` (B,E,width) are further
+        inputs."""
         assert inputs.views is not None
         b = len(inputs)
         views = _planes(inputs.views)
-        tokens = [self.locate(self.points(views)).view(b, -1, self.width), self.summary(views).view(b, -1, self.width)]
+        tokens = [
+            self.locate(self.points(views)).view(b, -1, self.width),
+            self.summary(views).view(b, -1, self.width),
+        ]
         if self.past is not None and inputs.past is not None:
             tokens.append(self.past(_planes(inputs.past)).view(b, -1, self.width))
         known = (inputs.text >= 0)[..., None]

@@ -1,8 +1,10 @@
-"""The image encoder of Qwen3-VL for many images of one size: the modules of transformers, called as one batch.
+"""The image encoder of Qwen3-VL for many images of one size: the modules of transformers, called as
+one batch.
 
-transformers packs all images into one sequence and attends image by image; here images of one size are a batch dimension, patches
-are embedded by one matrix product instead of a 3-D convolution, and positions are computed once for each size. Nothing depends
-on the content of a tensor, so the whole can be captured as one graph.
+transformers packs all images into one sequence and attends image by image; here images of one size
+are a batch dimension, patches are embedded by one matrix product instead of a 3-D convolution, and
+positions are computed once for each size. Nothing depends on the content of a tensor, so the whole
+can be captured as one graph.
 """
 
 from typing import Any
@@ -12,23 +14,32 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.utils.checkpoint import checkpoint
 from transformers.models.qwen3_vl.modeling_qwen3_vl import apply_rotary_pos_emb_vision
-from transformers.vision_utils import get_vision_interpolation_indices_and_weights, get_vision_position_ids
+from transformers.vision_utils import (
+    get_vision_interpolation_indices_and_weights,
+    get_vision_position_ids,
+)
 
 
 def patches_of(images: Tensor, patch: int, merge: int, frames: int) -> Tensor:
-    """Images (N,H,W,3) uint8 -> patches (N, P, 3 frames patch patch) float from -1 to 1, in blocks of merge x merge.
+    """Images (N,H,W,3) uint8 -> patches (N, P, 3 frames patch patch) float from -1 to 1, in blocks
+    of merge x merge.
 
     The image is repeated `frames` times, as for a still. H and W are multiples of patch * merge.
     """
     n, height, width, _ = images.shape
     rows, columns = height // patch, width // patch
-    x = (images.permute(0, 3, 1, 2).float() / 127.5 - 1).reshape(n, 3, rows // merge, merge, patch, columns // merge, merge, patch)
+    x = (images.permute(0, 3, 1, 2).float() / 127.5 - 1).reshape(
+        n, 3, rows // merge, merge, patch, columns // merge, merge, patch
+    )
     x = x.permute(0, 2, 5, 3, 6, 1, 4, 7).unsqueeze(6)
-    return x.expand(-1, -1, -1, -1, -1, -1, frames, -1, -1).reshape(n, rows * columns, 3 * frames * patch * patch)
+    return x.expand(-1, -1, -1, -1, -1, -1, frames, -1, -1).reshape(
+        n, rows * columns, 3 * frames * patch * patch
+    )
 
 
 class Vision(nn.Module):
-    """Calls the encoder `visual` of a Qwen3-VL model, whose weights it does not own, for images of one size."""
+    """Calls the encoder `visual` of a Qwen3-VL model, whose weights it does not own, for images of
+    one size."""
 
     indices: Tensor
     weights: Tensor
@@ -38,7 +49,11 @@ class Vision(nn.Module):
         super().__init__()
         config = visual.config
         self._visual = (visual,)
-        self._patch, self._merge, self._frames = config.patch_size, config.spatial_merge_size, config.temporal_patch_size
+        self._patch, self._merge, self._frames = (
+            config.patch_size,
+            config.spatial_merge_size,
+            config.temporal_patch_size,
+        )
         self.grid = size[0] // self._patch, size[1] // self._patch
         grid = torch.tensor([[1, *self.grid]])
         indices, weights = get_vision_interpolation_indices_and_weights(
@@ -50,7 +65,9 @@ class Vision(nn.Module):
         )
         self.register_buffer("indices", indices, persistent=False)
         self.register_buffer("weights", weights, persistent=False)
-        self.register_buffer("positions", get_vision_position_ids(grid, self._merge), persistent=False)
+        self.register_buffer(
+            "positions", get_vision_position_ids(grid, self._merge), persistent=False
+        )
 
     @property
     def tokens(self) -> int:
@@ -58,7 +75,8 @@ class Vision(nn.Module):
         return self.grid[0] * self.grid[1] // self._merge**2
 
     def forward(self, images: Tensor, checkpointing: bool = False) -> tuple[Tensor, list[Tensor]]:
-        """Tokens (N,T,H) of images (N,height,width,3) uint8, and as many for each of the first layers of the language model."""
+        """Tokens (N,T,H) of images (N,height,width,3) uint8, and as many for each of the first
+        layers of the language model."""
         visual = self._visual[0]
         embed = visual.patch_embed.proj
         patches = patches_of(images, self._patch, self._merge, self._frames).to(embed.weight.dtype)

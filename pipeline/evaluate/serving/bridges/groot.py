@@ -1,11 +1,13 @@
-"""A policy on a GR00T server: ZeroMQ requests of msgpack maps, an array as the map {"__ndarray_class__": true, "as_npy": NPY file}.
+"""A policy on a GR00T server: ZeroMQ requests of msgpack maps, an array as the map
+{"__ndarray_class__": true, "as_npy": NPY file}.
 
     client    {"endpoint": "ping"}, {"endpoint": "reset", "data": {"options": null}}
     client    {"endpoint": "get_action", "data": {"observation": OBSERVATION, "options": null}}
     server    [ACTION, information], or {"error": text}
 
-OBSERVATION has "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and "language" {key: [[text]]}; ACTION has
-(1,T,D) by part. Parts and keys are those of meta/modality.json in our LeRobot exports (left_joints, left_gripper, ...).
+OBSERVATION has "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and "language"
+{key: [[text]]}; ACTION has (1,T,D) by part. Parts and keys are those of meta/modality.json in our
+LeRobot exports (left_joints, left_gripper, ...).
 """
 
 import io
@@ -34,7 +36,11 @@ class GrootClient:
     """A policy on a GR00T server; `execute` rows of every chunk are executed, all by default."""
 
     def __init__(self, address: Address) -> None:
-        self._text, self._url, self._execute = address.text, address.url("tcp"), address.number("execute")
+        self._text, self._url, self._execute = (
+            address.text,
+            address.url("tcp"),
+            address.number("execute"),
+        )
         self.seconds = ANSWER_SECONDS
         self._socket: Any = None
         self._parts: dict[str, slice] = {}
@@ -48,31 +54,51 @@ class GrootClient:
         """A chunk (T,A). Raises PolicyError."""
         joints = np.asarray(observation.joints, np.float32)
         seen = {
-            "video": {EXPORTED_CAMERAS[name]: image[None, None] for name, image in observation.images.items()},
+            "video": {
+                EXPORTED_CAMERAS[name]: image[None, None]
+                for name, image in observation.images.items()
+            },
             "state": {part: joints[None, None, at] for part, at in self._parts.items()},
             "language": {LANGUAGE: [[observation.instruction]]},
         }
         answer = self.ask("get_action", {"observation": seen, "options": None})
         action = answer[0] if isinstance(answer, list) and answer else answer
         if not isinstance(action, dict):
-            raise ActionError(f"{self._url}: the answer is a {type(action).__name__}, not a map of actions")
+            raise ActionError(
+                f"{self._url}: the answer is a {type(action).__name__}, not a map of actions"
+            )
         rows: list[NDArray[Any]] = []
         for part in self._parts:
             row = action.get(part, action.get(f"action.{part}"))
             if not isinstance(row, np.ndarray):
-                raise ActionError(f"{self._url}: the answer has no {part}, but {', '.join(map(str, action))[:200] or 'nothing'}")
+                raise ActionError(
+                    f"{self._url}: the answer has no {part}, but"
+                    f" {', '.join(map(str, action))[:200] or 'nothing'}"
+                )
             rows.append(row)
-        wanted = [(1, rows[0].shape[1] if rows[0].ndim == 3 else 0, at.stop - at.start) for at in self._parts.values()]
+        wanted = [
+            (1, rows[0].shape[1] if rows[0].ndim == 3 else 0, at.stop - at.start)
+            for at in self._parts.values()
+        ]
         if [row.shape for row in rows] != wanted:
-            raise ActionError(f"{self._url}: actions have the shapes {', '.join(str(row.shape) for row in rows)}, not (1,T,D)")
+            raise ActionError(
+                f"{self._url}: actions have the shapes {', '.join(str(row.shape) for row in rows)},"
+                " not (1,T,D)"
+            )
         return first_rows(np.concatenate([row[0] for row in rows], axis=1), self._execute)
 
-    def ask(self, endpoint: str, data: dict[str, Any] | None = None, seconds: float | None = None) -> Any:
-        """The answer of an endpoint. Raises PolicyError if there is none in time, or if it is an error."""
+    def ask(
+        self, endpoint: str, data: dict[str, Any] | None = None, seconds: float | None = None
+    ) -> Any:
+        """The answer of an endpoint. Raises PolicyError if there is none in time, or if it is an
+        error."""
         import zmq
 
         socket, seconds = self._open(), seconds or self.seconds
-        request: dict[str, Any] = {"endpoint": endpoint, **({"data": data} if data is not None else {})}
+        request: dict[str, Any] = {
+            "endpoint": endpoint,
+            **({"data": data} if data is not None else {}),
+        }
         if secret := token():
             request["api_token"] = secret
         socket.setsockopt(zmq.RCVTIMEO, max(1, round(1000 * seconds)))
@@ -98,7 +124,9 @@ class GrootClient:
         try:
             self.ask("ping", seconds=PING_SECONDS)
         except ModuleNotFoundError as error:
-            raise PolicyError(f"--policy {self._text} needs pyzmq: install domino-data[gr00t]") from error
+            raise PolicyError(
+                f"--policy {self._text} needs pyzmq: install domino-data[gr00t]"
+            ) from error
 
     def close(self) -> None:
         """End the connection."""
@@ -111,18 +139,25 @@ class GrootClient:
 
         if self._socket is None:
             self._socket = zmq.Context.instance().socket(zmq.REQ)
-            for option, value in ((zmq.LINGER, 0), (zmq.SNDTIMEO, round(1000 * PING_SECONDS)), (zmq.MAXMSGSIZE, LARGEST)):
+            for option, value in (
+                (zmq.LINGER, 0),
+                (zmq.SNDTIMEO, round(1000 * PING_SECONDS)),
+                (zmq.MAXMSGSIZE, LARGEST),
+            ):
                 self._socket.setsockopt(option, value)
             try:
                 self._socket.connect(self._url)
             except zmq.ZMQError as error:
                 self.close()
-                raise PolicyError(f"{self._url}: is no address that can be reached: {error}") from error
+                raise PolicyError(
+                    f"{self._url}: is no address that can be reached: {error}"
+                ) from error
         return self._socket
 
 
 def parts_of(names: tuple[str, ...]) -> dict[str, slice]:
-    """Slices of the joint vector by part: left_joints, left_gripper, right_joints, right_gripper."""
+    """Slices of the joint vector by part: left_joints, left_gripper, right_joints,
+    right_gripper."""
     out: dict[str, slice] = {}
     for i, name in enumerate(names):
         side = name.split("_")[0]

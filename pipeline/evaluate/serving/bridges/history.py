@@ -1,4 +1,5 @@
-"""Past images as StarVLA's client for DOMINO sends them (`history_images`): of the head camera, or optical flow between them."""
+"""Past images as StarVLA's client for DOMINO sends them (`history_images`): of the head camera, or
+optical flow between them."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -14,8 +15,9 @@ CLOCK_TOLERANCE = 1e-3  # s
 
 @dataclass(frozen=True)
 class HistorySettings:
-    """`length` images, `stride` control periods apart, the newest a stride before the present: images, or with `flow` the optical
-    flow from each to the next, the last one to the present. They are kept at `kept` and sent at `sent` pixels, squares."""
+    """`length` images, `stride` control periods apart, the newest a stride before the present:
+    images, or with `flow` the optical flow from each to the next, the last one to the present. They
+    are kept at `kept` and sent at `sent` pixels, squares."""
 
     length: int
     stride: int
@@ -25,8 +27,8 @@ class HistorySettings:
 
 
 class Recent:
-    """Images of one episode by simulated time, for `reach` s: the stated age of each is its true age, however long the
-    policy thought."""
+    """Images of one episode by simulated time, for `reach` s: the stated age of each is its true
+    age, however long the policy thought."""
 
     def __init__(self, reach: float) -> None:
         self._reach = reach
@@ -39,8 +41,12 @@ class Recent:
             self._held.popleft()
 
     def at(self, time: float) -> tuple[float, Image]:
-        """Time and image of the newest one that is no younger than `time`, or the oldest one there is."""
-        return next((pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE), self._held[0])
+        """Time and image of the newest one that is no younger than `time`, or the oldest one there
+        is."""
+        return next(
+            (pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE),
+            self._held[0],
+        )
 
 
 class History:
@@ -56,9 +62,12 @@ class History:
         self._held.add(time, _resize(image, self._settings.kept))
 
     def images(self) -> list[Image]:
-        """The history of the image added last, oldest first; the first image of the episode stands for what is missing."""
+        """The history of the image added last, oldest first; the first image of the episode stands
+        for what is missing."""
         settings = self._settings
-        *past, present = (self._held.at(self._now - n * self._period)[1] for n in range(settings.length, -1, -1))
+        *past, present = (
+            self._held.at(self._now - n * self._period)[1] for n in range(settings.length, -1, -1)
+        )
         if settings.flow:
             past = [flow_image(a, b) for a, b in zip(past, [*past[1:], present], strict=True)]
         return [_resize(image, settings.sent) for image in past]
@@ -69,11 +78,15 @@ def _resize(image: Image, size: int) -> Image:
 
 
 def flow_image(before: Image, after: Image) -> Image:
-    """Farneback's flow between two images (H,W,3) RGB as an image with the parameters and colours of StarVLA.
+    """Farneback's flow between two images (H,W,3) RGB as an image with the parameters and colours
+    of StarVLA.
 
-    The hue is the direction, the value the size over the 99th percentile of sizes; pixels that do not move are black."""
+    The hue is the direction, the value the size over the 99th percentile of sizes; pixels that do
+    not move are black."""
     first, second = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (before, after))
-    flow = cv2.calcOpticalFlowFarneback(first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 3, 5, 1.2, 0)
+    flow = cv2.calcOpticalFlowFarneback(
+        first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 3, 5, 1.2, 0
+    )
     size, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
     most = float(np.percentile(np.asarray(size, np.float32), 99.0))
     value = np.zeros_like(size) if most < 1e-6 else np.clip(size / most * 255, 0, 255)

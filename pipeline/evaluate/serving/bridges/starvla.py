@@ -5,14 +5,15 @@
                "payload": {"examples": [{"image": [(H,W,3) uint8, ...], "lang": text}], "unnorm_key": text}}
     server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
 
-The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are in the
-order head, left wrist, right wrist, scaled to the size of training without keeping their shape, as StarVLA
-does. Its own clients send no joints; with `state=true` they are sent in the order of `state_keys`.
+The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are
+in the order head, left wrist, right wrist, scaled to the size of training without keeping their
+shape, as StarVLA does. Its own clients send no joints; with `state=true` they are sent in the order
+of `state_keys`.
 
 Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the
 dataset_statistics.json of the checkpoint. With `history=LENGTH:STRIDE` every example also has
 `history_images` (history.py).
-"""
+"""  # noqa: E501
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -39,7 +40,17 @@ from pipeline.poses import Floats
 
 PORT, SIZE = 10093, 224
 HISTORY = ("history", "history_mode", "history_size", "flow_size")
-OPTIONS = ("unnorm_key", "execute", "size", "action_keys", "state", "statistics", "normalization", "grippers", *HISTORY)
+OPTIONS = (
+    "unnorm_key",
+    "execute",
+    "size",
+    "action_keys",
+    "state",
+    "statistics",
+    "normalization",
+    "grippers",
+    *HISTORY,
+)
 SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
 """What StarVLA's own clients ask for."""
 
@@ -66,22 +77,33 @@ class StarvlaClient:
         self._order = self._state_order = np.empty(0, int)
 
     def reset(self, start: Start) -> None:
-        """Open a connection: an episode is one. Raises PolicyError if the server's keys are not those of the robot."""
+        """Open a connection: an episode is one. Raises PolicyError if the server's keys are not
+        those of the robot."""
         self.greet()
         size = self.metadata.get("training_obs_image_size")
         self._shape = (self._size or SIZE, self._size or SIZE)
-        if self._size is None and isinstance(size, list) and len(size) == 2 and all(type(n) is int and 0 < n < 4097 for n in size):
+        if (
+            self._size is None
+            and isinstance(size, list)
+            and len(size) == 2
+            and all(type(n) is int and 0 < n < 4097 for n in size)
+        ):
             self._shape = (size[0], size[1])
         self._ready = np.empty((0, 0))
         self._past = None if self._settings is None else History(self._settings, start.fps)
         key, keys = self._options.get("unnorm_key"), self.metadata.get("available_unnorm_keys")
         if key and isinstance(keys, list) and key not in keys:
-            raise PolicyError(f"{self._url}: unnorm_key {key!r} is unknown to the server: it has {line_of_text(keys)}")
+            raise PolicyError(
+                f"{self._url}: unnorm_key {key!r} is unknown to the server: it has"
+                f" {line_of_text(keys)}"
+            )
         given = self._options.get("action_keys")
         order = given.split(",") if given else self.metadata.get("action_keys")
         self._order = self._indices("action", order, start)
         if self._options.get("state") == "true":
-            self._state_order = self._indices("state", self.metadata.get("state_keys", order), start)
+            self._state_order = self._indices(
+                "state", self.metadata.get("state_keys", order), start
+            )
         if self._statistics is not None:
             self._statistics = self._check_statistics(self._statistics, start)
 
@@ -93,8 +115,8 @@ class StarvlaClient:
         self.metadata = self._read(self._link.greet())
 
     def act(self, observation: Observation) -> ArrayLike:
-        """A chunk (T,A), or with a history as much of it as lies between two images that are kept. Raises PolicyError, or
-        ActionError for an answer that is none."""
+        """A chunk (T,A), or with a history as much of it as lies between two images that are kept.
+        Raises PolicyError, or ActionError for an answer that is none."""
         if self._past is None or self._settings is None:
             return self._infer(observation)
         if not observation.images:
@@ -128,15 +150,24 @@ class StarvlaClient:
         message = {"type": "predict_action", "request_id": request, "payload": payload}
         answer = self._read(self._link.ask(pack(message), self.seconds))
         if answer.get("request_id") != request:
-            raise NoAnswer(f"{self._url}: answered request {line_of_text(answer.get('request_id'))[:40]} instead of {request}")
+            raise NoAnswer(
+                f"{self._url}: answered request {line_of_text(answer.get('request_id'))[:40]}"
+                f" instead of {request}"
+            )
         if answer.get("ok") is not True:
-            raise NoAnswer(f"{self._url}: the server failed: {line_of_text(answer.get('error', answer.get('status')))}")
+            raise NoAnswer(
+                f"{self._url}: the server failed:"
+                f" {line_of_text(answer.get('error', answer.get('status')))}"
+            )
         data = answer.get("data")
         actions = self._actions(data) if isinstance(data, dict) else None
         if not isinstance(actions, np.ndarray) or actions.ndim != 3 or len(actions) != 1:
             raise ActionError(f"{self._url}: data.actions is no array (1,T,A)")
         if actions.shape[2] != len(self._order):
-            raise ActionError(f"{self._url}: actions have {actions.shape[2]} numbers, the robot {len(self._order)}")
+            raise ActionError(
+                f"{self._url}: actions have {actions.shape[2]} numbers, the robot"
+                f" {len(self._order)}"
+            )
         found = actions[0] if self._statistics is None else self._statistics.joints(actions[0])
         ours = np.empty_like(found)
         ours[:, self._order] = found
@@ -150,31 +181,45 @@ class StarvlaClient:
             raise ActionError(f"{self._url}: {error}") from error
 
     def _actions(self, data: dict[Any, Any]) -> object:
-        """The actions of an answer, normalised ones if there are statistics. Raises ActionError for the other kind."""
+        """The actions of an answer, normalised ones if there are statistics. Raises ActionError for
+        the other kind."""
         if self._statistics is None and "actions" not in data and "normalized_actions" in data:
-            raise ActionError(f"{self._url}: answers with normalized_actions: give ?statistics=dataset_statistics.json")
+            raise ActionError(
+                f"{self._url}: answers with normalized_actions: give"
+                " ?statistics=dataset_statistics.json"
+            )
         if self._statistics is not None and "normalized_actions" not in data and "actions" in data:
             raise ActionError(f"{self._url}: answers with joint targets: leave ?statistics out")
         return data.get("actions" if self._statistics is None else "normalized_actions")
 
     def _check_statistics(self, statistics: "Statistics", start: Start) -> "Statistics":
-        """The statistics, grippers left as they are unless they are to be scaled. Raises PolicyError for another robot's."""
+        """The statistics, grippers left as they are unless they are to be scaled. Raises
+        PolicyError for another robot's."""
         if len(statistics.low) != len(self._order):
-            raise PolicyError(f"{self._url}: the statistics have {len(statistics.low)} numbers, the robot {len(self._order)}")
+            raise PolicyError(
+                f"{self._url}: the statistics have {len(statistics.low)} numbers, the robot"
+                f" {len(self._order)}"
+            )
         joint = np.array([not start.action_names[i].endswith("gripper") for i in self._order])
-        return replace(statistics, normalized=statistics.normalized & (joint | self._scaled_grippers))
+        return replace(
+            statistics, normalized=statistics.normalized & (joint | self._scaled_grippers)
+        )
 
     def _indices(self, kind: str, keys: object, start: Start) -> NDArray[np.int64]:
-        """The index in our joint vector of every number of the server's. Raises PolicyError for keys that are not the robot's."""
+        """The index in our joint vector of every number of the server's. Raises PolicyError for
+        keys that are not the robot's."""
         if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
             raise PolicyError(
-                f"{self._url}: the server does not tell the order of its {kind}s: start it with an unnorm_key, or give "
-                f"?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
+                f"{self._url}: the server does not tell the order of its {kind}s: start it with an"
+                " unnorm_key, or give"
+                " ?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
             )
         parts, names = parts_of(start.action_names), [key.rpartition(".")[2] for key in keys]
         if sorted(names) != sorted(parts):
             theirs = line_of_text(" ".join(names))
-            raise PolicyError(f"{self._url}: {kind} keys: the server has {theirs}, the robot {' '.join(parts)}")
+            raise PolicyError(
+                f"{self._url}: {kind} keys: the server has {theirs}, the robot {' '.join(parts)}"
+            )
         return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
 
 
@@ -185,7 +230,8 @@ def squash(image: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """Bounds (A,) of every number of an action, in the server's order, and which numbers (A,) are normalised at all."""
+    """Bounds (A,) of every number of an action, in the server's order, and which numbers (A,) are
+    normalised at all."""
 
     low: Floats
     high: Floats
@@ -194,32 +240,47 @@ class Statistics:
     def joints(self, actions: NDArray[Any]) -> Floats:
         """Joint targets (T,A) of normalised actions (T,A), which are clipped to [-1, 1]."""
         values = np.clip(np.asarray(actions, float), -1, 1)
-        return np.where(self.normalized, self.low + (values + 1) / 2 * (self.high - self.low), values)
+        return np.where(
+            self.normalized, self.low + (values + 1) / 2 * (self.high - self.low), values
+        )
 
 
 def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
-    """The action statistics of a dataset_statistics.json: those of `key`, or the only ones there are. Raises PolicyError."""
+    """The action statistics of a dataset_statistics.json: those of `key`, or the only ones there
+    are. Raises PolicyError."""
     try:
         found = read_json(path)
         keys = list(found)
         chosen = key or (keys[0] if len(keys) == 1 else None)
         if chosen not in keys:
-            raise PolicyError(f"{path}: has statistics of {line_of_text(', '.join(keys))}: give one as ?unnorm_key=")
+            raise PolicyError(
+                f"{path}: has statistics of {line_of_text(', '.join(keys))}: give one as"
+                " ?unnorm_key="
+            )
         action = found[chosen]["action"]
         low, high = (np.asarray(action[name], float) for name in BOUNDS[kind])
         normalized = np.asarray(action.get("mask", np.ones(low.shape, bool)), bool)
     except (ParseError, TypeError, KeyError, ValueError, AttributeError) as error:
-        raise PolicyError(f"{path}: is no dataset_statistics.json of StarVLA: {line_of_text(error)}") from error
-    if low.ndim != 1 or not low.shape == high.shape == normalized.shape or not np.isfinite([low, high]).all():
+        raise PolicyError(
+            f"{path}: is no dataset_statistics.json of StarVLA: {line_of_text(error)}"
+        ) from error
+    if (
+        low.ndim != 1
+        or not low.shape == high.shape == normalized.shape
+        or not np.isfinite([low, high]).all()
+    ):
         raise PolicyError(f"{path}: the bounds of {chosen} are no lists of as many numbers")
     return Statistics(low, high, normalized)
 
 
 def _one_of(address: Address, option: str, known: tuple[str, ...]) -> str:
-    """The value of an option, by default the first of those there are. Raises PolicyError for another one."""
+    """The value of an option, by default the first of those there are. Raises PolicyError for
+    another one."""
     value = address.options.get(option, known[0])
     if value not in known:
-        raise PolicyError(f"--policy {address.text}: {option}={value} is unknown: choose {', '.join(known)}")
+        raise PolicyError(
+            f"--policy {address.text}: {option}={value} is unknown: choose {', '.join(known)}"
+        )
     return value
 
 
@@ -229,8 +290,13 @@ def _history_of(address: Address) -> HistorySettings | None:
     if text is None:
         return None
     length, _, stride = text.partition(":")
-    if not all(part.isascii() and part.isdigit() and 1 <= int(part) <= 100 for part in (length, stride)):
-        raise PolicyError(f"--policy {address.text}: history={text} is not LENGTH:STRIDE, two whole numbers from 1 to 100")
+    if not all(
+        part.isascii() and part.isdigit() and 1 <= int(part) <= 100 for part in (length, stride)
+    ):
+        raise PolicyError(
+            f"--policy {address.text}: history={text} is not LENGTH:STRIDE, two whole numbers from"
+            " 1 to 100"
+        )
     flow = _one_of(address, "history_mode", ("flow", "frames")) == "flow"
     kept, sent = address.number("flow_size", 128), address.number("history_size", SIZE)
     return HistorySettings(int(length), int(stride), flow, kept or 128, sent or SIZE)

@@ -1,12 +1,14 @@
-"""This benchmark for vla-eval, the evaluation harness for vision-language-action models (its StepBenchmark, version 0.8).
+"""This benchmark for vla-eval, the evaluation harness for vision-language-action models (its
+StepBenchmark, version 0.8).
 
     benchmarks:
       - benchmark: "pipeline.evaluate.serving.bridges.vla_eval:DominoBenchmark"
         params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1, episodes: 20, manifests: out/manifests}
 
-Only vla-eval imports this module; it needs that package, which this project does not install. Episode n of a task is the n-th
-admitted scene. What the harness' real-time mode measures is wall time, not the clock of the world.
-"""
+Only vla-eval imports this module; it needs that package, which this project does not install.
+Episode n of a task is the n-th admitted scene. What the harness' real-time mode measures is wall
+time, not the clock of the world.
+"""  # noqa: E501
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,8 +16,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from vla_eval.benchmarks.base import StepBenchmark, StepResult  # pyright: ignore[reportMissingModuleSource]
-from vla_eval.specs import IMAGE_RGB, LANGUAGE, DimSpec  # pyright: ignore[reportMissingModuleSource]
+from vla_eval.benchmarks.base import (
+    StepBenchmark,
+    StepResult,
+)  # pyright: ignore[reportMissingModuleSource]
+from vla_eval.specs import (
+    IMAGE_RGB,
+    LANGUAGE,
+    DimSpec,
+)  # pyright: ignore[reportMissingModuleSource]
 
 from pipeline.data.clock import at_rate
 from pipeline.data.recipe.model import Cell
@@ -30,11 +39,13 @@ type Message = dict[str, Any]
 
 
 class DominoBenchmark(StepBenchmark):
-    """Tasks of one level, alpha, domain and robot. `setup` are keys of a setup, or the directory of a dataset whose setup is taken.
+    """Tasks of one level, alpha, domain and robot. `setup` are keys of a setup, or the directory of
+    a dataset whose setup is taken.
 
     Actions are drive targets (A,), reached at the end of a control period.
 
-    Raises KeyError, naming what there is, for a task or robot that does not exist, ValueError for another unknown option.
+    Raises KeyError, naming what there is, for a task or robot that does not exist, ValueError for
+    another unknown option.
     """
 
     render_backends: ClassVar[frozenset[str]] = frozenset({"gpu", "cpu"})
@@ -55,7 +66,9 @@ class DominoBenchmark(StepBenchmark):
         super().__init__()
         robot = get_embodiment(embodiment)
         self._names, self._setup = robot.vector_names, setup_of(setup)
-        self._cells = {TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks}
+        self._cells = {
+            TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks
+        }
         self._episodes, self._manifests = episodes, Manifests(Path(manifests), seed, self._setup)
         self._cases: dict[tuple[str, int], Case] = {}
         self._env: DominoEnv | None = None
@@ -63,13 +76,17 @@ class DominoBenchmark(StepBenchmark):
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """Nothing to set: rendering finds a GPU, or a driver that draws on the processor, by itself."""
+        """Nothing to set: rendering finds a GPU, or a driver that draws on the processor, by
+        itself."""
         return {}
 
     def get_tasks(self) -> list[Message]:
-        """Every episode of every task; scenes that no manifest has yet are admitted now. Raises ProtocolError."""
+        """Every episode of every task; scenes that no manifest has yet are admitted now. Raises
+        ProtocolError."""
         found = self._manifests.admitted(list(self._cells.values()), self._episodes, inline)
-        self._cases = {(cell.task, i): case for cell, cases in found.items() for i, case in enumerate(cases)}
+        self._cases = {
+            (cell.task, i): case for cell, cases in found.items() for i, case in enumerate(cases)
+        }
         return [{"name": task, "suite": "domino", "episode_idx": i} for task, i in self._cases]
 
     def reset(self, task: Message) -> Message:
@@ -78,7 +95,9 @@ class DominoBenchmark(StepBenchmark):
         if not self._cases:
             self.get_tasks()
         case, cell = self._cases[task["name"], task["episode_idx"]], self._cells[task["name"]]
-        self._env = DominoEnv(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup)
+        self._env = DominoEnv(
+            cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup
+        )
         observation, _ = self._env.reset(options={"case": case})
         self._instruction = self._env.task_description
         return observation
@@ -88,7 +107,9 @@ class DominoBenchmark(StepBenchmark):
         if self._env is None:
             raise RuntimeError("reset the benchmark before it is stepped")
         values = np.asarray(action.get("actions", action.get("action")), np.float64)
-        observation, reward, terminated, truncated, info = self._env.step(values.reshape(-1).astype(np.float32))
+        observation, reward, terminated, truncated, info = self._env.step(
+            values.reshape(-1).astype(np.float32)
+        )
         return StepResult(observation, reward, terminated or truncated, info)
 
     def make_obs(self, raw_obs: Message, task: Message) -> Message:
@@ -102,7 +123,9 @@ class DominoBenchmark(StepBenchmark):
     def get_step_result(self, step_result: StepResult) -> Message:
         """Success, route completion and manipulation score (0-100)."""
         found = step_result.info.get("score", {})
-        numbers = {name: found.get(name, 0.0) for name in ("route_completion", "manipulation_score")}
+        numbers = {
+            name: found.get(name, 0.0) for name in ("route_completion", "manipulation_score")
+        }
         return {"success": bool(step_result.info.get("is_success", False))} | numbers
 
     def get_metric_keys(self) -> dict[str, str]:
@@ -120,7 +143,9 @@ class DominoBenchmark(StepBenchmark):
     def get_metadata(self) -> Message:
         """Steps an episode takes at most, over the tasks."""
         return {
-            "max_steps": at_rate(max(TASKS[task].step_limit for task in self._cells), self._setup.fps),
+            "max_steps": at_rate(
+                max(TASKS[task].step_limit for task in self._cells), self._setup.fps
+            ),
             "action_names": list(self._names),
         }
 

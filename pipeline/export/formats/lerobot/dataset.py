@@ -1,4 +1,5 @@
-"""What the versions of the LeRobot format have in common: an export of datasets, and the writer of one."""
+"""What the versions of the LeRobot format have in common: an export of datasets, and the writer of
+one."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -35,7 +36,8 @@ from pipeline.memory import freeze_garbage
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):
-    """What the versions of the format have in common: an export of one or several datasets, each made by a writer."""
+    """What the versions of the format have in common: an export of one or several datasets, each
+    made by a writer."""
 
     version: str
 
@@ -50,12 +52,19 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         parts, index = {}, []
         with freeze_garbage():
             known = Known(draft)
-            for name, (root, paths) in datasets_of(job.episodes, draft.folder, job.options.per_task).items():
+            for name, (root, paths) in datasets_of(
+                job.episodes, draft.folder, job.options.per_task
+            ).items():
                 parts[name], specs = self._write_dataset(job, draft, known, root, paths)
-                index.append(index_row(root.relative_to(draft.folder).as_posix(), parts[name], specs))
+                index.append(
+                    index_row(root.relative_to(draft.folder).as_posix(), parts[name], specs)
+                )
         if len(parts) > 1 or job.options.per_task:
             write_json(draft.folder / INDEX, index)
-        values: dict[str, Any] = {"version": self.version, "embodiments": sorted({row["embodiment"] for row in index})}
+        values: dict[str, Any] = {
+            "version": self.version,
+            "embodiments": sorted({row["embodiment"] for row in index}),
+        }
         values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
         return values | {"fps": {name: p["fps"] for name, p in parts.items()}}
 
@@ -69,7 +78,9 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
             hashes = ((path, draft.hash_of(path)) for path in paths)
             sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
             depth = DEPTH in self.sensors(job.options)
-            for prepared in prepare_all(sources, job.dataset, job.options, min(job.workers, len(paths)), depth):
+            for prepared in prepare_all(
+                sources, job.dataset, job.options, min(job.workers, len(paths)), depth
+            ):
                 episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
                 writer = writer or self.writer(draft, root, episode.facts, job.options)
                 writer.append(episode)
@@ -82,23 +93,34 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         return writer.finish(), specs
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """One configuration a dataset; none where there is one only, whose card lerobot has written."""
+        """One configuration a dataset; none where there is one only, whose card lerobot has
+        written."""
         roots = [path.parent.parent for path in sorted(folder.rglob("meta/info.json"))]
         names = [root.relative_to(folder).as_posix() for root in roots if root != folder]
-        return [{"config_name": name.replace("/", "-"), "data_files": f"{name}/data/*/*.parquet"} for name in names]
+        return [
+            {"config_name": name.replace("/", "-"), "data_files": f"{name}/data/*/*.parquet"}
+            for name in names
+        ]
 
 
 def padded(facts: Facts, width: int | None) -> Facts:
-    """The episode with vectors of this width, if one is wanted. Raises ExportError for vectors that are wider."""
+    """The episode with vectors of this width, if one is wanted. Raises ExportError for vectors that
+    are wider."""
     if width is not None and width < (own := len(facts.log.vector_names)):
-        raise ExportError(f"--pad {width}: {facts.spec.embodiment} has vectors of {own} numbers; choose {own} or more")
+        raise ExportError(
+            f"--pad {width}: {facts.spec.embodiment} has vectors of {own} numbers; choose {own} or"
+            " more"
+        )
     return widen(facts, width or 0)
 
 
 class Writer(ABC):
-    """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
+    """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be
+    like the first."""
 
-    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> None:
+    def __init__(
+        self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions
+    ) -> None:
         self.draft, self.root, self.first, self.codec = draft, root, first, options.video()
         self.names = exported_cameras(first, options.camera_names)
         self.features = features_of(first, self.codec, self.names)
@@ -109,10 +131,14 @@ class Writer(ABC):
         self.sampled = self.frames = 0
 
     def begin(self, episode: Prepared) -> tuple[int, dict[str, NDArray[Any]], dict[str, Stats]]:
-        """Index, columns and statistics of the next episode. Raises ExportError when it does not fit to the first one."""
+        """Index, columns and statistics of the next episode. Raises ExportError when it does not
+        fit to the first one."""
         facts = episode.facts
         same(self.first, facts)
-        index, task = self.provenance.count, self.tasks.setdefault(facts.instruction, len(self.tasks))
+        index, task = (
+            self.provenance.count,
+            self.tasks.setdefault(facts.instruction, len(self.tasks)),
+        )
         columns = data_columns(facts, self.names, index, self.frames, task)
         stats = column_stats(columns)
         for camera, counts in episode.encoded.colors.items():
@@ -122,7 +148,8 @@ class Writer(ABC):
         return index, columns, stats
 
     def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
-        """Count an episode as written; `places` are the video file and the number of its first image there by camera."""
+        """Count an episode as written; `places` are the video file and the number of its first
+        image there by camera."""
         self.provenance.append(episode.facts)
         self.encoded.append(episode.sha, episode.encoded, places)
         self.sampled += episode.encoded.sampled
@@ -140,10 +167,20 @@ class Writer(ABC):
     def finish(self) -> dict[str, Any]:
         """After `close`: write what describes the whole dataset; returns counts."""
         meta = self.root / "meta"
-        summary = {"episodes": self.provenance.count, "frames": self.frames, "tasks": len(self.tasks), "fps": self.first.fps}
+        summary = {
+            "episodes": self.provenance.count,
+            "frames": self.frames,
+            "tasks": len(self.tasks),
+            "fps": self.first.fps,
+        }
         write_json(meta / "modality.json", modality(self.first, self.names))
-        described: dict[str, Any] = {"embodiment": self.first.spec.embodiment, "physics_key": self.first.meta.physics_key}
+        described: dict[str, Any] = {
+            "embodiment": self.first.spec.embodiment,
+            "physics_key": self.first.meta.physics_key,
+        }
         described["encoder"] = {"name": self.codec.name, **self.codec.options()}
         described["cameras"] = described_cameras(self.first, self.names)
-        write_json(meta / "domino.json", summary | described | {"names": list(self.first.log.vector_names)})
+        write_json(
+            meta / "domino.json", summary | described | {"names": list(self.first.log.vector_names)}
+        )
         return summary

@@ -1,7 +1,9 @@
-"""What a LeRobot export keeps about its videos, so that a later one need not encode them: meta/domino_encoded.parquet.
+"""What a LeRobot export keeps about its videos, so that a later one need not encode them:
+meta/domino_encoded.parquet.
 
-One row an episode and camera: sha256 of the episode file, camera of the dataset, video file (relative to the export) and number of
-the first image in it, bytes of the mp4 that the encoder made, and the colors that the statistics count.
+One row an episode and camera: sha256 of the episode file, camera of the dataset, video file
+(relative to the export) and number of the first image in it, bytes of the mp4 that the encoder
+made, and the colors that the statistics count.
 """
 
 from collections.abc import Sequence
@@ -21,7 +23,12 @@ from pipeline.export.shared.video_file import Clip
 ENCODED = "meta/domino_encoded.parquet"
 SCHEMA = pa.schema(
     [
-        *(("sha256", pa.string()), ("camera", pa.string()), ("file", pa.string()), ("start", pa.int64())),
+        *(
+            ("sha256", pa.string()),
+            ("camera", pa.string()),
+            ("file", pa.string()),
+            ("start", pa.int64()),
+        ),
         *(("bytes", pa.int64()), ("sampled", pa.int64()), ("colors", pa.list_(pa.int64()))),
     ]
 )
@@ -30,7 +37,8 @@ ROWS_PER_GROUP = 300
 
 @dataclass(frozen=True, eq=False)
 class Encoded:
-    """The images of an episode as video: a clip and color counts (3,256) over `sampled` images by camera."""
+    """The images of an episode as video: a clip and color counts (3,256) over `sampled` images by
+    camera."""
 
     videos: dict[str, Clip]
     colors: dict[str, NDArray[np.int64]]
@@ -50,12 +58,21 @@ class EncodedFile(RowWriter):
         super().__init__(self.path, SCHEMA, ROWS_PER_GROUP)
 
     def append(self, sha: str, encoded: Encoded, places: dict[str, tuple[Path, int]]) -> None:
-        """Add an episode; `places` has the video file and the number of the first image in it by camera."""
+        """Add an episode; `places` has the video file and the number of the first image in it by
+        camera."""
         rows: list[dict[str, Any]] = []
         for camera, clip in encoded.videos.items():
             file, start = places[camera]
-            row: dict[str, Any] = {"sha256": sha, "camera": camera, "start": start, "bytes": clip.size}
-            row |= {"file": file.relative_to(self.draft.folder).as_posix(), "sampled": encoded.sampled}
+            row: dict[str, Any] = {
+                "sha256": sha,
+                "camera": camera,
+                "start": start,
+                "bytes": clip.size,
+            }
+            row |= {
+                "file": file.relative_to(self.draft.folder).as_posix(),
+                "sampled": encoded.sampled,
+            }
             rows.append(row | {"colors": encoded.colors[camera].ravel()})
         self.add(*rows)
 
@@ -63,11 +80,14 @@ class EncodedFile(RowWriter):
         """Write the remaining rows and the footer."""
         if self.is_open:
             super().close()
-            self.draft.record(self.path, ["encoded", self.path.relative_to(self.draft.folder).as_posix()])
+            self.draft.record(
+                self.path, ["encoded", self.path.relative_to(self.draft.folder).as_posix()]
+            )
 
 
 class Known:
-    """The videos that an older export lends, by the sha256 of their episode; reads a row group at a time."""
+    """The videos that an older export lends, by the sha256 of their episode; reads a row group at a
+    time."""
 
     def __init__(self, draft: ExportDraft) -> None:
         self.older = draft.older
@@ -96,6 +116,8 @@ class Known:
             if file is None:
                 return None
             camera = row["camera"]
-            videos[camera] = Clip(clip_name(row["sha256"], camera), row["bytes"], file=file, start=row["start"])
+            videos[camera] = Clip(
+                clip_name(row["sha256"], camera), row["bytes"], file=file, start=row["start"]
+            )
             colors[camera] = np.array(row["colors"], np.int64).reshape(3, -1)
         return Encoded(videos, colors, rows[0]["sampled"])

@@ -1,11 +1,13 @@
 """Features and columns of a LeRobot dataset.
 
-The columns are made here, whole episodes at a time: lerobot makes them frame by frame from what add_frame is given, and encodes
-images to files on the way (benchmarks/export.py has both speeds). The tests hold the files against those that lerobot writes for
-the same episode, and load them with it.
+The columns are made here, whole episodes at a time: lerobot makes them frame by frame from what
+add_frame is given, and encodes images to files on the way (benchmarks/export.py has both speeds).
+The tests hold the files against those that lerobot writes for the same episode, and load them with
+it.
 
-Poses of end effectors and cameras, contacts, the target, where it goes next and the script are features of their own, outside of
-`observation.`: policies take what starts with that for an input, and a robot does not know the pose of the target.
+Poses of end effectors and cameras, contacts, the target, where it goes next and the script are
+features of their own, outside of `observation.`: policies take what starts with that for an input,
+and a robot does not know the pose of the target.
 """
 
 from collections.abc import Mapping
@@ -35,7 +37,13 @@ TEXT_FEATURES = ("subtask", "skill", "stage")
 PAD = "pad_"
 """The first part of the names of columns that `widen` adds."""
 
-CLOCK_FEATURES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
+CLOCK_FEATURES = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
 
 
 def image_key(name: str) -> str:
@@ -44,28 +52,43 @@ def image_key(name: str) -> str:
 
 
 def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Features of the episodes of an embodiment in the order of the columns; joint names from the file, the clock features last.
+    """Features of the episodes of an embodiment in the order of the columns; joint names from the
+    file, the clock features last.
 
     `names` are the exported names by camera.
     """
     features: dict[str, dict[str, Any]] = {
-        name: {"dtype": "float32", "shape": [len(parts)], "names": parts} for name, parts in vector_names(facts, names).items()
+        name: {"dtype": "float32", "shape": [len(parts)], "names": parts}
+        for name, parts in vector_names(facts, names).items()
     }
     for camera in facts.cameras:
-        shape = {"dtype": "video", "shape": [*facts.size, 3], "names": ["height", "width", "channels"]}
+        shape = {
+            "dtype": "video",
+            "shape": [*facts.size, 3],
+            "names": ["height", "width", "channels"],
+        }
         features[image_key(names[camera])] = shape | {"info": _video_info(facts, codec)}
     features |= {name: {"dtype": "string", "shape": [1], "names": [name]} for name in TEXT_FEATURES}
-    return features | {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()}
+    return features | {
+        name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()
+    }
 
 
-def before_clock(features: Mapping[str, dict[str, Any]], more: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def before_clock(
+    features: Mapping[str, dict[str, Any]], more: Mapping[str, dict[str, Any]]
+) -> dict[str, dict[str, Any]]:
     """The features with more of them before those of the clock."""
     clock = {name: feature for name, feature in features.items() if name in CLOCK_FEATURES}
-    return {name: feature for name, feature in features.items() if name not in clock} | dict(more) | clock
+    return (
+        {name: feature for name, feature in features.items() if name not in clock}
+        | dict(more)
+        | clock
+    )
 
 
 def widen(facts: Facts, width: int) -> Facts:
-    """The same with vectors of at least `width`: zeros in the place of an arm that is missing, left or right, else at the end."""
+    """The same with vectors of at least `width`: zeros in the place of an arm that is missing, left
+    or right, else at the end."""
     log = facts.log
     if (more := width - len(log.vector_names)) <= 0:
         return facts
@@ -77,12 +100,19 @@ def widen(facts: Facts, width: int) -> Facts:
     pads = tuple(f"{PAD}{i}" for i in range(more))
     names = (*pads[:before], *log.vector_names, *pads[before:])
     expert = None if log.expert_action is None else filled(log.expert_action)
-    wide = replace(log, vector_names=names, state=filled(log.state), action=filled(log.action), expert_action=expert)
+    wide = replace(
+        log,
+        vector_names=names,
+        state=filled(log.state),
+        action=filled(log.action),
+        expert_action=expert,
+    )
     return replace(facts, log=wide)
 
 
 def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]:
-    """Names of the parts of every feature that is a vector of numbers; paths and traces reach one second ahead."""
+    """Names of the parts of every feature that is a vector of numbers; paths and traces reach one
+    second ahead."""
     joints = list(facts.log.vector_names)
     later = range(1, facts.fps + 1)
     return {
@@ -96,7 +126,10 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
         "contact.target": list(SIDES),
         "contact.manipulated": list(SIDES),
         "target.path": [f"{axis}{k}" for k in later for axis in ("x", "y", "z")],
-        **{f"trace.{names[camera]}": [f"{part}{k}" for k in later for part in ("u", "v", "depth")] for camera in facts.cameras},
+        **{
+            f"trace.{names[camera]}": [f"{part}{k}" for k in later for part in ("u", "v", "depth")]
+            for camera in facts.cameras
+        },
         **({"intervention": ["expert"], "expert_action": joints} if facts.corrected else {}),
     }
 
@@ -130,28 +163,43 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
             arrays.append(values)
             continue
         flat = pa.array(values.ravel())
-        arrays.append(flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=field.type))
+        arrays.append(
+            flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=field.type)
+        )
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int, task: int) -> dict[str, NDArray[Any]]:
-    """Columns (T,) or (T,d) of the exported frames of an episode: number `index`, first row `start`, instruction number `task`."""
+def data_columns(
+    facts: Facts, names: Mapping[str, str], index: int, start: int, task: int
+) -> dict[str, NDArray[Any]]:
+    """Columns (T,) or (T,d) of the exported frames of an episode: number `index`, first row
+    `start`, instruction number `task`."""
     length, log = len(facts), facts.log
     vectors = {
         "observation.state": log.state,
         "action": log.action,
         "target.pose": facts.target,
         "target.velocity": log.target_velocity,
-        **({} if log.target_angular_velocity is None else {"target.angular_velocity": log.target_angular_velocity}),
+        **(
+            {}
+            if log.target_angular_velocity is None
+            else {"target.angular_velocity": log.target_angular_velocity}
+        ),
         "ee.pose": log.tcp.reshape(length, -1),
         **{f"camera.{names[camera]}.pose": facts.camera_poses[camera] for camera in facts.cameras},
         "contact.target": contact_flags(facts, facts.meta.target),
         "contact.manipulated": contact_flags(facts, facts.meta.manipulated),
         "target.path": path_ahead(facts.target[:, :3], facts.fps).reshape(length, -1),
-        **{f"trace.{names[camera]}": trace_of(facts, camera).reshape(length, -1) for camera in facts.cameras},
+        **{
+            f"trace.{names[camera]}": trace_of(facts, camera).reshape(length, -1)
+            for camera in facts.cameras
+        },
     }
     if facts.corrected:
-        vectors |= {"intervention": np.array(log.intervention), "expert_action": np.array(log.expert_action)}
+        vectors |= {
+            "intervention": np.array(log.intervention),
+            "expert_action": np.array(log.expert_action),
+        }
     script = script_of(facts)
     texts = {name: np.array(getattr(script, name), object) for name in TEXT_FEATURES}
     numbers = {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()}
@@ -167,11 +215,14 @@ def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int,
 
 def column_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
     """Statistics of the columns that hold numbers."""
-    return {name: vector_stats(values) for name, values in columns.items() if name not in TEXT_FEATURES}
+    return {
+        name: vector_stats(values) for name, values in columns.items() if name not in TEXT_FEATURES
+    }
 
 
 def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
-    """Schema of meta/episodes from one row of it and the statistics in it; the place of the row itself comes last."""
+    """Schema of meta/episodes from one row of it and the statistics in it; the place of the row
+    itself comes last."""
     types: dict[str, pa.DataType] = {}
     for name, value in row.items():
         if name.startswith("domino."):
@@ -185,11 +236,18 @@ def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
             types[name] = pa.list_(pa.string())
         else:
             types[name] = pa.int64() if isinstance(value, int) else pa.float64()
-    return pa.schema([*types.items(), ("meta/episodes/chunk_index", pa.int64()), ("meta/episodes/file_index", pa.int64())])
+    return pa.schema(
+        [
+            *types.items(),
+            ("meta/episodes/chunk_index", pa.int64()),
+            ("meta/episodes/file_index", pa.int64()),
+        ]
+    )
 
 
 def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
-    """meta/modality.json as GR00T and StarVLA read it: slices of the vectors, names of the videos and of the instruction."""
+    """meta/modality.json as GR00T and StarVLA read it: slices of the vectors, names of the videos
+    and of the instruction."""
     parts: dict[str, dict[str, int]] = {}
     for i, name in enumerate(facts.log.vector_names):
         if name.startswith(PAD):
@@ -198,7 +256,10 @@ def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
         part = f"{side}_gripper" if name == f"{side}_gripper" else f"{side}_joints"
         parts.setdefault(part, {"start": i, "end": i})["end"] = i + 1
     keys = {"state": "observation.state", "action": "action"}
-    vectors = {kind: {part: {**at, "original_key": key} for part, at in parts.items()} for kind, key in keys.items()}
+    vectors = {
+        kind: {part: {**at, "original_key": key} for part, at in parts.items()}
+        for kind, key in keys.items()
+    }
     return {
         **vectors,
         "video": {name: {"original_key": image_key(name)} for name in names.values()},
@@ -207,25 +268,31 @@ def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
 
 
 def described_cameras(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
-    """What meta/domino.json says about each camera: its pinhole matrix in pixels, and the link that carries it."""
+    """What meta/domino.json says about each camera: its pinhole matrix in pixels, and the link that
+    carries it."""
     known = facts.meta.drawing.cameras
     return {
-        names[camera]: {"intrinsic_cv": intrinsics(known[camera].camera(camera).type).tolist(), "link": known[camera].link}
+        names[camera]: {
+            "intrinsic_cv": intrinsics(known[camera].camera(camera).type).tolist(),
+            "link": known[camera].link,
+        }
         for camera in facts.cameras
         if camera in known
     }
 
 
 def split_of(first: Facts) -> str:
-    """Name of the split of a dataset whose first episode this is: failed attempts are no training data."""
+    """Name of the split of a dataset whose first episode this is: failed attempts are no training
+    data."""
     return FAILURES if first.meta.failure else "train"
 
 
 def description(summary: dict[str, Any], first: Facts) -> str:
     """A paragraph on the content of a dataset, for its card."""
     return (
-        f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']} Hz) of {first.spec.embodiment} "
-        "handling moving objects. `observation.state` is measured at the frame, `action` is the joint target commanded for the "
-        "interval after it. Poses are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the task, "
-        "level, speed and motion of every episode."
+        f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']}"
+        f" Hz) of {first.spec.embodiment} handling moving objects. `observation.state` is measured"
+        " at the frame, `action` is the joint target commanded for the interval after it. Poses"
+        " are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the"
+        " task, level, speed and motion of every episode."
     )

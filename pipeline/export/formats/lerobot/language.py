@@ -1,17 +1,20 @@
-"""The language columns of LeRobot v3 (lerobot/datasets/language.py), exact, from the script that ran and from the log.
+"""The language columns of LeRobot v3 (lerobot/datasets/language.py), exact, from the script that
+ran and from the log.
 
-`language_persistent` holds the rows of the whole episode in every frame, each with the time from which it is active:
+`language_persistent` holds the rows of the whole episode in every frame, each with the time from
+which it is active:
 
     subtask   what the expert does, a sentence
     plan      a numbered list of the subtasks from this one on
     motion    how the hands move until the next subtask: metres along x, y, z of the world, and the gripper
 
-`language_events` holds rows of the frame: `trace`, one for each camera that sees the target, where it goes within a second as
-{"label", "point_format": "xy", "points": [[column, row], ...]} in pixels of this camera as it stands now, every third frame.
+`language_events` holds rows of the frame: `trace`, one for each camera that sees the target, where
+it goes within a second as {"label", "point_format": "xy", "points": [[column, row], ...]} in pixels
+of this camera as it stands now, every third frame.
 
-lerobot's own writer of these columns reads staged JSON files of its annotators and rewrites finished data files; the tests hold the
-rows against its schema, its checks and its resolvers.
-"""
+lerobot's own writer of these columns reads staged JSON files of its annotators and rewrites
+finished data files; the tests hold the rows against its schema, its checks and its resolvers.
+"""  # noqa: E501
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,7 +35,8 @@ TRACE_EVERY = 3  # frames between two points of a trace
 
 
 def persistent_rows(facts: Facts, script: Script) -> list[dict[str, Any]]:
-    """Rows of an episode in the order of their time: subtask, plan and motion at every frame where the subtask changes."""
+    """Rows of an episode in the order of their time: subtask, plan and motion at every frame where
+    the subtask changes."""
     starts, rows = script.changes(), list[dict[str, Any]]()
     for k, t in enumerate(starts):
         left = [script.subtask[s] for s in starts[k:]]
@@ -42,7 +46,10 @@ def persistent_rows(facts: Facts, script: Script) -> list[dict[str, Any]]:
             "plan": "\n".join(f"{n}. {text}" for n, text in enumerate(left, 1)),
             "subtask": script.subtask[t],
         }
-        rows += [{"role": "assistant", "content": text, "style": style, "timestamp": t / facts.fps} for style, text in said.items()]
+        rows += [
+            {"role": "assistant", "content": text, "style": style, "timestamp": t / facts.fps}
+            for style, text in said.items()
+        ]
     return rows
 
 
@@ -62,43 +69,70 @@ def event_rows(facts: Facts, keys: Mapping[str, str]) -> list[list[dict[str, Any
     rows: list[list[dict[str, Any]]] = [[] for _ in range(len(facts))]
     label = spoken_names(facts)[facts.meta.target].removeprefix("the ")
     for camera in sorted(facts.cameras, key=lambda name: keys[name]):
-        kind, poses = facts.meta.drawing.cameras[camera].camera(camera).type, facts.camera_poses[camera]
+        kind, poses = (
+            facts.meta.drawing.cameras[camera].camera(camera).type,
+            facts.camera_poses[camera],
+        )
         now = track(kind, poses, facts.target[:, :3])
         later = trace_of(facts, camera)[:, TRACE_EVERY - 1 :: TRACE_EVERY]
         places = np.round(np.concatenate([now[:, None, :2], later[:, :, :2]], axis=1), 1).tolist()
         before = (later[:, :, 2] > 0).tolist()
         for t in np.flatnonzero(now[:, 3]):
-            points = [place for place, shown in zip(places[t], (True, *before[t]), strict=True) if shown]
+            points = [
+                place for place, shown in zip(places[t], (True, *before[t]), strict=True) if shown
+            ]
             content = {"label": label, "point_format": "xy", "points": points}
-            rows[t].append({"role": "assistant", "content": json.dumps(content), "style": "trace", "camera": keys[camera]})
+            rows[t].append(
+                {
+                    "role": "assistant",
+                    "content": json.dumps(content),
+                    "style": "trace",
+                    "camera": keys[camera],
+                }
+            )
     return rows
 
 
-def column(rows: Sequence[Mapping[str, Any]], offsets: NDArray[np.int32], kind: pa.ListType) -> pa.ListArray:
+def column(
+    rows: Sequence[Mapping[str, Any]], offsets: NDArray[np.int32], kind: pa.ListType
+) -> pa.ListArray:
     """Rows as a column of lists that end at `offsets`; fields that a row lacks are null."""
     inner = kind.value_type
     # Arrow makes no lists of its JSON type from Python values
     fields = [
-        pa.nulls(len(rows), field.type)
-        if field.name == "tool_calls"
-        else pa.array([row.get(field.name) for row in rows], field.type)
+        (
+            pa.nulls(len(rows), field.type)
+            if field.name == "tool_calls"
+            else pa.array([row.get(field.name) for row in rows], field.type)
+        )
         for field in inner
     ]
     return pa.ListArray.from_arrays(
-        pa.array(offsets, pa.int32()), pa.StructArray.from_arrays(fields, fields=list(inner)), type=kind
+        pa.array(offsets, pa.int32()),
+        pa.StructArray.from_arrays(fields, fields=list(inner)),
+        type=kind,
     )
 
 
 def with_language(features: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """The features with both columns before those of the clock."""
-    described = {name: {"dtype": "language", "shape": [1], "names": None} for name in (PERSISTENT, EVENTS)}
+    described = {
+        name: {"dtype": "language", "shape": [1], "names": None} for name in (PERSISTENT, EVENTS)
+    }
     return before_clock(features, described)
 
 
-def language_columns(facts: Facts, names: Mapping[str, str], schema: pa.Schema) -> dict[str, pa.ListArray]:
-    """Both columns of the exported frames as the schema has them; `names` are the exported names by camera."""
+def language_columns(
+    facts: Facts, names: Mapping[str, str], schema: pa.Schema
+) -> dict[str, pa.ListArray]:
+    """Both columns of the exported frames as the schema has them; `names` are the exported names by
+    camera."""
     keys = {camera: image_key(names[camera]) for camera in facts.cameras}
-    lasting = [row for row in persistent_rows(facts, script_of(facts)) if row["timestamp"] * facts.fps < facts.kept]
+    lasting = [
+        row
+        for row in persistent_rows(facts, script_of(facts))
+        if row["timestamp"] * facts.fps < facts.kept
+    ]
     events = event_rows(facts, keys)[: facts.kept]
     once = column(lasting, np.array([0, len(lasting)], np.int32), schema.field(PERSISTENT).type)
     ends = np.cumsum([0, *map(len, events)]).astype(np.int32)

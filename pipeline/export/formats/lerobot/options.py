@@ -29,13 +29,24 @@ class LerobotOptions:
 
     codec: str = option(f"video encoder: {', '.join(CODECS)}", one_of(*CODECS), Codec.name)
     crf: int | None = option("quality of the video, lower is better and larger", whole(0, 63), None)
-    preset: str | None = option("preset of the video encoder, like veryfast (h264, hevc) or 12 (libsvtav1)", str, None)
+    preset: str | None = option(
+        "preset of the video encoder, like veryfast (h264, hevc) or 12 (libsvtav1)", str, None
+    )
     gop: int = option("frames from one key frame to the next", whole(1, 10_000), 1)
-    per_task: bool = option("one dataset for every task and level, with an index.json", default=False)
-    pad: int | None = option("width of state and action, filled with zeros where one arm is missing: 14 or 16", whole(2, 64), None)
+    per_task: bool = option(
+        "one dataset for every task and level, with an index.json", default=False
+    )
+    pad: int | None = option(
+        "width of state and action, filled with zeros where one arm is missing: 14 or 16",
+        whole(2, 64),
+        None,
+    )
     camera_names: Mapping[str, str] = camera_names_option()
     after_success: float | None = option(
-        "seconds after the success with which episodes end, negative for before it; without it they are whole", seconds, None
+        "seconds after the success with which episodes end, negative for before it; without it they"
+        " are whole",
+        seconds,
+        None,
     )
 
     def video(self) -> Codec:
@@ -49,21 +60,32 @@ class LerobotOptions:
 class LerobotV3Options(LerobotOptions):
     """Options of LeRobot v3.0: when data and videos begin another file, together.
 
-    lerobot compares float32 times within 1e-4 s: beyond 1024 s neighbouring float32 numbers are further apart than that.
+    lerobot compares float32 times within 1e-4 s: beyond 1024 s neighbouring float32 numbers are
+    further apart than that.
     """
 
-    data_bytes: int = option("bytes of a data file after which another begins", whole(1), 100 * MEGABYTE)
+    data_bytes: int = option(
+        "bytes of a data file after which another begins", whole(1), 100 * MEGABYTE
+    )
     video_bytes: int = option("bytes that a video file does not exceed", whole(1), 200 * MEGABYTE)
     video_seconds: int = option("seconds that a video file does not exceed", whole(1, 86_400), 1000)
-    language: bool = option("also write lerobot's language columns, which only lerobot 0.6 and later can read", default=False)
-    depth: bool = option("also write depth maps, to files of their own that policies do not read", default=False)
+    language: bool = option(
+        "also write lerobot's language columns, which only lerobot 0.6 and later can read",
+        default=False,
+    )
+    depth: bool = option(
+        "also write depth maps, to files of their own that policies do not read", default=False
+    )
 
 
-def datasets_of(episodes: Sequence[Path], out: Path, per_task: bool) -> dict[str, tuple[Path, list[Path]]]:
-    """Name -> (directory, episodes in order): one dataset an embodiment, at `out` itself where there is only one.
+def datasets_of(
+    episodes: Sequence[Path], out: Path, per_task: bool
+) -> dict[str, tuple[Path, list[Path]]]:
+    """Name -> (directory, episodes in order): one dataset an embodiment, at `out` itself where
+    there is only one.
 
-    With per_task one dataset for every task, embodiment, level, alpha and domain. An embodiment with more than
-    EPISODES_PER_DATASET episodes gets one for every level.
+    With per_task one dataset for every task, embodiment, level, alpha and domain. An embodiment
+    with more than EPISODES_PER_DATASET episodes gets one for every level.
     """
     if per_task:
         groups = group_episodes(episodes, _cell)
@@ -83,9 +105,13 @@ def _cell(spec: EpisodeSpec) -> str:
     return f"{embodiment}/{level}/{domain}/{task}"
 
 
-def index_row(path: str, summary: Mapping[str, Any], specs: Sequence[EpisodeSpec]) -> dict[str, Any]:
+def index_row(
+    path: str, summary: Mapping[str, Any], specs: Sequence[EpisodeSpec]
+) -> dict[str, Any]:
     """What index.json says about one dataset of several."""
     kinds = {"task": "tasks", "level": "levels", "alpha": "alphas", "domain": "domains"}
     row: dict[str, Any] = {"path": path, "embodiment": specs[0].embodiment}
-    row |= {plural: sorted({getattr(spec, name) for spec in specs}) for name, plural in kinds.items()}
+    row |= {
+        plural: sorted({getattr(spec, name) for spec in specs}) for name, plural in kinds.items()
+    }
     return row | {name: summary[name] for name in ("episodes", "frames", "fps")}

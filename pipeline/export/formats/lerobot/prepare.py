@@ -1,4 +1,5 @@
-"""Reads and encodes the episodes of a LeRobot export, in this process or in several; the output does not depend on how many.
+"""Reads and encodes the episodes of a LeRobot export, in this process or in several; the output
+does not depend on how many.
 
 lerobot itself is not imported here: that costs every process some ten seconds.
 """
@@ -53,7 +54,9 @@ def prepare(source: Source, dataset: Path, options: LerobotOptions, depth: bool)
     with reading(path) as file:
         facts = read_facts(file, dataset, options.after_success)
         if facts.size[0] % 2 or facts.size[1] % 2:
-            raise ExportError(f"{path}: images of {facts.size} cannot become video; height and width must be even")
+            raise ExportError(
+                f"{path}: images of {facts.size} cannot become video; height and width must be even"
+            )
         maps = depth_images(file, facts.kept) if depth else {}
         if source.known is not None:
             return Prepared(source.sha, facts, source.known, maps)
@@ -61,16 +64,25 @@ def prepare(source: Source, dataset: Path, options: LerobotOptions, depth: bool)
         videos, colors = {}, {}
         for camera in facts.cameras:
             counted = PlaneCounts()
-            frames = counted.passing(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]), rows)
-            videos[camera] = Clip.of(encode(frames, facts.fps, options.video()), clip_name(source.sha, camera))
+            frames = counted.passing(
+                decoded_planes(file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]), rows
+            )
+            videos[camera] = Clip.of(
+                encode(frames, facts.fps, options.video()), clip_name(source.sha, camera)
+            )
             colors[camera] = counted.counts()
     return Prepared(source.sha, facts, Encoded(videos, colors, len(rows)), maps)
 
 
 def prepare_all(
-    sources: Iterable[Source], dataset: Path, options: LerobotOptions, workers: int, depth: bool = False
+    sources: Iterable[Source],
+    dataset: Path,
+    options: LerobotOptions,
+    workers: int,
+    depth: bool = False,
 ) -> Iterator[Prepared]:
-    """`prepare` for all sources in order, in `workers` processes, at most two episodes a worker ahead of the reader."""
+    """`prepare` for all sources in order, in `workers` processes, at most two episodes a worker
+    ahead of the reader."""
     if workers <= 1:
         with _one_thread():
             yield from (prepare(source, dataset, options, depth) for source in sources)
@@ -85,14 +97,17 @@ def prepare_all(
             while pending:
                 yield pending.popleft().result()
         except BrokenProcessPool as error:
-            raise ExportError("an encoding process died, perhaps for want of memory; try fewer workers") from error
+            raise ExportError(
+                "an encoding process died, perhaps for want of memory; try fewer workers"
+            ) from error
         finally:
             for future in pending:
                 future.cancel()
 
 
 def start_worker() -> None:
-    """Prepare a process of the pool: OpenCV in one thread, and an end with the process that started it.
+    """Prepare a process of the pool: OpenCV in one thread, and an end with the process that started
+    it.
 
     Workers of a killed process would wait for ever: each holds the queue open that the others read.
     """

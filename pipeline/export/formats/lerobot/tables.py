@@ -19,7 +19,8 @@ def chunk_file(number: int, suffix: str) -> str:
 
 
 class Tables:
-    """Parquet files chunk-000/file-000.parquet ... of one schema; `number` is that of the file being written."""
+    """Parquet files chunk-000/file-000.parquet ... of one schema; `number` is that of the file
+    being written."""
 
     def __init__(self, root: Path, schema: pa.Schema) -> None:
         self.root, self.schema = root, schema
@@ -40,7 +41,10 @@ class Tables:
     @property
     def place(self) -> dict[str, int]:
         """chunk_index and file_index of the file that the next table goes to."""
-        return {"chunk_index": self.number // FILES_PER_CHUNK, "file_index": self.number % FILES_PER_CHUNK}
+        return {
+            "chunk_index": self.number // FILES_PER_CHUNK,
+            "file_index": self.number % FILES_PER_CHUNK,
+        }
 
     def write(self, table: pa.Table) -> None:
         """Append a table as one row group."""
@@ -59,7 +63,10 @@ class Tables:
     def column(self, name: str) -> NDArray[Any]:
         """A column of all closed files, (N,) or (N,d)."""
         files = sorted(self.root.rglob("*.parquet"))
-        chunks = [pq.ParquetFile(p).read(columns=[name], use_threads=False)[name].combine_chunks() for p in files]
+        chunks = [
+            pq.ParquetFile(p).read(columns=[name], use_threads=False)[name].combine_chunks()
+            for p in files
+        ]
         if isinstance(self.schema.field(name).type, pa.FixedSizeListType):
             return np.concatenate([c.flatten().to_numpy().reshape(len(c), -1) for c in chunks])
         return np.concatenate([c.to_numpy() for c in chunks])

@@ -1,13 +1,14 @@
-"""LeRobot v2.1, which openpi and StarVLA read: one Parquet file and one mp4 a camera for every episode, JSON lines beside them.
+"""LeRobot v2.1, which openpi and StarVLA read: one Parquet file and one mp4 a camera for every
+episode, JSON lines beside them.
 
     data/chunk-000/episode_000000.parquet         the columns of v3.0
     videos/chunk-000/<key>/episode_000000.mp4
     meta/info.json, tasks.jsonl, episodes.jsonl, episodes_stats.jsonl, modality.json, domino.json, domino_episodes.parquet
     meta/stats.json                               of all episodes: what GR00T normalizes with
 
-lerobot left this version in 2025, so its present release can neither write nor read it: the files are written here, and
-benchmarks/lerobot_v21.py has the last release that reads them do so.
-"""
+lerobot left this version in 2025, so its present release can neither write nor read it: the files
+are written here, and benchmarks/lerobot_v21.py has the last release that reads them do so.
+"""  # noqa: E501
 
 import json
 from collections.abc import Iterable, Mapping
@@ -40,13 +41,17 @@ STATS = ("min", "max", "mean", "std", "count")
 
 def place(template: str, index: int, key: str = "") -> str:
     """Path of an episode's data or video."""
-    return template.format(episode_chunk=index // FILES_PER_CHUNK, episode_index=index, video_key=key)
+    return template.format(
+        episode_chunk=index // FILES_PER_CHUNK, episode_index=index, video_key=key
+    )
 
 
 class V21Writer(Writer):
     """Version 2.1: files of every episode."""
 
-    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> None:
+    def __init__(
+        self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions
+    ) -> None:
         super().__init__(draft, root, first, options)
         self.schema = readable_by_old(data_schema(self.features))
         self.rows: list[dict[str, Any]] = []
@@ -69,8 +74,12 @@ class V21Writer(Writer):
             finally:
                 video.close()
             places[camera] = video.path, 0
-        self.rows.append({"episode_index": index, "tasks": [facts.instruction], "length": facts.kept})
-        plain = {name: {stat: entry[stat].tolist() for stat in STATS} for name, entry in stats.items()}
+        self.rows.append(
+            {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}
+        )
+        plain = {
+            name: {stat: entry[stat].tolist() for stat in STATS} for name, entry in stats.items()
+        }
         self.stats.append({"episode_index": index, "stats": plain})
         self.end(episode, places)
 
@@ -93,7 +102,10 @@ class V21Writer(Writer):
             "features": self.features,
         }
         (meta / "info.json").write_text(json.dumps(info, indent=4) + "\n")
-        write_lines(meta / "tasks.jsonl", ({"task_index": i, "task": task} for task, i in self.tasks.items()))
+        write_lines(
+            meta / "tasks.jsonl",
+            ({"task_index": i, "task": task} for task, i in self.tasks.items()),
+        )
         write_lines(meta / "episodes.jsonl", self.rows)
         write_lines(meta / "episodes_stats.jsonl", self.stats)
         write_json(meta / "stats.json", groot_stats(self.root, self.features))
@@ -102,21 +114,36 @@ class V21Writer(Writer):
 
 
 def readable_by_old(schema: pa.Schema) -> pa.Schema:
-    """A schema whose Hugging Face features old versions of datasets understand: lists of fixed length were called Sequence."""
+    """A schema whose Hugging Face features old versions of datasets understand: lists of fixed
+    length were called Sequence."""
     metadata = dict(schema.metadata)
-    metadata[b"huggingface"] = metadata[b"huggingface"].replace(b'"_type": "List"', b'"_type": "Sequence"')
+    metadata[b"huggingface"] = metadata[b"huggingface"].replace(
+        b'"_type": "List"', b'"_type": "Sequence"'
+    )
     return schema.with_metadata(metadata)
 
 
-def groot_stats(root: Path, features: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, list[float]]]:
-    """meta/stats.json as GR00T makes it where it is missing: mean, std, min, max, q01 and q99 over all frames of every feature of
-    floating point numbers, quantiles interpolated linearly."""
+def groot_stats(
+    root: Path, features: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, list[float]]]:
+    """meta/stats.json as GR00T makes it where it is missing: mean, std, min, max, q01 and q99 over
+    all frames of every feature of floating point numbers, quantiles interpolated linearly."""
     files = sorted((root / "data").rglob("*.parquet"))
     stats = {}
-    for name in (name for name, feature in features.items() if feature["dtype"].startswith("float")):
-        columns = [pq.read_table(file, columns=[name], use_threads=False)[name].combine_chunks() for file in files]
+    for name in (
+        name for name, feature in features.items() if feature["dtype"].startswith("float")
+    ):
+        columns = [
+            pq.read_table(file, columns=[name], use_threads=False)[name].combine_chunks()
+            for file in files
+        ]
         values = np.concatenate([_rows(column) for column in columns]).astype(np.float64)
-        entry = {"mean": values.mean(0), "std": values.std(0), "min": values.min(0), "max": values.max(0)}
+        entry = {
+            "mean": values.mean(0),
+            "std": values.std(0),
+            "min": values.min(0),
+            "max": values.max(0),
+        }
         entry |= {key: np.quantile(values, q, axis=0) for key, q in GROOT_QUANTILES.items()}
         stats[name] = {key: value.tolist() for key, value in entry.items()}
     return stats
@@ -141,5 +168,7 @@ class LerobotV21(LerobotExporter[LerobotOptions]):
     options = LerobotOptions
     version = VERSION
 
-    def writer(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> Writer:
+    def writer(
+        self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions
+    ) -> Writer:
         return V21Writer(draft, root, first, options)

@@ -1,13 +1,16 @@
 """LeRobot v3.0: Parquet for numbers, one growing mp4 per camera, each byte written once.
 
-Beyond the format: poses of target, end effectors and cameras, contacts, the target's path and traces ahead, and the script in every
-frame, `domino.*` columns in meta/episodes (so that lerobot's `filter_episodes` can select on level, alpha, seed...),
-meta/domino_episodes.parquet (all instructions, motion, objects, events, skills), meta/domino.json and meta/modality.json (GR00T,
-StarVLA). `--language` adds lerobot's language columns: torch's own collate function refuses them, and lerobot before 0.6 cannot
-open a dataset that has them. `--depth` writes the depth maps of every camera beside the dataset (depth.py).
+Beyond the format: poses of target, end effectors and cameras, contacts, the target's path and
+traces ahead, and the script in every frame, `domino.*` columns in meta/episodes (so that lerobot's
+`filter_episodes` can select on level, alpha, seed...), meta/domino_episodes.parquet (all
+instructions, motion, objects, events, skills), meta/domino.json and meta/modality.json (GR00T,
+StarVLA). `--language` adds lerobot's language columns: torch's own collate function refuses them,
+and lerobot before 0.6 cannot open a dataset that has them. `--depth` writes the depth maps of every
+camera beside the dataset (depth.py).
 
-`observation.state` is measured at the frame, `action` is the joint target commanded for the interval after it; nothing is shifted.
-File k of the data and file k of each video hold the same episodes.
+`observation.state` is measured at the frame, `action` is the joint target commanded for the
+interval after it; nothing is shifted. File k of the data and file k of each video hold the same
+episodes.
 """
 
 from collections.abc import Collection
@@ -28,7 +31,12 @@ from pipeline.export.formats.lerobot.format import (
     image_key,
     split_of,
 )
-from pipeline.export.formats.lerobot.language import EVENTS, PERSISTENT, language_columns, with_language
+from pipeline.export.formats.lerobot.language import (
+    EVENTS,
+    PERSISTENT,
+    language_columns,
+    with_language,
+)
 from pipeline.export.formats.lerobot.options import MEGABYTE, LerobotV3Options
 from pipeline.export.formats.lerobot.prepare import Prepared
 from pipeline.export.formats.lerobot.reference import data_schema, write_meta
@@ -47,7 +55,9 @@ ROWS_PER_GROUP = 100
 class V3Writer(Writer):
     """Version 3.0: many episodes a file."""
 
-    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options) -> None:
+    def __init__(
+        self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options
+    ) -> None:
         super().__init__(draft, root, first, options)
         self.options = options
         if options.language:
@@ -64,10 +74,16 @@ class V3Writer(Writer):
         index, columns, stats = self.begin(episode)
         if self._full(episode):
             self._roll()
-        row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
+        row: dict[str, Any] = {
+            "episode_index": index,
+            "tasks": [facts.instruction],
+            "length": length,
+        }
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-        more = language_columns(facts, self.names, self.data.schema) if self.options.language else {}
+        more = (
+            language_columns(facts, self.names, self.data.schema) if self.options.language else {}
+        )
         self.data.write(data_table(columns | more, self.data.schema))
         if self.depth:
             self.depth.write(depth_table(episode.depth, self.depth.schema, index, self.frames))
@@ -76,8 +92,14 @@ class V3Writer(Writer):
             key = image_key(self.names[camera])
             row |= self._append_video(key, clip, facts)
             places[camera] = self.videos[key].path, self.videos[key].frames - length
-        row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
-        row |= {f"domino.{name}": value for name, value in scalars(facts, self.draft.validation).items()}
+        row |= {
+            f"stats/{name}/{stat}": v.tolist()
+            for name, entry in stats.items()
+            for stat, v in entry.items()
+        }
+        row |= {
+            f"domino.{name}": value for name, value in scalars(facts, self.draft.validation).items()
+        }
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
         self.rows.append(row)
@@ -86,14 +108,17 @@ class V3Writer(Writer):
             self._flush()
 
     def _full(self, episode: Prepared) -> bool:
-        """Whether another file must begin before the episode: data and videos roll over together."""
+        """Whether another file must begin before the episode: data and videos roll over
+        together."""
         if not self.videos:
             return False
         frames = self.options.video_seconds * self.first.fps
         longer = any(video.frames + episode.facts.kept > frames for video in self.videos.values())
         larger = any(
             video.size + clip.size > self.options.video_bytes
-            for video, clip in zip(self.videos.values(), episode.encoded.videos.values(), strict=True)
+            for video, clip in zip(
+                self.videos.values(), episode.encoded.videos.values(), strict=True
+            )
         )
         return longer or larger or self.data.size >= self.options.data_bytes
 
@@ -108,13 +133,20 @@ class V3Writer(Writer):
     def _append_video(self, key: str, clip: Clip, facts: Facts) -> dict[str, Any]:
         number = self.data.number
         if key not in self.videos:
-            self.videos[key] = VideoFile(self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps, self.draft)
+            self.videos[key] = VideoFile(
+                self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps, self.draft
+            )
         try:
             start, end = self.videos[key].append(clip, facts.kept)
         except ValueError as error:
             raise ExportError(f"{facts.source}: {key}: {error}") from error
         chunk, file = divmod(number, FILES_PER_CHUNK)
-        place = {"chunk_index": chunk, "file_index": file, "from_timestamp": start, "to_timestamp": end}
+        place = {
+            "chunk_index": chunk,
+            "file_index": file,
+            "from_timestamp": start,
+            "to_timestamp": end,
+        }
         return {f"videos/{key}/{name}": value for name, value in place.items()}
 
     def _flush(self) -> None:
@@ -122,7 +154,9 @@ class V3Writer(Writer):
             if self.rows_to.size >= self.options.data_bytes:
                 self.rows_to.roll()
             place = {f"meta/episodes/{name}": value for name, value in self.rows_to.place.items()}
-            self.rows_to.write(pa.Table.from_pylist([row | place for row in self.rows], schema=self.rows_to.schema))
+            self.rows_to.write(
+                pa.Table.from_pylist([row | place for row in self.rows], schema=self.rows_to.schema)
+            )
             self.rows.clear()
 
     def close(self) -> None:
@@ -138,7 +172,11 @@ class V3Writer(Writer):
     def finish(self) -> dict[str, Any]:
         summary = super().finish()
         texts = (*TEXT_FEATURES, PERSISTENT, EVENTS)
-        stats = {name: vector_stats(self.data.column(name)) for name in self.data.schema.names if name not in texts}
+        stats = {
+            name: vector_stats(self.data.column(name))
+            for name in self.data.schema.names
+            if name not in texts
+        }
         stats |= {key: image_stats(counts, self.sampled) for key, counts in self.colors.items()}
         info = {
             "codebase_version": VERSION,
@@ -167,5 +205,7 @@ class Lerobot(LerobotExporter[LerobotV3Options]):
     def sensors(self, options: LerobotV3Options) -> Collection[str]:
         return (DEPTH,) if options.depth else ()
 
-    def writer(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options) -> Writer:
+    def writer(
+        self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options
+    ) -> Writer:
         return V3Writer(draft, root, first, options)

@@ -1,4 +1,5 @@
-"""The looks that images are drawn in, by the number in an episode's `Visuals`: shaders, shadow masks, occlusion and edges."""
+"""The looks that images are drawn in, by the number in an episode's `Visuals`: shaders, shadow
+masks, occlusion and edges."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,8 +17,9 @@ from pipeline.world.shapes import Parts
 class Look:
     """How light is computed.
 
-    `shaders` is added to the names of our shader folders, `masks` makes the planes' shadow masks from the depths of the shadow map,
-    `prepare` gets bodies ready, `surface` the table for the direction of the sun, and `edges` allows presets to smooth edges.
+    `shaders` is added to the names of our shader folders, `masks` makes the planes' shadow masks
+    from the depths of the shadow map, `prepare` gets bodies ready, `surface` the table for the
+    direction of the sun, and `edges` allows presets to smooth edges.
     """
 
     shaders: str
@@ -28,7 +30,9 @@ class Look:
 
 
 LOOKS = {
-    FIRST_LOOK: Look("_first", hard, lambda parts: parts, lambda parts, direction: parts, edges=False),
+    FIRST_LOOK: Look(
+        "_first", hard, lambda parts: parts, lambda parts, direction: parts, edges=False
+    ),
     LOOK: Look("", soft, opened, embossed, edges=True),
 }
 
@@ -36,5 +40,8 @@ LOOKS = {
 def look_of(number: int) -> Look:
     """The look of that number. Raises ValueError for one that only a later version draws."""
     if number not in LOOKS:
-        raise ValueError(f"look {number} is unknown: looks are {', '.join(map(str, LOOKS))}; a later version drew this episode")
+        raise ValueError(
+            f"look {number} is unknown: looks are {', '.join(map(str, LOOKS))}; a later version"
+            " drew this episode"
+        )
     return LOOKS[number]

@@ -1,6 +1,8 @@
-"""How much of the room's light reaches each vertex of a body past the body itself, kept as the length of its normal.
+"""How much of the room's light reaches each vertex of a body past the body itself, kept as the
+length of its normal.
 
-The body is filled into a grid of cells; from every vertex rays walk through it. What is farther off than `REACH` takes no light.
+The body is filled into a grid of cells; from every vertex rays walk through it. What is farther off
+than `REACH` takes no light.
 """
 
 import hashlib
@@ -32,7 +34,8 @@ class _Body:
 
 
 def opened(parts: Parts) -> Parts:
-    """The parts with normals as long as the share of the room's light, 0-1, that arrives at their vertices."""
+    """The parts with normals as long as the share of the room's light, 0-1, that arrives at their
+    vertices."""
     if not parts:
         return parts
     content = hashlib.sha256()
@@ -40,7 +43,10 @@ def opened(parts: Parts) -> Parts:
         for array in (mesh.vertices, mesh.triangles, mesh.normals):
             content.update(np.ascontiguousarray(array).tobytes())
     shares = _shares(_Body(content.digest(), parts))
-    return [(_with(mesh, share), material) for (mesh, material), share in zip(parts, shares, strict=True)]
+    return [
+        (_with(mesh, share), material)
+        for (mesh, material), share in zip(parts, shares, strict=True)
+    ]
 
 
 def _with(mesh: Mesh, share: NDArray[np.float32]) -> Mesh:
@@ -49,7 +55,8 @@ def _with(mesh: Mesh, share: NDArray[np.float32]) -> Mesh:
 
 @lru_cache(maxsize=256)
 def _shares(body: _Body) -> tuple[NDArray[np.float32], ...]:
-    """Share of light (N,) of the vertices of each mesh. Robots come again in every episode of a worker."""
+    """Share of light (N,) of the vertices of each mesh. Robots come again in every episode of a
+    worker."""
     points = [mesh.vertices.astype(float) for mesh, _ in body.parts]
     every = np.concatenate(points)
     lower, extent = every.min(0), np.ptp(every, axis=0).max()
@@ -75,11 +82,15 @@ def sphere(count: int) -> Points:
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(grid: Grid, points: Points, triangles: NDArray[np.int64], lower: Points, cell: float) -> None:
+def _fill(
+    grid: Grid, points: Points, triangles: NDArray[np.int64], lower: Points, cell: float
+) -> None:
     """Mark the cells that triangles pass through."""
     for a, b, c in triangles:
         u, v = points[b] - points[a], points[c] - points[a]
-        longest = max(np.sqrt((u * u).sum()), np.sqrt((v * v).sum()), np.sqrt(((u - v) * (u - v)).sum()))
+        longest = max(
+            np.sqrt((u * u).sum()), np.sqrt((v * v).sum()), np.sqrt(((u - v) * (u - v)).sum())
+        )
         n = int(longest / (0.6 * cell)) + 1
         for i in range(n + 1):
             for j in range(n + 1 - i):
@@ -89,9 +100,16 @@ def _fill(grid: Grid, points: Points, triangles: NDArray[np.int64], lower: Point
 
 @njit(cache=True, error_model="numpy")
 def _open(
-    grid: Grid, points: Points, normals: Points, lower: Points, cell: float, rays: Points, reach: float
+    grid: Grid,
+    points: Points,
+    normals: Points,
+    lower: Points,
+    cell: float,
+    rays: Points,
+    reach: float,
 ) -> NDArray[np.float32]:
-    """Share of light (N,) from the half space of each normal, weighted by the cosine; near things take more than far ones."""
+    """Share of light (N,) from the half space of each normal, weighted by the cosine; near things
+    take more than far ones."""
     out = np.ones(len(points), np.float32)
     nx, ny, nz = grid.shape
     steps = int(reach / cell)
@@ -106,7 +124,11 @@ def _open(
                 continue
             whole += cosine
             for step in range(1, steps + 1):
-                x, y, z = int(np.floor(sx + dx * step)), int(np.floor(sy + dy * step)), int(np.floor(sz + dz * step))
+                x, y, z = (
+                    int(np.floor(sx + dx * step)),
+                    int(np.floor(sy + dy * step)),
+                    int(np.floor(sz + dz * step)),
+                )
                 if x < 0 or y < 0 or z < 0 or x >= nx or y >= ny or z >= nz:
                     break
                 if grid[x, y, z]:

@@ -1,7 +1,8 @@
 """The planes of the room, table top included, as our shaders want them.
 
-They fill most of an image, so they get a cheaper shader than bodies: light is computed at the points of a grid, shadows come from a
-mask of the plane, and a texture has one level, chosen for the camera, instead of mipmaps, which cost more per pixel than all light.
+They fill most of an image, so they get a cheaper shader than bodies: light is computed at the
+points of a grid, shadows come from a mask of the plane, and a texture has one level, chosen for the
+camera, instead of mipmaps, which cost more per pixel than all light.
 """
 
 from dataclasses import replace
@@ -14,23 +15,29 @@ from pipeline.world.shapes import Mesh, Parts, merge
 
 TABLE = "the table"
 SHADOWED = (TABLE, "the floor")
-"""Planes that shadows fall on where a camera may see it, by their names in `room`, in the order of the masks' channels."""
+"""Planes that shadows fall on where a camera may see it, by their names in `room`, in the order of
+the masks' channels."""
 
-TABLE_CELL, ROOM_CELL = 0.1, 0.7  # m between the points of a grid: highlights on the table are sharper
-TABLE_DISTANCE, ROOM_DISTANCE = 0.6, 2.0  # m, at which cameras see them: wrist cameras are nearer, the head camera is farther off
+# m between the points of a grid: highlights on the table are sharper
+TABLE_CELL, ROOM_CELL = 0.1, 0.7
+# m, at which cameras see them: wrist cameras are nearer, the head camera is farther off
+TABLE_DISTANCE, ROOM_DISTANCE = 0.6, 2.0
 MAX_LEVEL = 3
 RELIEF = 4.0  # texels between the deepest and the highest of a texture
 
 
 def channel(name: str) -> int:
-    """Channel of the shadow masks for a plane; those that no shadow falls on take alpha, which is 1 in a texture without it."""
+    """Channel of the shadow masks for a plane; those that no shadow falls on take alpha, which is 1
+    in a texture without it."""
     return SHADOWED.index(name) if name in SHADOWED else 3
 
 
 def embossed(parts: Parts, direction: ArrayLike) -> Parts:
-    """The parts with what light from one `direction` makes of the relief of their textures: where they are darker, they are deeper.
+    """The parts with what light from one `direction` makes of the relief of their textures: where
+    they are darker, they are deeper.
 
-    For surfaces that face up, their texture's columns along x and its rows along y. It costs nothing per frame.
+    For surfaces that face up, their texture's columns along x and its rows along y. It costs
+    nothing per frame.
     """
     dx, dy, dz = np.asarray(direction, float)
     out = []
@@ -53,15 +60,20 @@ def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
     out = []
     for mesh, material in parts:
         if material.texture is not None:
-            material = replace(material, texture=halved(material.texture, texture_level(mesh, material.texture, pixel)))
+            material = replace(
+                material,
+                texture=halved(material.texture, texture_level(mesh, material.texture, pixel)),
+            )
         out.append((grid(mesh, cell), material))
     return out
 
 
 def grid(mesh: Mesh, cell: float) -> Mesh:
-    """The mesh with its rectangles cut into grids of about `cell` (m), but for the underside of a box, which no light falls on.
+    """The mesh with its rectangles cut into grids of about `cell` (m), but for the underside of a
+    box, which no light falls on.
 
-    Expects the rectangles of `room.quad`: four vertices and two triangles each. Positions and uvs are interpolated.
+    Expects the rectangles of `room.quad`: four vertices and two triangles each. Positions and uvs
+    are interpolated.
     """
     pieces = []
     for k in range(0, len(mesh.vertices), 4):
@@ -74,14 +86,24 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
         i = np.arange((nu + 1) * (nv + 1)).reshape(nv + 1, nu + 1)
         p, q, r, s = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
         triangles = np.concatenate([np.stack([p, q, r], 1), np.stack([p, r, s], 1)])
-        uvs = None if mesh.uvs is None else (weights @ mesh.uvs[[k, k + 1, k + 3]]).astype(np.float32)
+        uvs = (
+            None if mesh.uvs is None else (weights @ mesh.uvs[[k, k + 1, k + 3]]).astype(np.float32)
+        )
         normals = np.repeat(mesh.normals[k : k + 1], len(weights), 0)
-        pieces.append(Mesh((weights @ np.stack([a, b, d])).astype(np.float32), triangles.astype(np.uint32), normals, uvs))
+        pieces.append(
+            Mesh(
+                (weights @ np.stack([a, b, d])).astype(np.float32),
+                triangles.astype(np.uint32),
+                normals,
+                uvs,
+            )
+        )
     return merge(pieces)
 
 
 def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
-    """How often to halve the texture of a mesh so that a texel is about as large as a `pixel` (m), 0 to MAX_LEVEL."""
+    """How often to halve the texture of a mesh so that a texel is about as large as a `pixel` (m),
+    0 to MAX_LEVEL."""
     if mesh.uvs is None:
         return 0
     a, b = mesh.triangles[0][:2]
@@ -91,7 +113,8 @@ def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
 
 
 def halved(texture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """The texture (H,W,4) with blocks of 2x2 texels averaged, so many times or until a side is odd."""
+    """The texture (H,W,4) with blocks of 2x2 texels averaged, so many times or until a side is
+    odd."""
     for _ in range(times):
         h, w = texture.shape[:2]
         if h % 2 or w % 2:

@@ -1,4 +1,5 @@
-"""The sun's shadows: drawn once per frame from the shapes of the bodies and shared by all cameras as two textures."""
+"""The sun's shadows: drawn once per frame from the shapes of the bodies and shared by all cameras
+as two textures."""
 
 from collections.abc import Iterable, Mapping, Set
 from pathlib import Path
@@ -15,7 +16,8 @@ from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
 from pipeline.world.shapes import Parts
 
 SHADER = Path(__file__).parents[1] / "shaders" / "shadow_map"
-SHADOW_CENTRE = (0.0, 0.0, TABLE_TOP)  # m; this and the next three are in shaders/common/sun.glsl too
+# m; this and the next three are in shaders/common/sun.glsl too
+SHADOW_CENTRE = (0.0, 0.0, TABLE_TOP)
 SHADOW_HALF_SIZE = 0.85  # m, across the light
 SHADOW_DEPTH = 1.2  # m to both sides of the centre, along the light
 SHADOW_OFFSET = 0.004  # m off the surface that is looked up
@@ -28,20 +30,24 @@ SAME_STILL = 16  # frames
 class ShadowMap:
     """What the sun does not reach, as two `textures` that `draw` brings up to date.
 
-    "ShadowMap" is the depth along the light, 0-1, of the far side of every body that casts a shadow. "ShadowMasks" holds the share
-    of light, 0-1, that reaches table and floor, as the look of the visuals makes it (penumbra.py). `moving` bodies follow the poses
-    given to `follow`, on a grid of POSE_STEP; those that keep still for SAME_STILL frames are drawn once for all of them, which
-    changes no bit of the map.
+    "ShadowMap" is the depth along the light, 0-1, of the far side of every body that casts a
+    shadow. "ShadowMasks" holds the share of light, 0-1, that reaches table and floor, as the look
+    of the visuals makes it (penumbra.py). `moving` bodies follow the poses given to `follow`, on a
+    grid of POSE_STEP; those that keep still for SAME_STILL frames are drawn once for all of them,
+    which changes no bit of the map.
     """
 
-    def __init__(self, sapien: Any, visuals: Visuals, moving: Mapping[str, Parts], fixed: Parts) -> None:
+    def __init__(
+        self, sapien: Any, visuals: Visuals, moving: Mapping[str, Parts], fixed: Parts
+    ) -> None:
         self._sapien = sapien
         render = sapien.render
         self._scene: Any = sapien.Scene([render.RenderSystem()])
         self._scene.add_directional_light(visuals.sun_direction, [1.0, 1.0, 1.0])
         self._bodies = {name: self._add(parts) for name, parts in moving.items() if parts}
         self._fixed = [self._add(fixed)[1]] if fixed else []
-        # The engine keeps this setting for the whole process; a camera of several samples per pixel has no depth to read.
+        # The engine keeps this setting for the whole process; a camera of several samples per pixel
+        # has no depth to read.
         render.set_msaa(1)
         self._camera: Any = render.RenderCameraComponent(SHADOW_MAP, SHADOW_MAP, str(SHADER))
         entity = sapien.Entity()
@@ -64,12 +70,17 @@ class ShadowMap:
         self._poses = {name: np.rint(poses[name] / POSE_STEP) * POSE_STEP for name in self._bodies}
         frames = max((len(p) for p in self._poses.values()), default=1)
         self._movers = [
-            frozenset(name for name, p in self._poses.items() if np.ptp(p[k : k + SAME_STILL], axis=0).any())
+            frozenset(
+                name
+                for name, p in self._poses.items()
+                if np.ptp(p[k : k + SAME_STILL], axis=0).any()
+            )
             for k in range(0, frames, SAME_STILL)
         ]
 
     def draw(self, k: int) -> None:
-        """Bring the textures up to date with frame `k` of those to come; frames must be drawn in order, from 0."""
+        """Bring the textures up to date with frame `k` of those to come; frames must be drawn in
+        order, from 0."""
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
             self._place(self._bodies.keys() - movers, k)
@@ -114,7 +125,11 @@ class ShadowMap:
         render = self._sapien.render
         mesh = caster(parts, CASTER_CELL)
         body = render.RenderBodyComponent()
-        body.attach(render.RenderShapeTriangleMesh(mesh.vertices, mesh.triangles, mesh.normals, mesh.uvs, render.RenderMaterial()))
+        body.attach(
+            render.RenderShapeTriangleMesh(
+                mesh.vertices, mesh.triangles, mesh.normals, mesh.uvs, render.RenderMaterial()
+            )
+        )
         entity = self._sapien.Entity()
         entity.add_component(body)
         entity.add_to_scene(self._scene)
@@ -122,7 +137,8 @@ class ShadowMap:
 
 
 def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
-    """Rows (3,3): across the light, across it again, along it; the axes of `sun_coordinates` in shaders/common/sun.glsl."""
+    """Rows (3,3): across the light, across it again, along it; the axes of `sun_coordinates` in
+    shaders/common/sun.glsl."""
     forward = np.asarray(direction, float) / np.linalg.norm(direction)
     right = np.cross((1.0, 0.0, 0.0) if abs(forward[0]) < 0.9 else (0.0, 1.0, 0.0), forward)
     right /= np.linalg.norm(right)
@@ -130,21 +146,28 @@ def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
 
 
 def table_window(direction: ArrayLike) -> tuple[slice, slice]:
-    """Rows and columns of the map that the light which meets the table top goes through, with FAR // 2 texels around them."""
+    """Rows and columns of the map that the light which meets the table top goes through, with FAR
+    // 2 texels around them."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0)])
     corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
     x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T
-    sides = [(np.array([at.min(), at.max()]) * 0.5 + 0.5) * SHADOW_MAP for at in (y, -x)]  # the map is mirrored in x
-    rows, columns = (slice(max(int(a) - FAR // 2 - 2, 0), min(int(b) + FAR // 2 + 3, SHADOW_MAP)) for a, b in sides)
+    # the map is mirrored in x
+    sides = [(np.array([at.min(), at.max()]) * 0.5 + 0.5) * SHADOW_MAP for at in (y, -x)]
+    rows, columns = (
+        slice(max(int(a) - FAR // 2 - 2, 0), min(int(b) + FAR // 2 + 3, SHADOW_MAP))
+        for a, b in sides
+    )
     return rows, columns
 
 
 def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
-    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through a texel meets z = `height` (m), at most 1; 0 if it never does."""
+    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through a texel meets z = `height` (m), at
+    most 1; 0 if it never does."""
     right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE
     distance = height + SHADOW_OFFSET - SHADOW_CENTRE[2]
     if abs(forward) < 1e-6:
         return np.zeros((SHADOW_MAP, SHADOW_MAP), np.float32)
-    along = (distance + across[None] * right - across[:, None] * up) / forward  # the map is mirrored in x
+    # the map is mirrored in x
+    along = (distance + across[None] * right - across[:, None] * up) / forward
     return np.clip(along / SHADOW_DEPTH * 0.5 + 0.5, 0.0, 1.0).astype(np.float32)

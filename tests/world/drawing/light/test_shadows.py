@@ -40,7 +40,9 @@ def test_a_ray_through_a_texel_meets_the_plane_at_its_depth(direction: tuple) ->
         y = SHADOW_HALF_SIZE * (2 * (row + 0.5) / SHADOW_MAP - 1)
         start = np.array(SHADOW_CENTRE) + x * axes[0] + y * axes[1] - SHADOW_DEPTH * axes[2]
         along = (0.74 + SHADOW_OFFSET - start[2]) / axes[2, 2]
-        assert depths[row, column] == pytest.approx(np.clip(along / (2 * SHADOW_DEPTH), 0, 1), abs=1e-6)
+        assert depths[row, column] == pytest.approx(
+            np.clip(along / (2 * SHADOW_DEPTH), 0, 1), abs=1e-6
+        )
 
 
 def test_a_plane_along_the_light_gets_no_shadow() -> None:
@@ -49,11 +51,29 @@ def test_a_plane_along_the_light_gets_no_shadow() -> None:
 
 @pytest.mark.parametrize("direction", SUNS)
 def test_masks_of_the_table_are_those_of_the_whole_map(direction: tuple) -> None:
-    table, axes, window = plane_depths(TABLE_TOP, direction), sun_axes(direction), table_window(direction)
-    depths = np.where(np.random.default_rng(0).random(table.shape) < 0.2, table - 0.02, 1.0).astype(np.float32)
-    whole, part = soft(depths, ground(table)), soft(depths, Ground(table, table, 2 * SHADOW_DEPTH, window))
-    x, y = np.moveaxis(np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T * TABLE_HALF @ axes[:2, :2].T / SHADOW_HALF_SIZE, -1, 0)
-    at = np.clip(np.rint((np.stack([y, -x]) * 0.5 + 0.5) * SHADOW_MAP).astype(int), 2, SHADOW_MAP - 3)
+    table, axes, window = (
+        plane_depths(TABLE_TOP, direction),
+        sun_axes(direction),
+        table_window(direction),
+    )
+    depths = np.where(np.random.default_rng(0).random(table.shape) < 0.2, table - 0.02, 1.0).astype(
+        np.float32
+    )
+    whole, part = (
+        soft(depths, ground(table)),
+        soft(depths, Ground(table, table, 2 * SHADOW_DEPTH, window)),
+    )
+    x, y = np.moveaxis(
+        np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T
+        * TABLE_HALF
+        @ axes[:2, :2].T
+        / SHADOW_HALF_SIZE,
+        -1,
+        0,
+    )
+    at = np.clip(
+        np.rint((np.stack([y, -x]) * 0.5 + 0.5) * SHADOW_MAP).astype(int), 2, SHADOW_MAP - 3
+    )
     assert np.array_equal(whole[*at], part[*at]) and np.ptp(whole[*at], axis=0)[0] > 0
 
 
@@ -74,7 +94,11 @@ def test_the_edge_of_a_soft_shadow_widens_with_the_height_of_the_body() -> None:
         depths = np.ones((128, 128), np.float32)
         depths[:, 64:] = 0.5 - height / span
         light = soft(depths, ground(table))[64, :, 0].astype(int)
-        assert (light[10:40] == 255).all() and (light[88:118] == 0).all() and (np.diff(light[10:118]) <= 0).all()
+        assert (
+            (light[10:40] == 255).all()
+            and (light[88:118] == 0).all()
+            and (np.diff(light[10:118]) <= 0).all()
+        )
         widths.append(np.count_nonzero((light[10:118] > 5) & (light[10:118] < 250)))
     assert widths[0] <= 4 and widths[0] < widths[1] < widths[2] <= FAR + 2
 
@@ -82,9 +106,14 @@ def test_the_edge_of_a_soft_shadow_widens_with_the_height_of_the_body() -> None:
 def test_what_lies_on_the_table_takes_light_from_it_and_what_is_high_does_not() -> None:
     span, table = 2 * SHADOW_DEPTH, np.full((64, 64), 0.5, np.float32)
     lying = -SHADOW_OFFSET * 1.25  # light is looked up that far off the table, along a slanted sun
-    for height, darkened in ((lying, True), (0.0, True), (0.2, False), (-0.05, False)):  # the last is the table's own underside
+    # the last is the table's own underside
+    for height, darkened in ((lying, True), (0.0, True), (0.2, False), (-0.05, False)):
         depths = np.ones((64, 64), np.float32)
         depths[20:40, 20:40] = 0.5 - height / span
         sun, _, room, _ = np.moveaxis(soft(depths, ground(table)), -1, 0)
         assert (sun[30, 30] == 0) == (height > -0.01)
-        assert room[5, 5] == 255 and (room[30, 30] < 130) == darkened and (room[30, 30] == 255) != darkened
+        assert (
+            room[5, 5] == 255
+            and (room[30, 30] < 130) == darkened
+            and (room[30, 30] == 255) != darkened
+        )

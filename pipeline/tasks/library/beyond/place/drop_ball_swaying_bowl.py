@@ -4,8 +4,27 @@ from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
-from pipeline.expert.skills import ROUND, carry, grasp, in_turn, lift, open_, pause, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.expert.skills import (
+    ROUND,
+    carry,
+    grasp,
+    in_turn,
+    lift,
+    open_,
+    pause,
+    resting_poses,
+    track,
+)
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 
 ABOVE = 0.03
@@ -14,10 +33,12 @@ ABOVE = 0.03
 
 @register
 class DropBallSwayingBowl(Task):
-    """Grasp a ball, hold it over a bowl that moves along a wave, at the bowl's velocity, and let it fall in.
+    """Grasp a ball, hold it over a bowl that moves along a wave, at the bowl's velocity, and let it
+    fall in.
 
-    Success: the ball lies within 5 cm (plane, per axis) and 4 cm (height) of the middle of the bowl's inside, the bowl stands
-    upright, no arm touches the ball, both grippers are measured open.
+    Success: the ball lies within 5 cm (plane, per axis) and 4 cm (height) of the middle of the
+    bowl's inside, the bowl stands upright, no arm touches the ball, both grippers are measured
+    open.
     """
 
     category = TRACKING
@@ -28,7 +49,9 @@ class DropBallSwayingBowl(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("ball", draw.one_of("play_ball"), Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)))
+        yield Placement(
+            "ball", draw.one_of("play_ball"), Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
+        )
         bowl = Region(x=(side * 0.02, side * 0.12), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
         yield Placement("bowl", draw.one_of("bowl"), bowl, distances={"ball": 0.16})
 

@@ -17,6 +17,10 @@ class PlaceCupTurntable(PlaceEmptyCup):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.26, side * 0.32), y=(-0.20, 0.05), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "cup",
+            draw.one_of("cup"),
+            Region(x=(side * 0.26, side * 0.32), y=(-0.20, 0.05), yaw=(-3.14, 3.14)),
+        )
         coaster = Region(x=(side * 0.02, side * 0.10), y=(-0.20, 0.05))
         yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"cup": 0.16})

@@ -8,14 +8,24 @@ from numpy.typing import NDArray
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, track, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))
 """Where the balls lie in the cup, x and y in its frame (m)."""
 
 HEIGHTS, TILTS = (0.05, 0.09, 0.14), (2.3, 2.0, 1.8)
-"""Of the middle of the cup's opening over the pot's rim (m), and how far the cup is turned down (rad)."""
+"""Of the middle of the cup's opening over the pot's rim (m), and how far the cup is turned down
+(rad)."""
 
 FLIGHT = 0.03
 """How far (m) from the opening the balls land, about."""
@@ -23,9 +33,11 @@ FLIGHT = 0.03
 
 @register
 class PourSwayingPot(Task):
-    """Grasp a cup with two balls in it and pour them into a pot that moves along a wave, the hand moving with the pot.
+    """Grasp a cup with two balls in it and pour them into a pot that moves along a wave, the hand
+    moving with the pot.
 
-    Success: both balls are inside the pot, which stands upright; both fingers of the acting arm hold the cup.
+    Success: both balls are inside the pot, which stands upright; both fingers of the acting arm
+    hold the cup.
     """
 
     category = TRACKING
@@ -37,9 +49,18 @@ class PourSwayingPot(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "cup",
+            draw.one_of("cup"),
+            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=(-3.14, 3.14)),
+        )
         for i, (x, y) in enumerate(BALLS):
-            yield Placement(f"ball_{i + 1}", draw.one_of("ball"), Region(x=(x, x), y=(y, y), z=0.004), inside="cup")
+            yield Placement(
+                f"ball_{i + 1}",
+                draw.one_of("ball"),
+                Region(x=(x, x), y=(y, y), z=0.004),
+                inside="cup",
+            )
         pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
         yield Placement("pot", draw.one_of("pot"), pot, distances={"cup": 0.18})
 
@@ -53,7 +74,8 @@ class PourSwayingPot(Task):
         yield pause(a.arms["arm"], 0.8)
 
     def _poses(self, a: Actor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Poses (N,7) of the cup upright over the pot, and (M,7) with the middle of its opening there, turned down."""
+        """Poses (N,7) of the cup upright over the pot, and (M,7) with the middle of its opening
+        there, turned down."""
         rim, out = a.frame("pot", "top")[:3], inverse(a.frames("cup")["top"])
         over, tipped = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
         for height in HEIGHTS:
@@ -63,7 +85,10 @@ class PourSwayingPot(Task):
                 over += [upright_goal(spot - 0.04 * along, yaw) for yaw in ROUND]
                 for tilt in TILTS:
                     down = quat_about((-along[1], along[0], 0), tilt)
-                    tipped += [compose(pose(spot, quat_multiply(down, upright_goal(spot, yaw)[3:])), out) for yaw in ROUND]
+                    tipped += [
+                        compose(pose(spot, quat_multiply(down, upright_goal(spot, yaw)[3:])), out)
+                        for yaw in ROUND
+                    ]
         return np.stack(over), np.stack(tipped)
 
     def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
@@ -75,7 +100,12 @@ class PourSwayingPot(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         low, high = o.bodies["pot"].instance.shape().aabb()
-        balls = np.array([transform(inverse(o.pose("pot")), o.pose(f"ball_{i + 1}")[:3]) for i in range(len(BALLS))])
+        balls = np.array(
+            [
+                transform(inverse(o.pose("pot")), o.pose(f"ball_{i + 1}")[:3])
+                for i in range(len(BALLS))
+            ]
+        )
         return {
             "balls_in_pot": bool(((balls > low - 0.002) & (balls < high)).all()),
             "pot_upright": o.upright("pot"),

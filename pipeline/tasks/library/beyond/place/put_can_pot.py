@@ -5,16 +5,26 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 
 
 @register
 class PutCanPot(Task):
-    """Grasp a can and set it down inside a pot that a turntable carries round, the hand moving with the pot until they touch.
+    """Grasp a can and set it down inside a pot that a turntable carries round, the hand moving with
+    the pot until they touch.
 
-    Success: the can lies within 7 cm (plane, per axis) and 3 cm (height) of the middle of the pot's inside, the pot stands
-    upright, no arm touches the can, both grippers measured open.
+    Success: the can lies within 7 cm (plane, per axis) and 3 cm (height) of the middle of the pot's
+    inside, the pot stands upright, no arm touches the can, both grippers measured open.
     """
 
     category = TRACKING
@@ -25,7 +35,11 @@ class PutCanPot(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("can", draw.one_of("can", "pill_bottle"), Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)))
+        yield Placement(
+            "can",
+            draw.one_of("can", "pill_bottle"),
+            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)),
+        )
         pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
         yield Placement("pot", draw.one_of("pot"), pot, distances={"can": 0.18})
 

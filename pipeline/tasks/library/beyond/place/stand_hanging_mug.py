@@ -9,7 +9,8 @@ from pipeline.world.physics.body import TABLE_TOP
 
 @register
 class StandHangingMug(StandOn):
-    """Grasp a mug that hangs over the table on a cord, draw it away from the cord, and stand it on a coaster.
+    """Grasp a mug that hangs over the table on a cord, draw it away from the cord, and stand it on
+    a coaster.
 
     Success: that of `StandOn`.
     """

@@ -13,10 +13,11 @@ from pipeline.tasks.outcome import Outcome, within
 
 
 class StandOn(PickFromBelt):
-    """Grasp the target by one of `kinds` of grasps, draw it `away` (3,) m, and stand it on body `support` within reach.
+    """Grasp the target by one of `kinds` of grasps, draw it `away` (3,) m, and stand it on body
+    `support` within reach.
 
-    Success: its base is within 3.5 cm (plane, per axis) and 1.5 cm (height) of the middle of the support, on which it rests
-    upright; no arm touches it, both grippers are measured open.
+    Success: its base is within 3.5 cm (plane, per axis) and 1.5 cm (height) of the middle of the
+    support, on which it rests upright; no arm touches it, both grippers are measured open.
     """
 
     kinds: Sequence[str] | None = None

@@ -9,7 +9,8 @@ from pipeline.world.physics.body import TABLE_TOP
 
 @register
 class StandTossedCube(StandOn):
-    """Close the gripper on a puzzle cube that a plate tosses up, at the top of its flight, and set it down on a pad.
+    """Close the gripper on a puzzle cube that a plate tosses up, at the top of its flight, and set
+    it down on a pad.
 
     Success: that of `StandOn`.
     """
@@ -22,4 +23,9 @@ class StandTossedCube(StandOn):
         air = Region(x=(side * 0.05, side * 0.18), y=(-0.18, -0.05), yaw=(-0.7, 0.7), z=z)
         yield Placement("cube", draw.one_of("rubiks_cube"), air)
         pad = draw.one_of("pad", half=(0.055, 0.055), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)), distances={"cube": 0.14})
+        yield Placement(
+            "pad",
+            pad,
+            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)),
+            distances={"cube": 0.14},
+        )

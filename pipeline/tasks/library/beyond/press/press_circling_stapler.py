@@ -8,7 +8,8 @@ from pipeline.tasks.library.domino.press.press_stapler import PressStapler
 
 @register
 class PressCirclingStapler(PressStapler):
-    """Press the arm of a stapler that moves on a circle, the closed fingers moving with it until they touch.
+    """Press the arm of a stapler that moves on a circle, the closed fingers moving with it until
+    they touch.
 
     Success: that of `press_stapler`.
     """

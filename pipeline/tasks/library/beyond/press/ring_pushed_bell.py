@@ -8,7 +8,8 @@ from pipeline.tasks.library.domino.press.click_bell import ClickBell
 
 @register
 class RingPushedBell(ClickBell):
-    """Press the button of a bell that a paddle has pushed, the closed fingers moving with the bell until they touch.
+    """Press the button of a bell that a paddle has pushed, the closed fingers moving with the bell
+    until they touch.
 
     Success: that of `click_bell`.
     """

@@ -7,7 +7,8 @@ from pipeline.tasks.library.domino.press.click_bell import ClickBell
 
 @register
 class RingTurningBell(ClickBell):
-    """Press the button of a bell that a turntable carries round with the closed fingers of the arm beside it.
+    """Press the button of a bell that a turntable carries round with the closed fingers of the arm
+    beside it.
 
     Success: that of `click_bell`.
     """

@@ -7,7 +7,16 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, first_of, grasp, lift, place, resting_poses, shift, track
 from pipeline.poses import inverse, transform
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 
 STROKE = 0.08
@@ -16,7 +25,8 @@ STROKE = 0.08
 
 @register
 class WipeCirclingMat(Task):
-    """Grasp a block, bring it down on a mat that moves on a circle, at the mat's velocity, and draw it across.
+    """Grasp a block, bring it down on a mat that moves on a circle, at the mat's velocity, and draw
+    it across.
 
     Success: touching the mat, the block moves at least 5 cm over it; both fingers of the
     acting arm hold the block.
@@ -38,18 +48,30 @@ class WipeCirclingMat(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm, onto = a.arms["arm"], a.frame("mat", "centre")
-        yield grasp(arm, "block", goals=[list(resting_poses(a.frames("block")["base"], onto, ROUND))])
+        yield grasp(
+            arm, "block", goals=[list(resting_poses(a.frames("block")["base"], onto, ROUND))]
+        )
         yield lift(arm, 0.08)
         yield track(arm, place(arm, "base", onto, yaws=ROUND, press=0.001))
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, sign = a.arms["arm"], 1.0 if a.arms["arm"] == "right" else -1.0
-        yield first_of(*(shift(arm, STROKE * np.array(way)) for way in ((sign, 0, 0), (-sign, 0, 0), (0, -1, 0), (0, 1, 0))))
+        yield first_of(
+            *(
+                shift(arm, STROKE * np.array(way))
+                for way in ((sign, 0, 0), (-sign, 0, 0), (0, -1, 0), (0, 1, 0))
+            )
+        )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         frames = sorted({int(row["frame"]) for row in o.contacts("block", "mat")})
-        places = np.array([transform(inverse(o.pose("mat", k)), o.pose("block", k)[:3]) for k in frames]).reshape(-1, 3)
+        places = np.array(
+            [transform(inverse(o.pose("mat", k)), o.pose("block", k)[:3]) for k in frames]
+        ).reshape(-1, 3)
         return {
-            "wiped": bool(len(frames) and np.linalg.norm(places - places[0], axis=1).max() > self.under(o.rules)["stroke"]),
+            "wiped": bool(
+                len(frames)
+                and np.linalg.norm(places - places[0], axis=1).max() > self.under(o.rules)["stroke"]
+            ),
             "held": o.holds(arms["arm"], "block"),
         }

@@ -5,7 +5,16 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, lift, pause, place, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -14,8 +23,8 @@ from pipeline.world.physics.body import TABLE_TOP
 class CatchDroppedBall(Task):
     """Grasp a skillet and bring it from below to where a ball that a carrier drops will be.
 
-    Success: the ball lies within 8 cm (plane, per axis) and 3 cm (height) of the middle of the skillet's inside; both fingers of
-    the acting arm hold the skillet, which is off the table.
+    Success: the ball lies within 8 cm (plane, per axis) and 3 cm (height) of the middle of the
+    skillet's inside; both fingers of the acting arm hold the skillet, which is off the table.
     """
 
     category = TRACKING
@@ -28,13 +37,24 @@ class CatchDroppedBall(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.14, 0.19)
-        yield Placement("skillet", draw.one_of("skillet"), Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.5, 0.5)))
+        yield Placement(
+            "skillet",
+            draw.one_of("skillet"),
+            Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.5, 0.5)),
+        )
         air = Region(x=(side * 0.06, side * 0.16), y=(-0.18, -0.05), z=z)
-        yield Placement(self.target, draw.one_of(self.falls), air, distances={"skillet": 0.10}, gap=0.0)
+        yield Placement(
+            self.target, draw.one_of(self.falls), air, distances={"skillet": 0.10}, gap=0.0
+        )
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm, ball = a.arms["arm"], a.pose(self.target)
-        yield grasp(arm, "skillet", kinds=("handle",), goals=[list(resting_poses(a.frames("skillet")["centre"], ball, ROUND))])
+        yield grasp(
+            arm,
+            "skillet",
+            kinds=("handle",),
+            goals=[list(resting_poses(a.frames("skillet")["centre"], ball, ROUND))],
+        )
         yield lift(arm, 0.03)
         yield place(arm, "centre", ball, yaws=ROUND, above=0.07, press=0.01, out=(0, 0, -1))
 

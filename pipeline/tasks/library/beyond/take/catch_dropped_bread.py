@@ -6,7 +6,8 @@ from pipeline.tasks.library.beyond.take.catch_dropped_ball import CatchDroppedBa
 
 @register
 class CatchDroppedBread(CatchDroppedBall):
-    """Grasp a skillet and bring it from below to where a piece of bread that a carrier drops will be.
+    """Grasp a skillet and bring it from below to where a piece of bread that a carrier drops will
+    be.
 
     Success: that of `catch_dropped_ball`, for the bread.
     """

@@ -19,5 +19,7 @@ class CatchTossedBall(PickFromBelt):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         z = TABLE_TOP + draw.uniform(0.12, 0.20)
-        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z)
+        region = Region(
+            x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        )
         yield Placement("ball", draw.one_of("play_ball"), region)

@@ -5,7 +5,16 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 
 
@@ -13,7 +22,8 @@ from pipeline.tasks.outcome import Outcome
 class PickFromBelt(Task):
     """Grasp a can or a bottle that rides on a belt and lift it off.
 
-    Success: both fingers of the acting arm hold it at least 5 cm above where they met it, and it is off the table.
+    Success: both fingers of the acting arm hold it at least 5 cm above where they met it, and it is
+    off the table.
     """
 
     category = INTERCEPTION

@@ -10,7 +10,8 @@ from pipeline.world.objects.families.toys.play_ball import PlayBall
 
 @register
 class StopOneOfTwoBalls(PickFromBelt):
-    """Close the gripper on the ball of the colour asked for, while another one rolls across the table too, and lift it.
+    """Close the gripper on the ball of the colour asked for, while another one rolls across the
+    table too, and lift it.
 
     Success: that of `pick_from_belt`, for that ball.
     """
@@ -25,4 +26,9 @@ class StopOneOfTwoBalls(PickFromBelt):
             other = cast(PlayBall, draw.one_of("play_ball"))
         near = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         yield Placement("ball", ball, near)
-        yield Placement("other", other, Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=(-3.14, 3.14)), distances={"ball": 0.14})
+        yield Placement(
+            "other",
+            other,
+            Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=(-3.14, 3.14)),
+            distances={"ball": 0.14},
+        )

@@ -6,7 +6,8 @@ from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 
 @register
 class StopPushedCan(PickFromBelt):
-    """Grasp a can or a bottle that a paddle has pushed and that slides, slowed by friction, off one cushion or two at level 3.
+    """Grasp a can or a bottle that a paddle has pushed and that slides, slowed by friction, off one
+    cushion or two at level 3.
 
     Success: that of `pick_from_belt`.
     """

@@ -21,5 +21,7 @@ class TakeHandedObject(PickFromBelt):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         z = TABLE_TOP + draw.uniform(0.08, 0.14)
-        region = Region(x=(-0.25, 0.25), y=(-0.18, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z)
+        region = Region(
+            x=(-0.25, 0.25), y=(-0.18, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        )
         yield Placement("object", draw.one_of("can", "pill_bottle"), region, borne=True)

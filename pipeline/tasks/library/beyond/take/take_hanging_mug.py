@@ -5,7 +5,16 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, shift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -14,7 +23,8 @@ from pipeline.world.physics.body import TABLE_TOP
 class TakeHangingMug(Task):
     """Grasp a mug that hangs over the table on a cord, and draw it away from the cord.
 
-    Success: both fingers of the acting arm hold it, it is at least 6 cm from where they met it, and it is off the table.
+    Success: both fingers of the acting arm hold it, it is at least 6 cm from where they met it, and
+    it is off the table.
     """
 
     category = INTERCEPTION
@@ -26,7 +36,9 @@ class TakeHangingMug(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         z = TABLE_TOP + draw.uniform(0.06, 0.12)
-        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z)
+        region = Region(
+            x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        )
         yield Placement("mug", draw.one_of("mug"), region, borne=True)
 
     def meet(self, a: Actor) -> Iterator[Skill]:

@@ -8,33 +8,49 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
 CLEARANCES = (0.05, 0.10, 0.15, 0.22)
-"""Metres between the table and the foot of the bottle when it is held up: thick wrists need more."""
+"""Metres between the table and the foot of the bottle when it is held up: thick wrists need
+more."""
 
 
 @register
 class AdjustBottle(Task):
-    """Catch a bottle that lies on its side, its cap towards the middle of the table, and hold it with the cap up.
+    """Catch a bottle that lies on its side, its cap towards the middle of the table, and hold it
+    with the cap up.
 
-    Success: The acting arm holds the bottle with the cap within 0.26 rad of straight up. The cap is 15 cm or more out on the arm's
-    side and 16 cm or more above the table (both as in the original), the foot 2 cm or more. The original does not require that the
-    bottle is upright, clear of the table or held.
+    Success: The acting arm holds the bottle with the cap within 0.26 rad of straight up. The cap is
+    15 cm or more out on the arm's side and 16 cm or more above the table (both as in the original),
+    the foot 2 cm or more. The original does not require that the bottle is upright, clear of the
+    table or held.
     """
 
     category = INTERCEPTION
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
-    limits = by_name(out=Limit(0.15), cap=Limit(0.16), tilt=Limit(0.26, unit="rad"), foot=Limit(0.02))
+    limits = by_name(
+        out=Limit(0.15), cap=Limit(0.16), tilt=Limit(0.26, unit="rad"), foot=Limit(0.02)
+    )
     own_conditions = ("upright", "above_table", "held")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         inwards = 0.0 if side < 0 else np.pi
-        region = Region(x=(side * 0.08, side * 0.12), y=(-0.13, -0.08), yaw=(inwards - 0.4, inwards + 0.4))
+        region = Region(
+            x=(side * 0.08, side * 0.12), y=(-0.13, -0.08), yaw=(inwards - 0.4, inwards + 0.4)
+        )
         yield Placement("bottle", draw.one_of("lying_bottle"), region)
 
     def meet(self, a: Actor) -> Iterator[Skill]:
@@ -48,7 +64,12 @@ class AdjustBottle(Task):
         """Poses (N,7) of the bottle: upright, out on the arm's side."""
         cap, out = a.frames("bottle")["cap"], -1 if a.arms["arm"] == "left" else 1
         z = TABLE_TOP + 2 * cap[0]
-        spots = [upright_goal((out * x, y, z + foot)) for foot in CLEARANCES for x in (0.19, 0.23) for y in (-0.12, -0.05)]
+        spots = [
+            upright_goal((out * x, y, z + foot))
+            for foot in CLEARANCES
+            for x in (0.19, 0.23)
+            for y in (-0.12, -0.05)
+        ]
         return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:

@@ -6,7 +6,16 @@ from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, together
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
 
@@ -15,9 +24,10 @@ from pipeline.world.physics.body import Body
 class GrabRoller(Task):
     """Catch a moving rolling pin at both ends at the same time and lift it level.
 
-    Success: Both arms hold the roller with both fingers, with grippers commanded to be closed, 6 cm or more above where it lay. The
-    original requires 5 cm above the place of the interception and an absolute height of 0.8 m, which is 6 cm above its table. That
-    is at most 6 cm above its roller's origin at rest (it is placed at 0.741 m; the height at rest is not recorded).
+    Success: Both arms hold the roller with both fingers, with grippers commanded to be closed, 6 cm
+    or more above where it lay. The original requires 5 cm above the place of the interception and
+    an absolute height of 0.8 m, which is 6 cm above its table. That is at most 6 cm above its
+    roller's origin at rest (it is placed at 0.741 m; the height at rest is not recorded).
     """
 
     category = INTERCEPTION
@@ -27,13 +37,19 @@ class GrabRoller(Task):
     own_conditions = ()
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("roller", draw.one_of("roller"), Region(x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8)))
+        yield Placement(
+            "roller",
+            draw.one_of("roller"),
+            Region(x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8)),
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"left": "left", "right": "right"}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        yield together(*(grasp(side, "roller", kinds=(f"{side}_end",), pitch=1.0) for side in SIDES))
+        yield together(
+            *(grasp(side, "roller", kinds=(f"{side}_end",), pitch=1.0) for side in SIDES)
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield together(lift("left", 0.12), lift("right", 0.12))

@@ -6,8 +6,28 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, hand_over, home, lift, open_, place, resting_poses, retreat, together, upright_goal
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.expert.skills import (
+    grasp,
+    hand_over,
+    home,
+    lift,
+    open_,
+    place,
+    resting_poses,
+    retreat,
+    together,
+    upright_goal,
+)
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
 
@@ -16,37 +36,50 @@ QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
 
 @register
 class HandoverBlock(Task):
-    """Catch a long block with the left arm, hand it over in the air to the right arm, which stands it on a pad.
+    """Catch a long block with the left arm, hand it over in the air to the right arm, which stands
+    it on a pad.
 
     Block (6 x 6 x 20 cm) and regions are the original's.
 
-    Success: The base of the block is within 3 cm (plane, per axis) and 1 cm (height) of the pad's centre. The block rests on the
-    pad upright after a lift of 3 cm, and the placing gripper is measured open. The original requires neither rest nor an upright
-    block.
+    Success: The base of the block is within 3 cm (plane, per axis) and 1 cm (height) of the pad's
+    centre. The block rests on the pad upright after a lift of 3 cm, and the placing gripper is
+    measured open. The original requires neither rest nor an upright block.
     """
 
     category = INTERCEPTION
     step_limit = 800
     target = "block"
-    limits = by_name(plane=Limit(0.03), height=Limit(0.01), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
+    limits = by_name(
+        plane=Limit(0.03), height=Limit(0.01), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03)
+    )
     own_conditions = ("upright", "on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.15, 0.20)), fixed=True)
-        yield Placement("block", draw.one_of("long_block"), Region(x=(-0.25, -0.05), y=(0.0, 0.25), yaw=(-0.2, 0.2)))
+        yield Placement(
+            "pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.15, 0.20)), fixed=True
+        )
+        yield Placement(
+            "block",
+            draw.one_of("long_block"),
+            Region(x=(-0.25, -0.05), y=(0.0, 0.25), yaw=(-0.2, 0.2)),
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"giver": "left", "receiver": "right"}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        yield grasp(a.arms["giver"], "block", kinds=("high",), goals=[list(self._exchange())], pitch=0.4)
+        yield grasp(
+            a.arms["giver"], "block", kinds=("high",), goals=[list(self._exchange())], pitch=0.4
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
         centre = a.frame("pad", "centre")
         goals = resting_poses(a.frames("block")["base"], centre, QUARTERS)
-        yield hand_over(giver, receiver, self._exchange(), kinds=("low",), goals=[list(goals)], leading=40)
+        yield hand_over(
+            giver, receiver, self._exchange(), kinds=("low",), goals=[list(goals)], leading=40
+        )
         yield open_(giver)
         yield retreat(giver, 0.09)
         yield together(home(giver), lift(receiver, 0.03))
@@ -55,7 +88,8 @@ class HandoverBlock(Task):
         yield retreat(receiver, 0.08)
 
     def _exchange(self) -> np.ndarray:
-        """Poses (N,7) of the block at which it may change hands: upright in the air, near the middle of the table."""
+        """Poses (N,7) of the block at which it may change hands: upright in the air, near the
+        middle of the table."""
         spots = product(QUARTERS, (0.87, 0.83, 0.93), (-0.12, -0.05, 0.0), (0.0, -0.04, 0.04))
         return np.stack([upright_goal((x, y, z), yaw) for yaw, z, y, x in spots])
 

@@ -7,7 +7,17 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import carry, grasp, lift, open_, retreat
 from pipeline.poses import yawed
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -17,15 +27,18 @@ HELD_UP = 0.195
 
 @register
 class HandoverMic(Task):
-    """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other arm.
+    """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other
+    arm.
 
-    The region is the original's (dynamic), save that the microphone lies at any yaw, where the original's has always the same, and
-    that on the right it stands no further out than the head camera sees (about 25 cm; the camera is at x = -3.2 cm, as the
-    original's, which does not ask whether the target is seen).
+    The region is the original's (dynamic), save that the microphone lies at any yaw, where the
+    original's has always the same, and that on the right it stands no further out than the head
+    camera sees (about 25 cm; the camera is at x = -3.2 cm, as the original's, which does not ask
+    whether the target is seen).
 
-    Success: The receiving gripper, commanded to be closed, holds the microphone with both fingers. The giving gripper is measured
-    open and does not touch it. The head is on the receiver's side of the table, 18 cm or more above it (as in the original), after
-    a lift of 3 cm. The original requires only that some gripper touches the microphone.
+    Success: The receiving gripper, commanded to be closed, holds the microphone with both fingers.
+    The giving gripper is measured open and does not touch it. The head is on the receiver's side of
+    the table, 18 cm or more above it (as in the original), after a lift of 3 cm. The original
+    requires only that some gripper touches the microphone.
     """
 
     category = INTERCEPTION
@@ -44,7 +57,9 @@ class HandoverMic(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         giver = a.arms["giver"]
-        yield grasp(giver, "microphone", kinds=("tail",), goals=[list(self._exchange(giver))], pitch=1.2)
+        yield grasp(
+            giver, "microphone", kinds=("tail",), goals=[list(self._exchange(giver))], pitch=1.2
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
@@ -58,7 +73,8 @@ class HandoverMic(Task):
             yield lift(receiver, missing)
 
     def _exchange(self, giver: str) -> np.ndarray:
-        """Poses (N,7) of the microphone at which it may change hands: level in the air, its head towards the receiver."""
+        """Poses (N,7) of the microphone at which it may change hands: level in the air, its head
+        towards the receiver."""
         ahead = 0.0 if giver == "left" else np.pi
         return np.stack(
             [
@@ -74,7 +90,9 @@ class HandoverMic(Task):
         giver, head = arms["giver"], o.frame("microphone", "head")
         return {
             "gripper_open": o.gripper_open(giver),
-            "released_by_giver": not any(o.touching(finger, "microphone") for finger in o.fingers(giver)),
+            "released_by_giver": not any(
+                o.touching(finger, "microphone") for finger in o.fingers(giver)
+            ),
             "held": o.holds(arms["receiver"], "microphone"),
             "in_hand": o.handled("microphone"),
             "gripper_closed": o.closes(arms["receiver"]),

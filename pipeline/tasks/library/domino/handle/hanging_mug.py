@@ -5,9 +5,27 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.expert.skills import (
+    grasp,
+    home,
+    lift,
+    open_,
+    place,
+    resting_poses,
+    retreat,
+    upright_goal,
+)
 from pipeline.poses import frame, inverse, quat_rotate, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -20,13 +38,16 @@ TILTS = (0.0, -0.3, -0.6, -0.9)
 
 @register
 class HangingMug(Task):
-    """Catch a moving mug with the left arm, set it down in the middle, and hang it on the rack's peg with the right arm.
+    """Catch a moving mug with the left arm, set it down in the middle, and hang it on the rack's
+    peg with the right arm.
 
-    Success: The peg passes through the hole of the mug's handle: its axis is within 3 cm of the middle of the hole, and the hole is
-    between root and tip. The mug is on the rack (it may still swing) and off the table after a lift of 3 cm. No arm touches it, and
-    the right gripper is measured open. As in the original's dynamic version, the hole is also within 5 cm (plane, per axis) of the
-    point midway between the rack's foot and the peg's tip, and 9 cm above the table. The static version has 2 cm and 12 cm. A mug
-    behind the peg passes these two. The rack is fixed to the table. Regions are the original's.
+    Success: The peg passes through the hole of the mug's handle: its axis is within 3 cm of the
+    middle of the hole, and the hole is between root and tip. The mug is on the rack (it may still
+    swing) and off the table after a lift of 3 cm. No arm touches it, and the right gripper is
+    measured open. As in the original's dynamic version, the hole is also within 5 cm (plane, per
+    axis) of the point midway between the rack's foot and the peg's tip, and 9 cm above the table.
+    The static version has 2 cm and 12 cm. A mug behind the peg passes these two. The rack is fixed
+    to the table. Regions are the original's.
     """
 
     category = INTERCEPTION
@@ -36,7 +57,12 @@ class HangingMug(Task):
     own_conditions = ("on_peg_axis", "between_root_and_tip", "off_table", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("rack", draw.one_of("rack"), Region(x=(0.10, 0.30), y=(0.13, 0.17), yaw=(-0.2, 0.2)), fixed=True)
+        yield Placement(
+            "rack",
+            draw.one_of("rack"),
+            Region(x=(0.10, 0.30), y=(0.13, 0.17), yaw=(-0.2, 0.2)),
+            fixed=True,
+        )
         x = draw.uniform(-0.25, -0.10)
         mug = Region(x=(x, x), y=(-0.05, 0.05 if x <= -0.15 else 0.0), yaw=(-1.57, 1.57))
         yield Placement("mug", draw.one_of("mug"), mug)
@@ -45,7 +71,12 @@ class HangingMug(Task):
         return {"catcher": "left", "hanger": "right"}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        yield grasp(a.arms["catcher"], "mug", kinds=("side", "rim"), goals=[[upright_goal(MIDDLE, yaw) for yaw in self._turns()]])
+        yield grasp(
+            a.arms["catcher"],
+            "mug",
+            kinds=("side", "rim"),
+            goals=[[upright_goal(MIDDLE, yaw) for yaw in self._turns()]],
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         catcher, hanger = a.arms["catcher"], a.arms["hanger"]
@@ -58,12 +89,22 @@ class HangingMug(Task):
         goals = np.concatenate([resting_poses(hole, goal, TILTS) for goal in self._on_the_peg(a)])
         yield grasp(hanger, "mug", kinds=("side",), goals=[list(goals)], pitch=0.3)
         yield lift(hanger, 0.12)
-        yield place(hanger, "handle_hole", self._on_the_peg(a), yaws=TILTS, above=0.11, out=self._peg(a), press=0.0, opening=0.03)
+        yield place(
+            hanger,
+            "handle_hole",
+            self._on_the_peg(a),
+            yaws=TILTS,
+            above=0.11,
+            out=self._peg(a),
+            press=0.0,
+            opening=0.03,
+        )
         yield open_(hanger)
         yield retreat(hanger, 0.12)
 
     def _turns(self) -> tuple[float, ...]:
-        """Yaw angles in which the mug is set down: its ear to the left, where the right hand does not need room."""
+        """Yaw angles in which the mug is set down: its ear to the left, where the right hand does
+        not need room."""
         return tuple(np.pi + off for off in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9))
 
     def _peg(self, a: Actor) -> np.ndarray:
@@ -71,7 +112,8 @@ class HangingMug(Task):
         return quat_rotate(a.frame("rack", "peg")[3:], np.array([0.0, 0.0, 1.0]))
 
     def _on_the_peg(self, a: Actor) -> np.ndarray:
-        """Poses (N,7) of the hole on the middle of the peg, ear to either side, the mug upright and turned a little."""
+        """Poses (N,7) of the hole on the middle of the peg, ear to either side, the mug upright and
+        turned a little."""
         at, out = a.frame("rack", "peg_middle")[:3], self._peg(a)
         aside = np.arctan2(out[1], out[0]) - np.pi / 2
         goals = []
@@ -81,7 +123,11 @@ class HangingMug(Task):
         return np.stack(goals)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit, hole, tip = self.under(o.rules), o.frame("mug", "handle_hole"), o.frame("rack", "peg")
+        limit, hole, tip = (
+            self.under(o.rules),
+            o.frame("mug", "handle_hole"),
+            o.frame("rack", "peg"),
+        )
         local = transform(inverse(tip), hole[:3])
         beside = hole[:2] - (o.pose("rack")[:2] + tip[:2]) / 2
         root = transform(inverse(tip), o.frame("rack", "peg_middle")[:3])[2] * 2

@@ -9,30 +9,52 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
 
 @register
 class MoveCanPot(Task):
-    """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm that caught it.
+    """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm
+    that caught it.
 
-    The can stands 30 cm or more from the middle of the pot, as in the original: in a corner of the region below, beyond x = 26 cm.
+    The can stands 30 cm or more from the middle of the pot, as in the original: in a corner of the
+    region below, beyond x = 26 cm.
 
-    Success: The can is upright on the table on that side of the pot, less than 20 cm from its middle in x and 3.5 cm in y. Its base
-    is no more than 1 mm above the pot's at the start (all as in the original). It is at rest after a lift of 3 cm, and both
-    grippers are measured open. The original bounds roll and pitch by 15 degrees each; this bounds the tilt.
+    Success: The can is upright on the table on that side of the pot, less than 20 cm from its
+    middle in x and 3.5 cm in y. Its base is no more than 1 mm above the pot's at the start (all as
+    in the original). It is at rest after a lift of 3 cm, and both grippers are measured open. The
+    original bounds roll and pitch by 15 degrees each; this bounds the tilt.
     """
 
     category = INTERCEPTION
     target = "can"
     workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
-    limits = by_name(far=Limit(0.20), across=Limit(0.035), tilt=Limit(0.26, 0.2618, "rad"), height=Limit(0.001), lift=Limit(0.03))
+    limits = by_name(
+        far=Limit(0.20),
+        across=Limit(0.035),
+        tilt=Limit(0.26, 0.2618, "rad"),
+        height=Limit(0.001),
+        lift=Limit(0.03),
+    )
     own_conditions = ("on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("pot", draw.one_of("pot"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)))
+        yield Placement(
+            "pot",
+            draw.one_of("pot"),
+            Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)),
+        )
         can = Region(x=(-0.30, 0.30), y=(0.05, 0.15), yaw=(-0.79, 0.79), away_from_centre=0.20)
         yield Placement("can", draw.one_of("sauce_can"), can, distances={"pot": 0.30})
 

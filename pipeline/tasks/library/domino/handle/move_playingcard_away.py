@@ -7,18 +7,30 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
 
 @register
 class MovePlayingcardAway(Task):
-    """Catch a moving deck of cards near the middle of the table and set it down far out on the side of the arm.
+    """Catch a moving deck of cards near the middle of the table and set it down far out on the side
+    of the arm.
 
-    Success: The deck is more than 23 cm out on the acting arm's side (as in the original, which accepts either side). It is flat
-    and at rest on the table after a lift of 2 cm, and both grippers are measured open. Without the lift a deck could get there by
-    itself. In data generation the original also requires 25 cm from the place of the interception, which its script covers at once.
+    Success: The deck is more than 23 cm out on the acting arm's side (as in the original, which
+    accepts either side). It is flat and at rest on the table after a lift of 2 cm, and both
+    grippers are measured open. Without the lift a deck could get there by itself. In data
+    generation the original also requires 25 cm from the place of the interception, which its script
+    covers at once.
     """
 
     category = INTERCEPTION
@@ -42,7 +54,8 @@ class MovePlayingcardAway(Task):
         yield from let_go(arm)
 
     def _aside(self, a: Actor) -> Pose:
-        """Where the deck shall lie: 27 cm out, level with the middle of the region it comes from."""
+        """Where the deck shall lie: 27 cm out, level with the middle of the region it comes
+        from."""
         return upright_goal((-0.27 if a.arms["arm"] == "left" else 0.27, -0.08, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:

@@ -10,12 +10,22 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, family_of, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    family_of,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
 KINDS = (
-    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box",
+    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box",  # noqa: E501
     "coffee_box", "soap",
 )  # fmt: skip
 DISTANCE = 0.13
@@ -24,7 +34,8 @@ NEAR = 0.19  # m; A nearer to B than this must not stand on the side it shall co
 
 
 class PlaceBeside(Task):
-    """Object A moves, object B, of another kind, lies still. `direction` is -1 where A shall come to stand left of B, +1 right."""
+    """Object A moves, object B, of another kind, lies still. `direction` is -1 where A shall come
+    to stand left of B, +1 right."""
 
     category = INTERCEPTION
     target = "a"
@@ -41,17 +52,21 @@ class PlaceBeside(Task):
         yield Placement("a", a, Region(x=(ax, ax), y=(ay, ay), yaw=(-3.14, 3.14)))
 
     def places(self, draw: Draw) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Positions of A and B by the law of the original: A anywhere, B 10 cm from it in y at least, both drawn again where A is
-        about to be where it shall go already."""
+        """Positions of A and B by the law of the original: A anywhere, B 10 cm from it in y at
+        least, both drawn again where A is about to be where it shall go already."""
         while True:
             a = draw.uniform(-0.22, 0.22), draw.uniform(-0.20, 0.0)
             side = 1 if a[0] > 0 else -1
-            # B stands where its free side is in reach of the arm beside A: in the middle, or on A's half beyond the goal
+            # B stands where its free side is in reach of the arm beside A: in the middle, or on A's
+            # half beyond the goal
             xs = (-0.10, 0.10) if side == self.direction else sorted((side * 0.18, side * 0.23))
             b = draw.uniform(*xs), draw.uniform(-0.20, 0.0)
             while abs(a[1] - b[1]) < APART:
                 b = draw.uniform(*xs), draw.uniform(-0.20, 0.0)
-            if self.direction * (a[0] - b[0]) < 0 or float(np.hypot(a[0] - b[0], a[1] - b[1])) > NEAR:
+            if (
+                self.direction * (a[0] - b[0]) < 0
+                or float(np.hypot(a[0] - b[0], a[1] - b[1])) > NEAR
+            ):
                 return a, b
 
     def meet(self, a: Actor) -> Iterator[Skill]:
@@ -84,9 +99,10 @@ class PlaceBeside(Task):
 class PlaceA2bLeft(PlaceBeside):
     """Catch object A while it moves and set it down on the table to the left of object B.
 
-    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are measured open. Its origin is 8 to 20 cm
-    from B's, to the left of it and less than 5 cm nearer or farther. The original has the same limits, but does not require that A
-    is at rest on the table. There A cannot be moved at level 0.
+    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are
+    measured open. Its origin is 8 to 20 cm from B's, to the left of it and less than 5 cm nearer or
+    farther. The original has the same limits, but does not require that A is at rest on the table.
+    There A cannot be moved at level 0.
     """
 
     direction = -1
@@ -96,9 +112,10 @@ class PlaceA2bLeft(PlaceBeside):
 class PlaceA2bRight(PlaceBeside):
     """Catch object A while it moves and set it down on the table to the right of object B.
 
-    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are measured open. Its origin is 8 to 20 cm
-    from B's, to the right of it and less than 5 cm nearer or farther. The original has the same limits, but does not require that A
-    is at rest on the table. There A cannot be moved at level 0.
+    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are
+    measured open. Its origin is 8 to 20 cm from B's, to the right of it and less than 5 cm nearer
+    or farther. The original has the same limits, but does not require that A is at rest on the
+    table. There A cannot be moved at level 0.
     """
 
     direction = 1

@@ -9,25 +9,39 @@ from pipeline.expert.grasping import lifted
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
 
 @register
 class RotateQrcode(Task):
-    """Catch a moving QR code sign, turn it and stand it beside the arm so that the code faces the robot.
+    """Catch a moving QR code sign, turn it and stand it beside the arm so that the code faces the
+    robot.
 
-    Success: The sign is at rest on the table, less than 1 cm above it, after a lift of 3 cm. It is turned to the robot within 0.14
-    rad and within 5 cm (per axis) of its place at x = 20 cm on the arm's side. Both grippers are measured open. The angle is the
-    original's (0.05 per quaternion component), tighter than the 10 degrees of its data generation. The original requires place and
-    lift in data generation only. As in the original, the sign may begin turned correctly, in the wrong place.
+    Success: The sign is at rest on the table, less than 1 cm above it, after a lift of 3 cm. It is
+    turned to the robot within 0.14 rad and within 5 cm (per axis) of its place at x = 20 cm on the
+    arm's side. Both grippers are measured open. The angle is the original's (0.05 per quaternion
+    component), tighter than the 10 degrees of its data generation. The original requires place and
+    lift in data generation only. As in the original, the sign may begin turned correctly, in the
+    wrong place.
     """
 
     category = INTERCEPTION
     target = "sign"
     workspace = Workspace(-0.35, 0.35, -0.20, 0.15)
-    limits = by_name(plane=Limit(0.05), angle=Limit(0.14, 0.1415, "rad"), height=Limit(0.01), lift=Limit(0.03))
+    limits = by_name(
+        plane=Limit(0.05), angle=Limit(0.14, 0.1415, "rad"), height=Limit(0.01), lift=Limit(0.03)
+    )
     own_conditions = ("centred", "on_table", "at_rest", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
@@ -36,7 +50,9 @@ class RotateQrcode(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         goals = resting_poses(a.frames("sign")["base"], self._goal(a.arms), (0.0,))
-        yield grasp(a.arms["arm"], "sign", goals=[list(goals), list(lifted(goals, 0.07))], standoff=0.06)
+        yield grasp(
+            a.arms["arm"], "sign", goals=[list(goals), list(lifted(goals, 0.07))], standoff=0.06
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]

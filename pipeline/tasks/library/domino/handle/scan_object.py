@@ -6,9 +6,28 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, face, first_of, grasp, lift, lift_clear, upright_goal
+from pipeline.expert.skills import (
+    ROUND,
+    carry,
+    face,
+    first_of,
+    grasp,
+    lift,
+    lift_clear,
+    upright_goal,
+)
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -21,12 +40,14 @@ TILTS = (0.0, 0.35, -0.35, 0.7)
 
 @register
 class ScanObject(Task):
-    """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan the box in the air.
+    """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan
+    the box in the air.
 
-    Success: The middle of the box is within 2.5 cm (per axis) of the ray out of the scanner's window and less than 7 cm in front of
-    it (the original's tolerances). Both grippers are commanded to be closed. Both bodies are held by their arms, 5 cm or more above
-    where they began. Regions are the original's; box and scanner keep 5 cm apart. The scanner's window faces away from the robot
-    within 1.2 rad, on either side of the table.
+    Success: The middle of the box is within 2.5 cm (per axis) of the ray out of the scanner's
+    window and less than 7 cm in front of it (the original's tolerances). Both grippers are
+    commanded to be closed. Both bodies are held by their arms, 5 cm or more above where they began.
+    Regions are the original's; box and scanner keep 5 cm apart. The scanner's window faces away
+    from the robot within 1.2 rad, on either side of the table.
     """
 
     category = INTERCEPTION
@@ -37,7 +58,9 @@ class ScanObject(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        scanner = Region(x=(side * 0.05, side * 0.25), y=(-0.15, -0.05), yaw=(np.pi - 1.2, np.pi + 1.2))
+        scanner = Region(
+            x=(side * 0.05, side * 0.25), y=(-0.15, -0.05), yaw=(np.pi - 1.2, np.pi + 1.2)
+        )
         yield Placement("scanner", draw.one_of("scanner"), scanner)
         box = Region(x=(side * -0.25, side * -0.05), y=(-0.20, 0.0), yaw=(-1.2, 1.2))
         yield Placement("box", draw.one_of("tea_box"), box, gap=0.05)
@@ -73,15 +96,21 @@ class ScanObject(Task):
         )
 
     def _scans(self, a: Actor, box: Pose) -> np.ndarray:
-        """Poses (N,7) of the scanner from many sides, with its window in front of the middle of the box at the pose `box`.
+        """Poses (N,7) of the scanner from many sides, with its window in front of the middle of the
+        box at the pose `box`.
 
         The scanner is upright or nearly so, and 6 cm or more above the table."""
         middle, window = self._middle(box, a.bodies), a.frames("scanner")["window"]
         s = 1 if a.arms["scan_arm"] == "right" else -1
         found = []
-        for distance, tilt, turn in product(FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)):
-            heading = np.arctan2(0.0, -s) - s * turn  # from the scanner's side towards the box, or from nearer to the robot
-            stands = quat_multiply(quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt))
+        for distance, tilt, turn in product(
+            FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)
+        ):
+            # from the scanner's side towards the box, or from nearer to the robot
+            heading = np.arctan2(0.0, -s) - s * turn
+            stands = quat_multiply(
+                quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt)
+            )
             ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
             found.append(pose(middle - distance * ahead - quat_rotate(stands, window[:3]), stands))
         return np.stack([p for p in found if p[2] > TABLE_TOP + 0.06])
@@ -91,7 +120,9 @@ class ScanObject(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
-        x, y, z = transform(inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies)))
+        x, y, z = transform(
+            inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies))
+        )
         return {
             "on_ray": within((x, y), limit["plane"]),
             "at_distance": bool(0 < z < limit["far"]),

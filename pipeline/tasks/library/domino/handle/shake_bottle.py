@@ -5,24 +5,40 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, shake
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.families.goods.bottle import BODY
 
 
 @register
 class ShakeBottle(Task):
-    """Catch a moving bottle, lift it, swing it from side to side three times and hold it upright again.
+    """Catch a moving bottle, lift it, swing it from side to side three times and hold it upright
+    again.
 
-    Success: The bottle is held 5 cm or more above where it began, upright within 0.35 rad. It swung at least four times from more
-    than 0.4 rad on one side to the other. The original tests only its height, so lifting alone passes.
+    Success: The bottle is held 5 cm or more above where it began, upright within 0.35 rad. It swung
+    at least four times from more than 0.4 rad on one side to the other. The original tests only its
+    height, so lifting alone passes.
     """
 
     category = INTERCEPTION
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
-    limits = by_name(rise=Limit(0.05, 0.015), tilt=Limit(0.35, unit="rad"), swing=Limit(0.4, unit="rad"), times=Limit(4, unit=""))
+    limits = by_name(
+        rise=Limit(0.05, 0.015),
+        tilt=Limit(0.35, unit="rad"),
+        swing=Limit(0.4, unit="rad"),
+        times=Limit(4, unit=""),
+    )
     own_conditions = ("held", "upright", "shaken")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:

@@ -8,31 +8,54 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, rock
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.goods.bottle import BODY
 from pipeline.world.physics.body import TABLE_TOP
 
 SPOTS = (
     *((0.08, -0.03, 0.20), (0.15, -0.08, 0.20), (0.10, -0.10, 0.14), (0.15, 0.05, 0.26)),
-    *((0.10, 0.00, 0.30), (0.20, 0.00, 0.30), (0.10, -0.10, 0.32), (0.00, 0.20, 0.30), (0.05, 0.10, 0.38)),
+    *(
+        (0.10, 0.00, 0.30),
+        (0.20, 0.00, 0.30),
+        (0.10, -0.10, 0.32),
+        (0.00, 0.20, 0.30),
+        (0.05, 0.10, 0.38),
+    ),
 )
-"""Where the middle of the bottle is rocked (m): outwards on the side of the arm, y, and height above the table."""
+"""Where the middle of the bottle is rocked (m): outwards on the side of the arm, y, and height
+above the table."""
 
 
 @register
 class ShakeBottleHorizontally(Task):
-    """Catch a moving bottle, lift it, tip it until it lies level, and rock it about the level six times.
+    """Catch a moving bottle, lift it, tip it until it lies level, and rock it about the level six
+    times.
 
-    Success: The bottle is held 5 cm or more above where it began, level within 0.35 rad. It was rocked at least four times from
-    more than 0.3 rad above the level to as far below. The original tests only its height, so lifting alone passes.
+    Success: The bottle is held 5 cm or more above where it began, level within 0.35 rad. It was
+    rocked at least four times from more than 0.3 rad above the level to as far below. The original
+    tests only its height, so lifting alone passes.
     """
 
     category = INTERCEPTION
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
-    limits = by_name(rise=Limit(0.05, 0.015), tilt=Limit(0.35, unit="rad"), swing=Limit(0.3, unit="rad"), times=Limit(4, unit=""))
+    limits = by_name(
+        rise=Limit(0.05, 0.015),
+        tilt=Limit(0.35, unit="rad"),
+        swing=Limit(0.3, unit="rad"),
+        times=Limit(4, unit=""),
+    )
     own_conditions = ("held", "level", "shaken")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
@@ -45,16 +68,21 @@ class ShakeBottleHorizontally(Task):
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.12)
-        yield rock(a.arms["arm"], *self._tipped(a), times=6, angles=(0.85, 0.7, 0.6, 0.5, 0.42, 0.38))
+        yield rock(
+            a.arms["arm"], *self._tipped(a), times=6, angles=(0.85, 0.7, 0.6, 0.5, 0.42, 0.38)
+        )
 
     def _tipped(self, a: Actor, lean: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes (N,3) across it."""
+        """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes
+        (N,3) across it."""
         middle, out = a.frames("bottle")["middle"][2], -1 if a.arms["arm"] == "left" else 1
         poses, axes = [], []
         for x, y, z in SPOTS:
             centre = np.array([out * x, y, TABLE_TOP + z])
             for heading in np.arange(0, 2 * np.pi, np.pi / 6).tolist():
-                tip = quat_multiply(quat_about((0, 0, 1), heading), quat_about((0, 1, 0), np.pi / 2 + lean))
+                tip = quat_multiply(
+                    quat_about((0, 0, 1), heading), quat_about((0, 1, 0), np.pi / 2 + lean)
+                )
                 for roll in range(8):
                     q = quat_multiply(tip, quat_about((0, 0, 1), roll * np.pi / 4))
                     poses.append(pose(centre - middle * quat_rotate(q, [0, 0, 1.0]), q))
@@ -66,6 +94,8 @@ class ShakeBottleHorizontally(Task):
         return {
             "held": o.holds(arms["arm"], "bottle"),
             "lifted": o.rise("bottle") > limit["rise"],
-            "level": within(quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])[2], np.sin(limit["tilt"])),
+            "level": within(
+                quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])[2], np.sin(limit["tilt"])
+            ),
             "shaken": o.rocks("bottle", limit["swing"]) >= limit["times"],
         }

@@ -5,7 +5,17 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -14,13 +24,13 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 class BeatBlockHammer(Task):
     """Take the hammer and bring its face down on the top of a block that moves.
 
-    The hammer lies in the middle, its grip towards the robot. The block stands anywhere in the region of the original's dynamic
-    version where it keeps clear of the hammer's head.
+    The hammer lies in the middle, its grip towards the robot. The block stands anywhere in the
+    region of the original's dynamic version where it keeps clear of the hammer's head.
 
-    Success: At a frame in which they touch, hammer face and block top are within 2 cm (plane, per axis) and the hammer is at least
-    2 cm above the table. The acting arm holds the hammer. 2 cm is the original's static tolerance; its dynamic one is 4 cm. The
-    original's height of 0.8 m is 1.7 cm above the 0.783 m at which it places its hammer's origin; the height at rest is not
-    recorded.
+    Success: At a frame in which they touch, hammer face and block top are within 2 cm (plane, per
+    axis) and the hammer is at least 2 cm above the table. The acting arm holds the hammer. 2 cm is
+    the original's static tolerance; its dynamic one is 4 cm. The original's height of 0.8 m is 1.7
+    cm above the 0.783 m at which it places its hammer's origin; the height at rest is not recorded.
     """
 
     category = TRACKING
@@ -30,7 +40,9 @@ class BeatBlockHammer(Task):
     own_conditions = ("held",)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(1.4, 1.7)))
+        yield Placement(
+            "hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(1.4, 1.7))
+        )
         block = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-0.5, 0.5))
         yield Placement("block", draw.one_of("block"), block)
 
@@ -50,11 +62,17 @@ class BeatBlockHammer(Task):
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         hits = [int(frame) for frame in o.contacts("hammer", "block")["frame"]]
         limit = self.under(o.rules)
-        over = [o.offset(o.frame("hammer", "base", frame), o.frame("block", "top", frame))[:2] for frame in hits]
+        over = [
+            o.offset(o.frame("hammer", "base", frame), o.frame("block", "top", frame))[:2]
+            for frame in hits
+        ]
         centred = [frame for frame, d in zip(hits, over, strict=True) if within(d, limit["plane"])]
         return {
             "block_struck": bool(hits),
             "strike_centred": bool(centred),
-            "lifted_at_strike": any(bool(o.pose("hammer", frame)[2] > TABLE_TOP + limit["strike_height"]) for frame in centred),
+            "lifted_at_strike": any(
+                bool(o.pose("hammer", frame)[2] > TABLE_TOP + limit["strike_height"])
+                for frame in centred
+            ),
             "held": o.holds(arms["arm"], "hammer"),
         }

@@ -11,9 +11,10 @@ from pipeline.tasks.library.domino.press.press import Press
 class ClickBell(Press):
     """Press the button of a moving bell with the closed fingers of the arm beside it.
 
-    Success: A finger of the acting arm, with the gripper closed, touched the bell within 2.0 cm (plane, per axis) and 2.4 cm
-    (height) of its button. This is the tighter of the original's two tolerances, at every level. The original moves the body's
-    origin to the contact point, which shifts the button. Here the motion is the body's, and the button moves with it.
+    Success: A finger of the acting arm, with the gripper closed, touched the bell within 2.0 cm
+    (plane, per axis) and 2.4 cm (height) of its button. This is the tighter of the original's two
+    tolerances, at every level. The original moves the body's origin to the contact point, which
+    shifts the button. Here the motion is the body's, and the button moves with it.
     """
 
     target = "bell"

@@ -10,14 +10,17 @@ from pipeline.tasks.outcome import Outcome
 
 
 class Press(Task):
-    """The closed fingers of the acting arm press the target at its frame `part`, near it by the limits "plane" and "height" (m)."""
+    """The closed fingers of the acting arm press the target at its frame `part`, near it by the
+    limits "plane" and "height" (m)."""
 
     category = TRACKING
     part: ClassVar[str] = "button"
 
     def pressing(self, a: Actor) -> Skill:
         """The skill that meets the target."""
-        return press(a.arms["arm"], a.frame(self.target, self.part), body=self.target, part=self.part)
+        return press(
+            a.arms["arm"], a.frame(self.target, self.part), body=self.target, part=self.part
+        )
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         yield close(a.arms["arm"])

@@ -10,12 +10,15 @@ from pipeline.tasks.outcome import Outcome
 
 @register
 class PressStapler(Press):
-    """Press the arm of a moving stapler near its mouth with the closed fingers of the arm beside it.
+    """Press the arm of a moving stapler near its mouth with the closed fingers of the arm beside
+    it.
 
-    Success: A finger of the acting arm, with the gripper closed, touched the stapler within 2.7 cm (plane, per axis, and height) of
-    the place to press. These are the original's tolerances for data, tighter than the 3 cm of its evaluation. The original accepts
-    the gripper of either arm, open or closed, and so do domino rules. The original moves the body's origin to the contact point,
-    which shifts the place to press. Here the motion is the body's, and the place moves with it.
+    Success: A finger of the acting arm, with the gripper closed, touched the stapler within 2.7 cm
+    (plane, per axis, and height) of the place to press. These are the original's tolerances for
+    data, tighter than the 3 cm of its evaluation. The original accepts the gripper of either arm,
+    open or closed, and so do domino rules. The original moves the body's origin to the contact
+    point, which shifts the place to press. Here the motion is the body's, and the place moves with
+    it.
     """
 
     target, part = "stapler", "press"
@@ -24,7 +27,11 @@ class PressStapler(Press):
     own_conditions = ("closed_at_press",)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("stapler", draw.one_of("stapler"), Region(x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "stapler",
+            draw.one_of("stapler"),
+            Region(x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=(-3.14, 3.14)),
+        )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         sides = o.log.sides if o.rules.name == "domino" else (arms["arm"],)

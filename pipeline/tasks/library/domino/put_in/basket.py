@@ -7,12 +7,19 @@ from pipeline.world.physics.body import Body
 
 
 class IntoBasket(Task):
-    """The target is caught by the `arm` beside it and put in the body "basket", which the `lifter` holds up."""
+    """The target is caught by the `arm` beside it and put in the body "basket", which the `lifter`
+    holds up."""
 
     category = INTERCEPTION
     step_limit = 700
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
-    limits = by_name(rise=Limit(0.02), tilt=Limit(1.047, unit="rad"), plane=Limit(0.10), sum=Limit(0.15), lift=Limit(0.03))
+    limits = by_name(
+        rise=Limit(0.02),
+        tilt=Limit(1.047, unit="rad"),
+        plane=Limit(0.10),
+        sum=Limit(0.15),
+        lift=Limit(0.03),
+    )
     own_conditions = ("basket_held",)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -1,13 +1,37 @@
-"""dump_bin_bigbin: catch a moving table bin and empty it into the big bin at the left side of the table."""
+"""dump_bin_bigbin: catch a moving table bin and empty it into the big bin at the left side of the
+table."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, first_of, grasp, home, lift, open_, pause, place, pour, retreat, upright_goal
+from pipeline.expert.skills import (
+    ROUND,
+    carry,
+    first_of,
+    grasp,
+    home,
+    lift,
+    open_,
+    pause,
+    place,
+    pour,
+    retreat,
+    upright_goal,
+)
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -21,21 +45,24 @@ TILTS = (2.5, 2.2, 2.0)
 """How far the bin is turned down (rad)."""
 
 HELD_UP, FLIGHT = 0.31, 0.15
-"""Height over the table (m) of the bin at the end: it may yet slip in the hand; how far from the opening the balls land, about."""
+"""Height over the table (m) of the bin at the end: it may yet slip in the hand; how far from the
+opening the balls land, about."""
 
 
 @register
 class DumpBinBigbin(Task):
-    """Catch a moving table bin with five balls in it and pour them into the big bin with the left arm.
+    """Catch a moving table bin with five balls in it and pour them into the big bin with the left
+    arm.
 
     A bin on the right is caught by the right arm and set down in the middle for the left one.
 
-    Success: Every ball is inside the big bin, no more than 12 cm above its floor (the original's 0.13 to 0.25 m). The left arm
-    holds the table bin 26 cm or more above where it began (the original's 1.0 m). The original does not require the hold, and tests
-    only the heights of the balls, not that they are in the big bin. The balls are free bodies in the bin. The region of the table
-    bin is the original's. The original moves the table 30 cm to the right, so its big bin is at x = -45 cm, y = 0. Here the table
-    is the same in all tasks. The big bin is on the floor at its left edge (x about -80 cm, y about -10 cm), so the left arm must
-    reach farther.
+    Success: Every ball is inside the big bin, no more than 12 cm above its floor (the original's
+    0.13 to 0.25 m). The left arm holds the table bin 26 cm or more above where it began (the
+    original's 1.0 m). The original does not require the hold, and tests only the heights of the
+    balls, not that they are in the big bin. The balls are free bodies in the bin. The region of the
+    table bin is the original's. The original moves the table 30 cm to the right, so its big bin is
+    at x = -45 cm, y = 0. Here the table is the same in all tasks. The big bin is on the floor at
+    its left edge (x about -80 cm, y about -10 cm), so the left arm must reach farther.
     """
 
     category = INTERCEPTION
@@ -51,14 +78,24 @@ class DumpBinBigbin(Task):
         where = Region(x=(-0.20, 0.20), y=(-0.20, -0.05), yaw=(-0.37, 0.37), away_from_centre=0.05)
         yield Placement("bin", draw.one_of("table_bin"), where)
         for i, (x, y) in enumerate(BALLS):
-            yield Placement(f"ball_{i + 1}", draw.one_of("ball"), Region(x=(x, x), y=(y, y), z=0.005), inside="bin")
+            yield Placement(
+                f"ball_{i + 1}",
+                draw.one_of("ball"),
+                Region(x=(x, x), y=(y, y), z=0.005),
+                inside="bin",
+            )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["bin"]), "pourer": "left"}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         between = [[upright_goal(MIDDLE, yaw) for yaw in ROUND]]
-        yield grasp(a.arms["arm"], "bin", goals=self._ends(a) if a.arms["arm"] == "left" else between, pitch=0.9)
+        yield grasp(
+            a.arms["arm"],
+            "bin",
+            goals=self._ends(a) if a.arms["arm"] == "left" else between,
+            pitch=0.9,
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "right":
@@ -69,27 +106,41 @@ class DumpBinBigbin(Task):
             yield home("right")
             yield grasp("left", "bin", goals=self._ends(a), pitch=0.9)
         yield lift("left", 0.14)
-        for _ in range(2):  # the bin may turn in the hand, or a ball lie against the finger that is inside
+        # the bin may turn in the hand, or a ball lie against the finger that is inside
+        for _ in range(2):
             yield pour("left", self._over(a), self._tipped(a), speed=0.8)
             yield pause("left", 0.8)
             if all(a.pose(f"ball_{i + 1}")[2] < TABLE_TOP for i in range(len(BALLS))):
                 break
-        raised = [upright_goal((x, y, TABLE_TOP + HELD_UP), w) for x in (-0.35, -0.5) for y in (-0.1, 0, -0.2) for w in ROUND]
-        while (missing := TABLE_TOP + HELD_UP - a.pose("bin")[2]) > 0.03:  # it may turn in the hand once more
-            yield first_of(lift("left", missing, least=1.0), carry("left", raised), lift("left", missing))
+        raised = [
+            upright_goal((x, y, TABLE_TOP + HELD_UP), w)
+            for x in (-0.35, -0.5)
+            for y in (-0.1, 0, -0.2)
+            for w in ROUND
+        ]
+        # it may turn in the hand once more
+        while (missing := TABLE_TOP + HELD_UP - a.pose("bin")[2]) > 0.03:
+            yield first_of(
+                lift("left", missing, least=1.0), carry("left", raised), lift("left", missing)
+            )
 
     def _spots(self, a: Actor) -> list[np.ndarray]:
         """Points (3,) above the near part of the big bin."""
         x, y = a.pose("big_bin")[:2]
         x += a.bodies["big_bin"].instance.shape().aabb()[1, 0] - 0.15
-        return [np.array([x, y + dy, TABLE_TOP + z]) for dy in (0.0, -0.08, 0.08) for z in (0.16, 0.22)]
+        return [
+            np.array([x, y + dy, TABLE_TOP + z]) for dy in (0.0, -0.08, 0.08) for z in (0.16, 0.22)
+        ]
 
     def _over(self, a: Actor) -> np.ndarray:
         """Poses (N,7) of the bin upright over the big bin."""
         return np.stack([upright_goal(spot, yaw) for spot in self._spots(a) for yaw in ROUND])
 
-    def _tipped(self, a: Actor, spots: slice = slice(None), tilts: tuple[float, ...] = TILTS) -> np.ndarray:
-        """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down to where the balls fall in."""
+    def _tipped(
+        self, a: Actor, spots: slice = slice(None), tilts: tuple[float, ...] = TILTS
+    ) -> np.ndarray:
+        """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down to
+        where the balls fall in."""
         out = inverse(a.frames("bin")["top"])
         reach = a.bodies["big_bin"].instance.shape().aabb()[1, :2] - 0.05
         poses = list[np.ndarray]()
@@ -99,7 +150,10 @@ class DumpBinBigbin(Task):
                 lands = (np.abs(spot[:2] + FLIGHT * along - a.pose("big_bin")[:2]) < reach).all()
                 for tilt in tilts if lands else ():
                     down = quat_about((-along[1], along[0], 0), tilt)
-                    poses += [compose(pose(spot, quat_multiply(down, upright_goal(spot, yaw)[3:])), out) for yaw in ROUND]
+                    poses += [
+                        compose(pose(spot, quat_multiply(down, upright_goal(spot, yaw)[3:])), out)
+                        for yaw in ROUND
+                    ]
         return np.stack(poses)
 
     def _ends(self, a: Actor) -> list[list[np.ndarray]]:
@@ -110,7 +164,12 @@ class DumpBinBigbin(Task):
         limit = self.under(o.rules)
         low, high = o.bodies["big_bin"].instance.shape().aabb()
         floor = o.bodies["big_bin"].instance.frames()["inside"][2]
-        balls = np.array([transform(inverse(o.pose("big_bin")), o.pose(f"ball_{i + 1}")[:3]) for i in range(len(BALLS))])
+        balls = np.array(
+            [
+                transform(inverse(o.pose("big_bin")), o.pose(f"ball_{i + 1}")[:3])
+                for i in range(len(BALLS))
+            ]
+        )
         return {
             "balls_in_big_bin": bool(((balls > low) & (balls < high)).all()),
             "balls_at_bottom": bool((balls[:, 2] < floor + limit["depth"]).all()),

@@ -10,23 +10,34 @@ from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    TRACKING,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome, within
 
 DROPS = (0.0, 0.03, 0.06)
-"""Heights (m) above the floor of the basket at which the bread may be let go, the lowest one in reach is taken."""
+"""Heights (m) above the floor of the basket at which the bread may be let go, the lowest one in
+reach is taken."""
 
 SLACK = 0.016
-"""Distance (m) by which the jaws let go in the basket: opened wider they wedge themselves between its walls."""
+"""Distance (m) by which the jaws let go in the basket: opened wider they wedge themselves between
+its walls."""
 
 
 @register
 class PlaceBreadBasket(Task):
     """Grasp a piece of bread and lay it in a bread basket that moves.
 
-    Success: The bread is within 5 cm (plane, per axis, as in the original) of the middle of the basket. It rests on the basket and
-    not on the table, and both grippers are measured open. There is one piece of bread at every level, in the regions of the
-    original's dynamic version.
+    Success: The bread is within 5 cm (plane, per axis, as in the original) of the middle of the
+    basket. It rests on the basket and not on the table, and both grippers are measured open. There
+    is one piece of bread at every level, in the regions of the original's dynamic version.
     """
 
     category = TRACKING
@@ -49,18 +60,30 @@ class PlaceBreadBasket(Task):
         yield from regrasp(a, arm, "bread", goals)
         yield grasp(arm, "bread", goals=goals)
         yield lift(arm, 0.12)
-        # Bread that is let go above the basket meets it when it has fallen, so opening belongs to the same skill.
-        yield in_turn(place_or_regrasp(arm, "base", onto, yaws=ROUND, above=0.08, opening=SLACK), open_(arm, by=SLACK))
+        # Bread that is let go above the basket meets it when it has fallen, so opening belongs to
+        # the same skill.
+        yield in_turn(
+            place_or_regrasp(arm, "base", onto, yaws=ROUND, above=0.08, opening=SLACK),
+            open_(arm, by=SLACK),
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.10)
         yield open_(a.arms["arm"])
 
     def _within_reach(self, a: Actor) -> Pose:
-        """Where the base of the bread is to be let go: on the floor of the basket, or as little above as the arm needs."""
+        """Where the base of the bread is to be let go: on the floor of the basket, or as little
+        above as the arm needs."""
         arm, grasps = a.arm_planner(a.arms["arm"]), a.frames("bread").grasps
         options = [lifted(a.frame("basket", "inside"), drop) for drop in DROPS]
-        return next((onto for onto in options if len(leading_grasps(arm, "bread", grasps, self._goals(a, onto))) > 0), options[0])
+        return next(
+            (
+                onto
+                for onto in options
+                if len(leading_grasps(arm, "bread", grasps, self._goals(a, onto))) > 0
+            ),
+            options[0],
+        )
 
     def _goals(self, a: Actor, onto: Pose) -> list[list[Pose]]:
         return [list(resting_poses(a.frames("bread")["base"], onto, ROUND))]

@@ -6,9 +6,29 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import hand_poses, lifted
-from pipeline.expert.skills import ROUND, carry, first_of, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.skills import (
+    ROUND,
+    carry,
+    first_of,
+    grasp,
+    lift,
+    open_,
+    place,
+    resting_poses,
+    retreat,
+)
 from pipeline.poses import compose, yawed
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -17,13 +37,16 @@ ABOVE = 0.07
 
 @register
 class PlaceBreadSkillet(Task):
-    """Catch a moving piece of bread, lift the skillet by its handle with the other arm, and lay the bread in it.
+    """Catch a moving piece of bread, lift the skillet by its handle with the other arm, and lay the
+    bread in it.
 
-    Success: The bread is within 3.5 cm (plane, per axis) of the middle of the pan and rests on it after a lift of 3 cm. No gripper
-    is at the bread. The arm of the skillet holds it, and both are 2 cm or more above where they lay (1 cm in the original's dynamic
-    version). 3.5 cm is the original's static tolerance; its dynamic one is 10 cm. Bread is turned by up to 45 degrees, as in the
-    original's static version, not in its dynamic one. The original's skillet is as near as y = -0.20. Ours stays beyond -0.12,
-    because nearer its handle would reach over the edge of the table.
+    Success: The bread is within 3.5 cm (plane, per axis) of the middle of the pan and rests on it
+    after a lift of 3 cm. No gripper is at the bread. The arm of the skillet holds it, and both are
+    2 cm or more above where they lay (1 cm in the original's dynamic version). 3.5 cm is the
+    original's static tolerance; its dynamic one is 10 cm. Bread is turned by up to 45 degrees, as
+    in the original's static version, not in its dynamic one. The original's skillet is as near as y
+    = -0.20. Ours stays beyond -0.12, because nearer its handle would reach over the edge of the
+    table.
     """
 
     category = INTERCEPTION
@@ -51,7 +74,10 @@ class PlaceBreadSkillet(Task):
         yield lift(arm, 0.12)
         held = self._held(pan)
         goals = [list(held)]
-        yield first_of(grasp(pan, "skillet", kinds=("handle",), goals=goals), grasp(pan, "skillet", goals=goals))
+        yield first_of(
+            grasp(pan, "skillet", kinds=("handle",), goals=goals),
+            grasp(pan, "skillet", goals=goals),
+        )
         yield lift(pan, 0.06)
         yield carry(pan, self._within_reach(a, held))
         yield place(arm, "base", a.frame("skillet", "centre"), yaws=ROUND, above=ABOVE)
@@ -59,7 +85,8 @@ class PlaceBreadSkillet(Task):
         yield retreat(arm, 0.08)
 
     def _held(self, pan: str) -> np.ndarray:
-        """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the table."""
+        """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the
+        table."""
         s = 1 if pan == "right" else -1
         return np.stack(
             [
@@ -72,7 +99,8 @@ class PlaceBreadSkillet(Task):
         )
 
     def _within_reach(self, a: Actor, held: np.ndarray) -> np.ndarray:
-        """The poses `held` (N,7) at which the other arm can come straight down to the pan; all of them if there is no such pose.
+        """The poses `held` (N,7) at which the other arm can come straight down to the pan; all of
+        them if there is no such pose.
 
         It comes down beside the hand that holds the pan."""
         arm, pan = a.arms["arm"], a.arms["pan_arm"]
@@ -81,7 +109,9 @@ class PlaceBreadSkillet(Task):
         centre, base = a.frames("skillet")["centre"], a.frames("bread")["base"]
         found = list[int]()
         for i in np.flatnonzero(ok):
-            over = lifted(hand_poses(a, arm, resting_poses(base, compose(held[i], centre), ROUND)), ABOVE)
+            over = lifted(
+                hand_poses(a, arm, resting_poses(base, compose(held[i], centre), ROUND)), ABOVE
+            )
             at, reached = planner.solve(over)
             there = planner.within(planner.scene.expecting(pan, q[i]))
             free, apart = there.checker(), there.checker([("bread", "skillet"), (arm, "skillet")])

@@ -10,28 +10,43 @@ from pipeline.tasks.library.domino.put_in.basket import IntoBasket
 
 @register
 class PlaceCanBasket(IntoBasket):
-    """Catch a moving can, put it in the basket, and lift the basket by its handle with the other arm.
+    """Catch a moving can, put it in the basket, and lift the basket by its handle with the other
+    arm.
 
-    Success: Can and basket are 2 cm or more above where they began. The can touches the basket and not the table, within 10 cm
-    (plane) of it and 15 cm as the sum over the axes. The basket is within 60 degrees of upright. All limits are those of the
-    original's dynamic version, which does not require that the lifting arm holds the basket.
+    Success: Can and basket are 2 cm or more above where they began. The can touches the basket and
+    not the table, within 10 cm (plane) of it and 15 cm as the sum over the axes. The basket is
+    within 60 degrees of upright. All limits are those of the original's dynamic version, which does
+    not require that the lifting arm holds the basket.
     """
 
     target = "can"
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05)))
-        yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05))
+        )
+        yield Placement(
+            "can",
+            draw.one_of("can"),
+            Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)),
+        )
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
-        yield grasp(arm, "can", goals=[list(resting_poses(a.frames("can")["base"], a.frame("basket", arm), ROUND))], pitch=0.8)
+        yield grasp(
+            arm,
+            "can",
+            goals=[list(resting_poses(a.frames("can")["base"], a.frame("basket", arm), ROUND))],
+            pitch=0.8,
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, lifter = a.arms["arm"], a.arms["lifter"]
         yield lift(arm, 0.15)
-        yield place(arm, "base", a.frame("basket", arm), yaws=ROUND, above=0.10, press=0.0, opening=0.025)
+        yield place(
+            arm, "base", a.frame("basket", arm), yaws=ROUND, above=0.10, press=0.0, opening=0.025
+        )
         yield open_(arm, by=0.025)
         yield lift(arm, 0.16)
         yield together(home(arm), grasp(lifter, "basket", kinds=("handle",)))

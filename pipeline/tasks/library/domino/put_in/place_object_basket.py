@@ -1,4 +1,5 @@
-"""place_object_basket: catch a moving object, put it in a basket, lift the basket with the other arm."""
+"""place_object_basket: catch a moving object, put it in a basket, lift the basket with the other
+arm."""
 
 from collections.abc import Iterator
 
@@ -11,26 +12,34 @@ from pipeline.tasks.contract import Draw, Placement, Region, register
 from pipeline.tasks.library.domino.put_in.basket import IntoBasket
 
 DROP = 0.055
-"""Height (m) over the floor of the basket at which the object is let go: a slanting hand cannot go below the rim."""
+"""Height (m) over the floor of the basket at which the object is let go: a slanting hand cannot go
+below the rim."""
 
 SLACK = 0.012
-"""Distance (m) by which the jaws let go in the basket: opened wider, thick fingers wedge themselves between its walls."""
+"""Distance (m) by which the jaws let go in the basket: opened wider, thick fingers wedge themselves
+between its walls."""
 
 
 @register
 class PlaceObjectBasket(IntoBasket):
-    """Catch a moving deck of cards or toy car, put it in the basket, and lift the basket by its handle with the other arm.
+    """Catch a moving deck of cards or toy car, put it in the basket, and lift the basket by its
+    handle with the other arm.
 
-    Success: Object and basket are 2 cm or more above where they began. The object touches the basket and not the table, within 10
-    cm (plane) of it and 15 cm as the sum over the axes. The basket is within 60 degrees of upright. All limits are those of the
-    original's dynamic version, which does not require that the lifting arm holds the basket.
+    Success: Object and basket are 2 cm or more above where they began. The object touches the
+    basket and not the table, within 10 cm (plane) of it and 15 cm as the sum over the axes. The
+    basket is within 60 degrees of upright. All limits are those of the original's dynamic version,
+    which does not require that the lifting arm holds the basket.
     """
 
     target = "object"
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * -0.02), y=(-0.08, -0.05)))
+        yield Placement(
+            "basket",
+            draw.one_of("basket"),
+            Region(x=(side * -0.02, side * -0.02), y=(-0.08, -0.05)),
+        )
         item = Region(x=(side * 0.20, side * 0.25), y=(-0.10, 0.10), yaw=(-0.52, 0.52))
         yield Placement("object", draw.one_of("playing_cards", "toy_car"), item)
 
@@ -50,7 +59,10 @@ class PlaceObjectBasket(IntoBasket):
         yield lift(lifter, 0.08)
 
     def _along(self, a: Actor) -> tuple[float, ...]:
-        """Yaw angles in which the long side of the object lies across the handle, under it: so the hand keeps clear of it."""
+        """Yaw angles in which the long side of the object lies across the handle, under it: so the
+        hand keeps clear of it."""
         x, y, _ = np.ptp(a.bodies["object"].instance.shape().aabb(), axis=0)
         turn = 0.0 if x > y else np.pi / 2
-        return tuple(turn + half + off for off in (0.0, 0.2, -0.2, 0.4, -0.4) for half in (0.0, np.pi))
+        return tuple(
+            turn + half + off for off in (0.0, 0.2, -0.2, 0.4, -0.4) for half in (0.0, np.pi)
+        )

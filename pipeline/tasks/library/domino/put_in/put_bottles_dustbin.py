@@ -1,4 +1,5 @@
-"""put_bottles_dustbin: catch a moving bottle and drop it into the dustbin at the left side of the table."""
+"""put_bottles_dustbin: catch a moving bottle and drop it into the dustbin at the left side of the
+table."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -6,9 +7,29 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, grasp, hand_over, home, lift, open_, retreat, upright_goal
+from pipeline.expert.skills import (
+    ROUND,
+    carry,
+    grasp,
+    hand_over,
+    home,
+    lift,
+    open_,
+    retreat,
+    upright_goal,
+)
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.goods.bottle import BODY
 from pipeline.world.physics.body import TABLE_TOP, Body
@@ -18,26 +39,38 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 class PutBottlesDustbin(Task):
     """Catch a moving bottle and drop it into the dustbin beside the table, with the left arm.
 
-    A bottle on the right is caught by the right arm by its upper part and handed over in the air to the left one, which takes it
-    lower down.
+    A bottle on the right is caught by the right arm by its upper part and handed over in the air to
+    the left one, which takes it lower down.
 
-    Success: The bottle is below the rim and within the outline of the dustbin after a lift of 3 cm, and no arm touches it. The
-    original requires a box of 44 x 65 cm around the bin's middle and a height of 0.2 to 0.7 m, which is 7 to 57 cm above the floor
-    of its bin. Our bin has its floor at 1 cm, so that lower end would refuse a bottle that is in the bin. Without it the box, which
-    is wider than the bin, contains a bottle on the floor beside it. Therefore domino rules require the outline, too. There is one
-    bottle, in the region of the original's dynamic version. The original shifts the table by 30 cm to the right, so its bin is at x
-    = -45 cm. Here the table stays, and the bin is on the floor at its left edge, about 39 cm farther out, within reach of all
-    robots.
+    Success: The bottle is below the rim and within the outline of the dustbin after a lift of 3 cm,
+    and no arm touches it. The original requires a box of 44 x 65 cm around the bin's middle and a
+    height of 0.2 to 0.7 m, which is 7 to 57 cm above the floor of its bin. Our bin has its floor at
+    1 cm, so that lower end would refuse a bottle that is in the bin. Without it the box, which is
+    wider than the bin, contains a bottle on the floor beside it. Therefore domino rules require the
+    outline, too. There is one bottle, in the region of the original's dynamic version. The original
+    shifts the table by 30 cm to the right, so its bin is at x = -45 cm. Here the table stays, and
+    the bin is on the floor at its left edge, about 39 cm farther out, within reach of all robots.
     """
 
     category = INTERCEPTION
     step_limit = 1700
     target = "bottle"
-    limits = by_name(outline_x=Limit(0.221), outline_y=Limit(0.325), least=Limit(0.005), depth=Limit(0.57), lift=Limit(0.03))
+    limits = by_name(
+        outline_x=Limit(0.221),
+        outline_y=Limit(0.325),
+        least=Limit(0.005),
+        depth=Limit(0.57),
+        lift=Limit(0.03),
+    )
     own_conditions = ("below_rim", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("dustbin", draw.one_of("dustbin"), Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0), fixed=True)
+        yield Placement(
+            "dustbin",
+            draw.one_of("dustbin"),
+            Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0),
+            fixed=True,
+        )
         bottle = Region(x=(-0.25, 0.30), y=(0.03, 0.23), away_from_centre=0.05)
         yield Placement("bottle", draw.one_of("bottle"), bottle)
 
@@ -46,14 +79,24 @@ class PutBottlesDustbin(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "left":
-            yield grasp("left", "bottle", kinds=BODY, goals=[list(self._over_the_bin(a))], pitch=0.4)
+            yield grasp(
+                "left", "bottle", kinds=BODY, goals=[list(self._over_the_bin(a))], pitch=0.4
+            )
         else:
-            yield grasp("right", "bottle", kinds=("neck", "high"), goals=[list(self._exchange())], pitch=0.4)
+            yield grasp(
+                "right", "bottle", kinds=("neck", "high"), goals=[list(self._exchange())], pitch=0.4
+            )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "right":
             yield lift("right", 0.10)
-            yield hand_over("right", "left", self._exchange(), kinds=("low", "side"), goals=[list(self._over_the_bin(a))])
+            yield hand_over(
+                "right",
+                "left",
+                self._exchange(),
+                kinds=("low", "side"),
+                goals=[list(self._over_the_bin(a))],
+            )
             yield open_("right")
             yield retreat("right", 0.08)
             yield home("right")
@@ -63,7 +106,8 @@ class PutBottlesDustbin(Task):
         yield open_("left")
 
     def _exchange(self) -> np.ndarray:
-        """Poses (N,7) of the bottle at which it may change hands: upright in the air, near the middle of the table."""
+        """Poses (N,7) of the bottle at which it may change hands: upright in the air, near the
+        middle of the table."""
         spots = product(ROUND, (0.12, 0.16, 0.20), (-0.10, -0.05, -0.15), (0.0, -0.05, 0.05))
         return np.stack([upright_goal((x, y, TABLE_TOP + z), yaw) for yaw, z, y, x in spots])
 
@@ -71,7 +115,13 @@ class PutBottlesDustbin(Task):
         """Poses (N,7) of the bottle above the near half of the dustbin, upright or tilted."""
         x, y = a.pose("dustbin")[:2]
         tilts = [
-            quat_about(axis, angle) for axis, angle in (((0, 1, 0), 0.0), ((0, 1, 0), -0.6), ((1, 0, 0), 0.6), ((1, 0, 0), -0.6))
+            quat_about(axis, angle)
+            for axis, angle in (
+                ((0, 1, 0), 0.0),
+                ((0, 1, 0), -0.6),
+                ((1, 0, 0), 0.6),
+                ((1, 0, 0), -0.6),
+            )
         ]
         return np.stack(
             [

@@ -1,4 +1,5 @@
-"""put_object_cabinet: catch a moving object, open the drawer with the other arm, put the object in."""
+"""put_object_cabinet: catch a moving object, open the drawer with the other arm, put the object
+in."""
 
 from collections.abc import Iterator
 
@@ -6,10 +7,30 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
-from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, shift, together
+from pipeline.expert.skills import (
+    grasp,
+    home,
+    lift,
+    open_,
+    place,
+    resting_poses,
+    retreat,
+    shift,
+    together,
+)
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, inverse, pose, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    INTERCEPTION,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    side_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.containers.cabinet import Cabinet, Drawer
 from pipeline.world.physics.body import Body
@@ -23,20 +44,33 @@ HELD = 0.03
 LONGEST = 0.105
 """Length (m) of what fits into the open part of the drawer along it."""
 
-OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "coffee_box", "soap")
+OBJECTS = (
+    "mouse",
+    "stapler",
+    "toy_car",
+    "rubiks_cube",
+    "bread",
+    "phone",
+    "playing_cards",
+    "tea_box",
+    "coffee_box",
+    "soap",
+)
 
 
 @register
 class PutObjectCabinet(Task):
-    """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the other arm, put the object in.
+    """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the
+    other arm, put the object in.
 
-    Objects of the original's ten kinds, in its regions, save that on the right the object stands no further out than the head
-    camera sees (about 25 cm, on the left 32 cm; the camera is at x = -3.2 cm, as the original's, which does not ask whether the
-    target is seen).
+    Objects of the original's ten kinds, in its regions, save that on the right the object stands no
+    further out than the head camera sees (about 25 cm, on the left 32 cm; the camera is at x = -3.2
+    cm, as the original's, which does not ask whether the target is seen).
 
-    Success: The drawer is 5 cm or more open. The object is inside it (within its walls, between its floor and 4 cm above its rim)
-    and touches it and not the table, after a lift of 3 cm. The object's gripper is measured open. As in the original's dynamic
-    version, the object is also within 12 x 7 cm of a point and between 0.5 and 18 cm above where it lay. Here the point is the
+    Success: The drawer is 5 cm or more open. The object is inside it (within its walls, between its
+    floor and 4 cm above its rim) and touches it and not the table, after a lift of 3 cm. The
+    object's gripper is measured open. As in the original's dynamic version, the object is also
+    within 12 x 7 cm of a point and between 0.5 and 18 cm above where it lay. Here the point is the
     middle of the open part of the drawer. The static version allows 5 cm and 0.7 to 12 cm.
     """
 
@@ -53,7 +87,15 @@ class PutObjectCabinet(Task):
         most_rise=Limit(0.18),
         lift=Limit(0.03),
     )
-    own_conditions = ("drawer_open", "within_outline", "at_height", "on_drawer", "off_table", "released", "was_lifted")
+    own_conditions = (
+        "drawer_open",
+        "within_outline",
+        "at_height",
+        "on_drawer",
+        "off_table",
+        "released",
+        "was_lifted",
+    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         cabinet = draw.one_of("cabinet")
@@ -72,19 +114,35 @@ class PutObjectCabinet(Task):
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
         base, yaws = a.frames("object")["base"], self._across(a)
-        opened = [lifted(p, HELD) for spot in self._spots(a, PULL)[1:3] for p in resting_poses(base, spot, yaws)]
+        opened = [
+            lifted(p, HELD)
+            for spot in self._spots(a, PULL)[1:3]
+            for p in resting_poses(base, spot, yaws)
+        ]
         yield grasp(arm, "object", goals=[opened])
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, puller = a.arms["arm"], a.arms["drawer_arm"]
         yield lift(arm, 0.12)
-        openings = [[a.pose("drawer") + np.array([0, -out, 0, 0, 0, 0, 0])] for out in (PULL, PULL + 0.07)]
-        yield together(home(arm), grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3))
+        openings = [
+            [a.pose("drawer") + np.array([0, -out, 0, 0, 0, 0, 0])] for out in (PULL, PULL + 0.07)
+        ]
+        yield together(
+            home(arm), grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3)
+        )
         yield shift(puller, (0.0, -PULL, 0.0), speed=0.08)
         yield open_(puller)
         yield retreat(puller, 0.07)
         yield home(puller)
-        yield place(arm, "base", self._spots(a, 0.0), yaws=self._across(a), above=0.10, press=-HELD, opening=0.02)
+        yield place(
+            arm,
+            "base",
+            self._spots(a, 0.0),
+            yaws=self._across(a),
+            above=0.10,
+            press=-HELD,
+            opening=0.02,
+        )
         yield open_(arm, by=0.02)
         yield lift(arm, 0.10, least=0.2)
         yield open_(arm)
@@ -92,12 +150,21 @@ class PutObjectCabinet(Task):
     def _spots(self, a: Actor, pull: float) -> np.ndarray:
         """Poses (4,7) on the floor of the drawer after it is pulled out by `pull` m more.
 
-        They are in the middle of the open part, at several distances to the side of the arm that holds the object."""
-        drawer, out = a.bodies["drawer"].instance, a.bodies["drawer"].pose[1] - a.pose("drawer")[1] + pull
+        They are in the middle of the open part, at several distances to the side of the arm that
+        holds the object."""
+        drawer, out = (
+            a.bodies["drawer"].instance,
+            a.bodies["drawer"].pose[1] - a.pose("drawer")[1] + pull,
+        )
         assert isinstance(drawer, Drawer)
         side = 1 if a.arms["arm"] == "right" else -1
         depth = -pull - drawer.hy + out / 2 - 0.004
-        return np.stack([compose(a.pose("drawer"), pose((side * x, depth, 0.006))) for x in (0.03, 0.06, 0.0, 0.08)])
+        return np.stack(
+            [
+                compose(a.pose("drawer"), pose((side * x, depth, 0.006)))
+                for x in (0.03, 0.06, 0.0, 0.08)
+            ]
+        )
 
     def _across(self, a: Actor) -> tuple[float, ...]:
         """Yaw angles in which the long side of the object lies across the drawer, and along it if
@@ -109,7 +176,9 @@ class PutObjectCabinet(Task):
         turn = 0.0 if x > y else np.pi / 2
         sides = (0.0, np.pi / 2) if max(x, y) < LONGEST else (0.0,)
         offsets = (0.0, 0.25, -0.25, 0.5, -0.5)
-        return tuple(turn + side + off + half for off in offsets for side in sides for half in (0.0, np.pi))
+        return tuple(
+            turn + side + off + half for off in offsets for side in sides for half in (0.0, np.pi)
+        )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
@@ -119,7 +188,9 @@ class PutObjectCabinet(Task):
         opening = float(np.linalg.norm(o.pose("drawer")[:3] - o.pose("drawer", 0)[:3]))
         return {
             "drawer_open": opening > limit["opening"],
-            "centred": within((x, y + drawer.hy - opening / 2), (limit["along_x"], limit["along_y"])),
+            "centred": within(
+                (x, y + drawer.hy - opening / 2), (limit["along_x"], limit["along_y"])
+            ),
             "raised": limit["least_rise"] < o.rise("object") < limit["most_rise"],
             "within_outline": within((x, y), (drawer.hx, drawer.hy)),
             "at_height": bool(0 < z < drawer.height + limit["over_rim"]),

@@ -12,16 +12,24 @@ EITHER_WAY = (0.0, np.pi)
 
 @register
 class MoveStaplerPad(SetDown):
-    """Grasp a stapler and set it down along the long side of a pad that moves, its mouth to either end.
+    """Grasp a stapler and set it down along the long side of a pad that moves, its mouth to either
+    end.
 
-    Success: The base of the stapler is within 2 cm (per axis) and 1 cm (height) of the pad's centre and within 0.06 rad of its long
-    side. The stapler rests on the pad, and both grippers are measured open. Pad and position are the original's static ones (11 x 6
-    cm, 2 cm), not the enlarged dynamic ones. The angle is its dynamic one (0.03 as a difference of quaternion components).
+    Success: The base of the stapler is within 2 cm (per axis) and 1 cm (height) of the pad's centre
+    and within 0.06 rad of its long side. The stapler rests on the pad, and both grippers are
+    measured open. Pad and position are the original's static ones (11 x 6 cm, 2 cm), not the
+    enlarged dynamic ones. The angle is its dynamic one (0.03 as a difference of quaternion
+    components).
     """
 
     target, manipulated = "pad", "stapler"
     yaws, turns = EITHER_WAY, 2
-    limits = by_name(plane=Limit(0.02, 0.025), height=Limit(0.01, 0.015), angle=Limit(0.06, unit="rad"), lift=Limit(0.03))
+    limits = by_name(
+        plane=Limit(0.02, 0.025),
+        height=Limit(0.01, 0.015),
+        angle=Limit(0.06, unit="rad"),
+        lift=Limit(0.03),
+    )
     sizes = by_name(pad=Limit((0.055, 0.03), (0.065, 0.035)))
     own_conditions = ("on_pad", "at_rest", "released")
 
@@ -30,4 +38,10 @@ class MoveStaplerPad(SetDown):
         stapler = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         yield Placement("stapler", draw.one_of("stapler"), stapler)
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03, distances={"stapler": 0.10})
+        yield Placement(
+            "pad",
+            pad,
+            Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)),
+            gap=0.03,
+            distances={"stapler": 0.10},
+        )

@@ -10,9 +10,9 @@ from pipeline.tasks.library.domino.set_down.set_down import SetDown
 class PlaceContainerPlate(SetDown):
     """Grasp a bowl or cup and set it down on a plate that moves.
 
-    Success: The base of the container is within 5 cm (per axis) and 3 cm (height) of the plate's centre. The container rests on the
-    plate after a lift of 3 cm, and both grippers are measured open. These are the original's tolerances, the same for its static
-    and dynamic versions.
+    Success: The base of the container is within 5 cm (per axis) and 3 cm (height) of the plate's
+    centre. The container rests on the plate after a lift of 3 cm, and both grippers are measured
+    open. These are the original's tolerances, the same for its static and dynamic versions.
     """
 
     target, manipulated = "plate", "container"
@@ -23,4 +23,6 @@ class PlaceContainerPlate(SetDown):
         side = draw.side()
         container = Region(x=(side * 0.20, side * 0.28), y=(-0.10, 0.05), yaw=(-3.14, 3.14))
         yield Placement("container", draw.one_of("bowl", "cup"), container)
-        yield Placement("plate", draw.one_of("plate"), Region(x=(side * 0.02, side * 0.08), y=(-0.15, -0.10)))
+        yield Placement(
+            "plate", draw.one_of("plate"), Region(x=(side * 0.02, side * 0.08), y=(-0.15, -0.10))
+        )

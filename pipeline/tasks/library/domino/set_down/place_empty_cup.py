@@ -11,19 +11,26 @@ from pipeline.tasks.outcome import Outcome, within
 class PlaceEmptyCup(SetDown):
     """Grasp an empty cup and stand it on a coaster that moves.
 
-    Success: The base of the cup is within 3.5 cm (plane) and 1.5 cm (height) of the coaster's centre. The cup is upright on the
-    coaster, and both grippers are measured open. These are the original's tolerances, the same for its static and dynamic versions.
-    It does not require that the cup is upright, or at rest.
+    Success: The base of the cup is within 3.5 cm (plane) and 1.5 cm (height) of the coaster's
+    centre. The cup is upright on the coaster, and both grippers are measured open. These are the
+    original's tolerances, the same for its static and dynamic versions. It does not require that
+    the cup is upright, or at rest.
     """
 
     step_limit = 500
     target, manipulated = "coaster", "cup"
-    limits = by_name(plane=Limit(0.035), height=Limit(0.015), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
+    limits = by_name(
+        plane=Limit(0.035), height=Limit(0.015), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03)
+    )
     own_conditions = ("upright", "on_coaster", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "cup",
+            draw.one_of("cup"),
+            Region(x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14)),
+        )
         coaster = Region(x=(side * -0.05, side * 0.10), y=(-0.20, 0.05))
         yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"cup": 0.10})
 

@@ -15,14 +15,20 @@ EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np
 class PlaceMousePad(SetDown):
     """Grasp a computer mouse and set it down along a pad that moves, buttons to either end.
 
-    Success: The base of the mouse is within 1.5 cm in x and 1.2 cm in y of the pad's centre and within 0.3 rad of its long side.
-    The mouse rests on the pad, and both grippers are measured open. Tolerances and pad (7 x 13 cm) are the original's static ones
-    (its angle, as a product of quaternion components, is 0.32). Its dynamic ones are looser, on a larger pad.
+    Success: The base of the mouse is within 1.5 cm in x and 1.2 cm in y of the pad's centre and
+    within 0.3 rad of its long side. The mouse rests on the pad, and both grippers are measured
+    open. Tolerances and pad (7 x 13 cm) are the original's static ones (its angle, as a product of
+    quaternion components, is 0.32). Its dynamic ones are looser, on a larger pad.
     """
 
     target, manipulated = "pad", "mouse"
     yaws = EITHER_WAY
-    limits = by_name(along_x=Limit(0.015, 0.023), along_y=Limit(0.012, 0.020), angle=Limit(0.3, 0.365, "rad"), lift=Limit(0.03))
+    limits = by_name(
+        along_x=Limit(0.015, 0.023),
+        along_y=Limit(0.012, 0.020),
+        angle=Limit(0.3, 0.365, "rad"),
+        lift=Limit(0.03),
+    )
     sizes = by_name(pad=Limit((0.035, 0.065), (0.043, 0.073)))
     own_conditions = ("on_pad", "at_rest", "released")
 
@@ -31,7 +37,13 @@ class PlaceMousePad(SetDown):
         mouse = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         yield Placement("mouse", draw.one_of("mouse"), mouse)
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03, distances={"mouse": 0.10})
+        yield Placement(
+            "pad",
+            pad,
+            Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)),
+            gap=0.03,
+            distances={"mouse": 0.10},
+        )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

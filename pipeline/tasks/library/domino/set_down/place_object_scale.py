@@ -11,9 +11,10 @@ from pipeline.tasks.outcome import Outcome
 class PlaceObjectScale(SetDown):
     """Grasp a mouse, stapler or bell and set it down on a scale that moves.
 
-    Success: The base of the object is within 3.5 cm (plane) of the platter's centre and no more than 1 cm below it. The object
-    rests on the scale, and the acting gripper is measured open. These are the original's tolerances, the same for static and
-    dynamic. The acting arm follows from the layout; the original remembers it from the expert's run.
+    Success: The base of the object is within 3.5 cm (plane) of the platter's centre and no more
+    than 1 cm below it. The object rests on the scale, and the acting gripper is measured open.
+    These are the original's tolerances, the same for static and dynamic. The acting arm follows
+    from the layout; the original remembers it from the expert's run.
     """
 
     target, manipulated = "scale", "object"
@@ -24,7 +25,12 @@ class PlaceObjectScale(SetDown):
         side = draw.side()
         item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
         yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
-        yield Placement("scale", draw.one_of("scale"), Region(x=item.x, y=item.y, yaw=(-3.14, 3.14)), distances={"object": 0.15})
+        yield Placement(
+            "scale",
+            draw.one_of("scale"),
+            Region(x=item.x, y=item.y, yaw=(-3.14, 3.14)),
+            distances={"object": 0.15},
+        )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -12,9 +12,9 @@ from pipeline.tasks.library.domino.set_down.set_down import SetDown
 class PlaceObjectStand(SetDown):
     """Grasp a small object and set it down on the plate of a display stand that moves.
 
-    Success: The base of the object is within 3 cm (plane, per axis, as in the original) and 1.5 cm (height) of the middle of the
-    plate. The object rests on the stand, and both grippers are measured open. The original has no height test, so an object under
-    the plate passes.
+    Success: The base of the object is within 3 cm (plane, per axis, as in the original) and 1.5 cm
+    (height) of the middle of the plate. The object rests on the stand, and both grippers are
+    measured open. The original has no height test, so an object under the plate passes.
     """
 
     target, manipulated = "stand", "object"

@@ -10,27 +10,37 @@ from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 
 GAP = 0.003
-"""Metres between phone and back rest when the phone touches down: a stand that comes from the front must not meet it before."""
+"""Metres between phone and back rest when the phone touches down: a stand that comes from the front
+must not meet it before."""
 
 
 @register
 class PlacePhoneStand(SetDown):
     """Grasp a phone and set it on a phone stand that moves, leaning against the back rest.
 
-    Success: The lower edge of the phone's back is within (4.5, 4, 4) cm of the stand's seat (x, y, z: the original's tolerances).
-    The phone is at rest on the stand, tilted at least 0.6 rad out of the horizontal, and both grippers are measured open. In the
-    original a phone that is flat on the stand passes.
+    Success: The lower edge of the phone's back is within (4.5, 4, 4) cm of the stand's seat (x, y,
+    z: the original's tolerances). The phone is at rest on the stand, tilted at least 0.6 rad out of
+    the horizontal, and both grippers are measured open. In the original a phone that is flat on the
+    stand passes.
     """
 
     target, manipulated = "stand", "phone"
-    limits = by_name(along_x=Limit(0.045), along_y=Limit(0.04), height=Limit(0.04), tilt=Limit(0.6, unit="rad"))
+    limits = by_name(
+        along_x=Limit(0.045), along_y=Limit(0.04), height=Limit(0.04), tilt=Limit(0.6, unit="rad")
+    )
     own_conditions = ("tilted", "on_stand", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("phone", draw.one_of("phone"), Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-0.7, 0.7)))
+        yield Placement(
+            "phone",
+            draw.one_of("phone"),
+            Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-0.7, 0.7)),
+        )
         stand = Region(x=(0.0, side * 0.15), y=(0.0, 0.20))
-        yield Placement("stand", draw.one_of("phone_stand"), stand, gap=0.03, distances={"phone": 0.15})
+        yield Placement(
+            "stand", draw.one_of("phone_stand"), stand, gap=0.03, distances={"phone": 0.15}
+        )
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         before_the_rest = compose(a.frame("stand", "seat"), pose((0, 0, GAP)))

@@ -19,11 +19,13 @@ TO_THE_LEFT = yawed((0, 0, 0), np.pi)
 class PlaceShoe(SetDown):
     """Grasp a shoe and set it down along a mat that moves, its toe to the left.
 
-    Success: The origin of the shoe is within 5 cm along and 2 cm across the mat of the mat's centre, its toe within 0.14 rad of
-    left. The shoe rests upright on the mat, and both grippers are measured open. The tolerances are the original's static ones (5 x
-    2 cm, 0.07 per quaternion component); its dynamic ones are 8 x 4 cm. The original measures from a fixed point of the table; this
-    follows the mat. The mat's family draws its size; the original enlarges it for the dynamic version. Regions are those of the
-    original's dynamic version (shoe: any yaw, 25 cm or more from the origin), but shoe and mat stay apart.
+    Success: The origin of the shoe is within 5 cm along and 2 cm across the mat of the mat's
+    centre, its toe within 0.14 rad of left. The shoe rests upright on the mat, and both grippers
+    are measured open. The tolerances are the original's static ones (5 x 2 cm, 0.07 per quaternion
+    component); its dynamic ones are 8 x 4 cm. The original measures from a fixed point of the
+    table; this follows the mat. The mat's family draws its size; the original enlarges it for the
+    dynamic version. Regions are those of the original's dynamic version (shoe: any yaw, 25 cm or
+    more from the origin), but shoe and mat stay apart.
     """
 
     step_limit = 500
@@ -41,10 +43,17 @@ class PlaceShoe(SetDown):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        shoe = Region(x=(side * 0.22, side * 0.25), y=(-0.10, 0.05), yaw=(-np.pi, np.pi), away_from_origin=0.25)
+        shoe = Region(
+            x=(side * 0.22, side * 0.25),
+            y=(-0.10, 0.05),
+            yaw=(-np.pi, np.pi),
+            away_from_origin=0.25,
+        )
         yield Placement("shoe", draw.one_of("shoe"), shoe)
         yield Placement(
-            "mat", draw.one_of("mat", half=self.sizes["mat"].under(draw.rules)), Region(x=(-0.20, 0.20), y=(-0.15, -0.05))
+            "mat",
+            draw.one_of("mat", half=self.sizes["mat"].under(draw.rules)),
+            Region(x=(-0.20, 0.20), y=(-0.15, -0.05)),
         )
 
     def meet(self, a: Actor) -> Iterator[Skill]:
@@ -52,7 +61,9 @@ class PlaceShoe(SetDown):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
-        x, y, z, w, _, _, s = compose(inverse(compose(o.frame("mat", "centre"), TO_THE_LEFT)), o.frame("shoe", "base"))
+        x, y, z, w, _, _, s = compose(
+            inverse(compose(o.frame("mat", "centre"), TO_THE_LEFT)), o.frame("shoe", "base")
+        )
         return {
             "centred": within((x, y), (limit["along"], limit["across"])),
             "at_height": within(z, limit["height"]),

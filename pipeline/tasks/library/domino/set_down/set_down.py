@@ -11,10 +11,12 @@ from pipeline.tasks.outcome import Outcome, within
 
 
 class SetDown(Task):
-    """The manipulated body is set down with its base on the frame `onto` of the target, turned by one of `yaws`.
+    """The manipulated body is set down with its base on the frame `onto` of the target, turned by
+    one of `yaws`.
 
-    `up` and `above` are those of `set_down_on`. The conditions follow from the limits there are: "plane" (m, per axis) and "height"
-    of the base over that frame; "angle" between the two, as good after each of `turns` equal parts of a turn; "tilt" of the body.
+    `up` and `above` are those of `set_down_on`. The conditions follow from the limits there are:
+    "plane" (m, per axis) and "height" of the base over that frame; "angle" between the two, as good
+    after each of `turns` equal parts of a turn; "tilt" of the body.
     """
 
     category = TRACKING
@@ -26,7 +28,9 @@ class SetDown(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         goal = a.frame(self.target, self.onto)
-        return set_down_on(a, a.arms["arm"], self.manipulated, goal, self.yaws, up=self.up, above=self.above)
+        return set_down_on(
+            a, a.arms["arm"], self.manipulated, goal, self.yaws, up=self.up, above=self.above
+        )
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         return let_go(a.arms["arm"])
@@ -42,4 +46,6 @@ class SetDown(Task):
             found["aligned"] = o.orientation_error(base, goal, self.turns) < limit["angle"]
         if "tilt" in limit:
             found["upright"] = o.upright(self.manipulated, limit["tilt"])
-        return found | o.resting(self.manipulated, self.target) | {"grippers_open": o.grippers_open()}
+        return (
+            found | o.resting(self.manipulated, self.target) | {"grippers_open": o.grippers_open()}
+        )

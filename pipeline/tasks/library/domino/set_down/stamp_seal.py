@@ -12,24 +12,38 @@ from pipeline.world.physics.body import Body
 class StampSeal(SetDown):
     """Grasp a stamp by its handle and press it upright onto the middle of a small pad that moves.
 
-    Success: The face of the stamp is within 1 cm (per axis) of the pad's centre and 1 cm (height). The stamp is upright and rests
-    on the pad after a lift of 3 cm, and both grippers are measured open. Tolerance and pad (7 cm) are the original's static ones.
-    Its dynamic version allows a distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees include the turn about the
-    vertical; here they are the tilt alone. As in its dynamic version, the stamp is in the middle of the table. The pad is on either
-    side, which chooses the arm.
+    Success: The face of the stamp is within 1 cm (per axis) of the pad's centre and 1 cm (height).
+    The stamp is upright and rests on the pad after a lift of 3 cm, and both grippers are measured
+    open. Tolerance and pad (7 cm) are the original's static ones. Its dynamic version allows a
+    distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees include the turn about the
+    vertical; here they are the tilt alone. As in its dynamic version, the stamp is in the middle of
+    the table. The pad is on either side, which chooses the arm.
     """
 
     target, manipulated = "pad", "stamp"
     up = 0.06
-    limits = by_name(plane=Limit(0.01), height=Limit(0.01), distance=Limit(0.035), tilt=Limit(0.26, 0.942, "rad"), lift=Limit(0.03))
+    limits = by_name(
+        plane=Limit(0.01),
+        height=Limit(0.01),
+        distance=Limit(0.035),
+        tilt=Limit(0.26, 0.942, "rad"),
+        lift=Limit(0.03),
+    )
     sizes = by_name(pad=Limit((0.035, 0.035), (0.045, 0.045)))
     own_conditions = ("centred", "at_height", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("stamp", draw.one_of("seal"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14)))
+        yield Placement(
+            "stamp", draw.one_of("seal"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14))
+        )
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10), gap=0.03)
+        yield Placement(
+            "pad",
+            pad,
+            Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10),
+            gap=0.03,
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["pad"])}

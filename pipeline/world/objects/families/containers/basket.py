@@ -1,4 +1,5 @@
-"""A carrying basket: a hollow box of wicker, long along x, with an arched handle over its middle from -y to +y."""
+"""A carrying basket: a hollow box of wicker, long along x, with an arched handle over its middle
+from -y to +y."""
 
 from dataclasses import dataclass, replace
 
@@ -15,11 +16,26 @@ from pipeline.world.shapes import Mesh, Shape, deferred
 
 WALL = 0.006
 WEAVE = 0.056  # m: a tile of wicker, eight strands
-TONES = ("tan", "brown", "beige", "gold", "rust", "white", "gray", "charcoal", "red", "teal", "navy", "mint", "pink")
+TONES = (
+    "tan",
+    "brown",
+    "beige",
+    "gold",
+    "rust",
+    "white",
+    "gray",
+    "charcoal",
+    "red",
+    "teal",
+    "navy",
+    "mint",
+    "pink",
+)
 
 
 def open_box(hx: float, hy: float, height: float, wall: float, corner: float) -> Mesh:
-    """A hollow open box of outer half extents with round vertical corners, its floor `wall` thick."""
+    """A hollow open box of outer half extents with round vertical corners, its floor `wall`
+    thick."""
     outline = rounded_rectangle(hx, hy, corner, 4)
     sx, sy = (hx - wall) / hx, (hy - wall) / hy
     levels = [(0, 1, 1), (height, 1, 1), (height, sx, sy), (wall, sx, sy)]
@@ -28,8 +44,9 @@ def open_box(hx: float, hy: float, height: float, wall: float, corner: float) ->
 
 @deferred
 def in_metres(mesh: Mesh, path: np.ndarray) -> Mesh:
-    """The mesh of an open box, lofted over the closed outline `path` (K,2), with uvs in tiles of WEAVE: flat faces by x and y, the
-    others by the way round and the height. A whole number of tiles goes round."""
+    """The mesh of an open box, lofted over the closed outline `path` (K,2), with uvs in tiles of
+    WEAVE: flat faces by x and y, the others by the way round and the height. A whole number of
+    tiles goes round."""
     assert mesh.uvs is not None
     steps = np.linalg.norm(np.diff(np.vstack([path, path[:1]]), axis=0), axis=1)
     way = np.concatenate([[0], np.cumsum(steps)])
@@ -43,10 +60,15 @@ def in_metres(mesh: Mesh, path: np.ndarray) -> Mesh:
 
 @deferred
 def wound(tube: Mesh, path: np.ndarray) -> Mesh:
-    """A tube along `path` (N,3), closed where its last point is its first, with four turns of cord every 4 cm."""
+    """A tube along `path` (N,3), closed where its last point is its first, with four turns of cord
+    every 4 cm."""
     assert tube.uvs is not None
     way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    v = np.interp((1 - tube.uvs[:, 1]) * (len(path) - 1), np.arange(len(path)), way) / way[-1] * max(round(way[-1] / 0.04), 1)
+    v = (
+        np.interp((1 - tube.uvs[:, 1]) * (len(path) - 1), np.arange(len(path)), way)
+        / way[-1]
+        * max(round(way[-1] / 0.04), 1)
+    )
     return replace(tube, uvs=np.column_stack([tube.uvs[:, 0], v]).astype(np.float32))
 
 
@@ -72,7 +94,9 @@ class Basket(Parametric):
     def shape(self) -> Shape:
         path = self.arch_path()
         body = open_box(self.hx, self.hy, self.height, WALL, 0.02)
-        rim = np.column_stack([rounded_rectangle(self.hx - 0.002, self.hy - 0.002, 0.02, 4), np.full(20, self.height)])
+        rim = np.column_stack(
+            [rounded_rectangle(self.hx - 0.002, self.hy - 0.002, 0.02, 4), np.full(20, self.height)]
+        )
         weave = wrapped("wicker", self.colour, self.seed, 0.7)
         band = wrapped("cord", self.handle_colour, self.seed, 0.6, 64)
         return Shape(
@@ -92,7 +116,13 @@ class Basket(Parametric):
 
     def frames(self) -> NamedFrames:
         floor, bar = mark(0, 0, WALL), self.arch - self.grip
-        handle = bar_pinches([-0.012, 0.0, 0.012], self.grip, bar, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle")
+        handle = bar_pinches(
+            [-0.012, 0.0, 0.012],
+            self.grip,
+            bar,
+            rolls=(-45, -30, -15, 0, 15, 30, 45),
+            kind="handle",
+        )
         return standing(
             self.arch,
             turned(handle, np.pi / 2),

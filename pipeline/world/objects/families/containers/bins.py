@@ -32,7 +32,15 @@ class TableBin(Parametric):
         skin = plastic if self.material == "plastic" else metal
         outside = revolve([(0, 0), (f, 0), (r, h), (r - wall, h)], 26)
         inside = revolve([(r - wall, h), (f - wall, wall), (0, wall)], 26)
-        lip = revolve([(r - 0.0005, h - 0.006), (r + 0.002, h - 0.006), (r + 0.002, h), (r - 0.001, h + 0.0005)], 26)
+        lip = revolve(
+            [
+                (r - 0.0005, h - 0.006),
+                (r + 0.002, h - 0.006),
+                (r + 0.002, h),
+                (r - 0.001, h + 0.0005),
+            ],
+            26,
+        )
         stripe = revolve([(f + (r - f) * s + 0.0005, h * s) for s in (0.2, 0.45)], 26)
         return Shape(
             visual=(
@@ -51,7 +59,9 @@ class TableBin(Parametric):
         flare = float(np.degrees(np.arctan2(self.radius - self.foot, self.height)))
         return standing(
             self.height,
-            rim_pinches(self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)),
+            rim_pinches(
+                self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)
+            ),
             inside=floor,
             centre=floor,
         )
@@ -72,9 +82,16 @@ class Dustbin(Parametric):
         r, f, h, wall = self.radius, self.foot, self.height, 0.008
         outside = revolve([(0, 0), (f, 0), (r, h), (r - wall, h)], 32)
         inside = revolve([(r - wall, h), (f - wall, wall), (0, wall)], 32)
-        rim = revolve([(r - 0.002, h - 0.03), (r + 0.004, h - 0.03), (r + 0.004, h), (r - wall, h + 0.001)], 32)
+        rim = revolve(
+            [(r - 0.002, h - 0.03), (r + 0.004, h - 0.03), (r + 0.004, h), (r - wall, h + 0.001)],
+            32,
+        )
         return Shape(
-            visual=((outside, plastic(self.colour)), (inside, plastic("charcoal")), (rim, plastic(self.rim))),
+            visual=(
+                (outside, plastic(self.colour)),
+                (inside, plastic("charcoal")),
+                (rim, plastic(self.rim)),
+            ),
             collision=disc(f, wall) + ring_of_boxes(f, wall, h, 20, top=r),
             mass=2.5,
             friction=0.6,
@@ -101,10 +118,16 @@ class BigBin(Parametric):
         wall = 0.01
         body = open_box(self.hx, self.hy, self.height, wall, self.corner)
         ring = rounded_rectangle(self.hx - 0.002, self.hy - 0.002, self.corner, 4)
-        rim = sweep(np.column_stack([ring, np.full(len(ring), self.height - 0.004)]), 0.008, 6, closed=True)
+        rim = sweep(
+            np.column_stack([ring, np.full(len(ring), self.height - 0.004)]), 0.008, 6, closed=True
+        )
         plate = at(box(0.4 * self.hx, 0.001, 0.05, 0.0), (0, -self.hy - 0.001, 0.72 * self.height))
         return Shape(
-            visual=((body, plastic(self.colour)), (rim, plastic(self.rim)), (plate, plastic(self.rim))),
+            visual=(
+                (body, plastic(self.colour)),
+                (rim, plastic(self.rim)),
+                (plate, plastic(self.rim)),
+            ),
             collision=(
                 *box_collider(self.hx, self.hy, wall / 2, (0, 0, wall / 2)),
                 *walls_of_boxes(self.hx, self.hy, wall, self.height),

@@ -31,9 +31,14 @@ class BreadBasket(Parametric):
     def shape(self) -> Shape:
         body = open_box(self.hx, self.hy, self.height, WALL, self.corner)
         rim = np.column_stack(
-            [rounded_rectangle(self.hx - 0.003, self.hy - 0.003, self.corner, 4), np.full(20, self.height - 0.002)]
+            [
+                rounded_rectangle(self.hx - 0.003, self.hy - 0.003, self.corner, 4),
+                np.full(20, self.height - 0.002),
+            ]
         )
-        cloth = at(box(0.94 * (self.hx - WALL), 0.94 * (self.hy - WALL), 0.0008), (0, 0, WALL + 0.0008))
+        cloth = at(
+            box(0.94 * (self.hx - WALL), 0.94 * (self.hy - WALL), 0.0008), (0, 0, WALL + 0.0008)
+        )
         cloth = seen_along(cloth, np.eye(2, 3), 0.05)
         return Shape(
             visual=(
@@ -58,7 +63,12 @@ class BreadBasket(Parametric):
             g
             for sign in (1, -1)
             for g in box_pinches(
-                0.5 * self.hx, WALL / 2, self.height / 2, (0, sign * (self.hy - WALL / 2), self.height / 2), axes="y", kind="rim"
+                0.5 * self.hx,
+                WALL / 2,
+                self.height / 2,
+                (0, sign * (self.hy - WALL / 2), self.height / 2),
+                axes="y",
+                kind="rim",
             )
         ]
         return standing(self.height, rim, inside=floor, centre=floor)

@@ -1,4 +1,5 @@
-"""A small cabinet with one drawer, as two bodies: the shell, facing -y, and the drawer that slides in it."""
+"""A small cabinet with one drawer, as two bodies: the shell, facing -y, and the drawer that slides
+in it."""
 
 from dataclasses import asdict, dataclass
 from typing import Self
@@ -28,7 +29,8 @@ def _skin(colour: str, texture: int) -> Material:
 @register("drawer")
 @dataclass(frozen=True)
 class Drawer(Family):
-    """An open box with a front board and an upright bar handle, both towards -y; origin under the middle of the box."""
+    """An open box with a front board and an upright bar handle, both towards -y; origin under the
+    middle of the box."""
 
     hx: float  # of the box
     hy: float
@@ -46,14 +48,18 @@ class Drawer(Family):
 
     @property
     def handle_at(self) -> tuple[float, float, float]:
-        """Middle of the handle bar: 4 cm before the front, so that fingertips find room on either side of it."""
+        """Middle of the handle bar: 4 cm before the front, so that fingertips find room on either
+        side of it."""
         return (0.0, -self.hy - BOARD - 0.040, self.front_height / 2)
 
     def shape(self) -> Shape:
         _, y, z = self.handle_at
         h = self.height
         skin = _skin(self.colour, self.seed)
-        front = at(box(self.front_hx, BOARD / 2, self.front_height / 2, 0.002), (0, -self.hy - BOARD / 2, self.front_height / 2))
+        front = at(
+            box(self.front_hx, BOARD / 2, self.front_height / 2, 0.002),
+            (0, -self.hy - BOARD / 2, self.front_height / 2),
+        )
         walls = [
             at(box(self.hx, self.hy, 0.003), (0, 0, 0.003)),
             at(box(0.003, self.hy, h / 2), (self.hx - 0.003, 0, h / 2)),
@@ -64,11 +70,20 @@ class Drawer(Family):
         root = np.array([0, -self.hy - BOARD - y, 0])
         bar = sweep([ends[0] + root, ends[0], ends[1], ends[1] + root], 0.006, 8)
         return Shape(
-            visual=((front, skin), *((w, painted("beige")) for w in walls), (bar, metal(self.handle_colour))),
+            visual=(
+                (front, skin),
+                *((w, painted("beige")) for w in walls),
+                (bar, metal(self.handle_colour)),
+            ),
             collision=(
                 *box_collider(self.hx, self.hy, 0.003, (0, 0, 0.003)),
                 *walls_of_boxes(self.hx, self.hy, 0.006, h),
-                *box_collider(self.front_hx, BOARD / 2, self.front_height / 2, (0, -self.hy - BOARD / 2, self.front_height / 2)),
+                *box_collider(
+                    self.front_hx,
+                    BOARD / 2,
+                    self.front_height / 2,
+                    (0, -self.hy - BOARD / 2, self.front_height / 2),
+                ),
                 *capsule_between(ends[0], ends[1], 0.006),
                 *(c for e in ends for c in capsule_between(e, e + root, 0.006)),
             ),
@@ -83,9 +98,21 @@ class Drawer(Family):
             g
             for dz in (-0.01, 0.005, 0.02)
             for turn in (0.0, 0.2, -0.2)
-            for g in handle_pinches((0, y, z + dz), (0, 0, 1), (np.sin(turn), -np.cos(turn), 0), 0.012, (0, -15, -30, -45, -60))
+            for g in handle_pinches(
+                (0, y, z + dz),
+                (0, 0, 1),
+                (np.sin(turn), -np.cos(turn), 0),
+                0.012,
+                (0, -15, -30, -45, -60),
+            )
         ]
-        return standing(self.front_height, grips, inside=floor, centre=floor, handle=mark(*self.handle_at, normal=(0, -1, 0)))
+        return standing(
+            self.front_height,
+            grips,
+            inside=floor,
+            centre=floor,
+            handle=mark(*self.handle_at, normal=(0, -1, 0)),
+        )
 
     def words(self) -> Words:
         return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
@@ -94,7 +121,8 @@ class Drawer(Family):
 @register("cabinet")
 @dataclass(frozen=True)
 class Cabinet(Parametric):
-    """The shell: sides, back, top and bottom boards; the drawer's bay is open towards -y, below it a closed front."""
+    """The shell: sides, back, top and bottom boards; the drawer's bay is open towards -y, below it
+    a closed front."""
 
     colour: str = one_of(TONES)
     hx: float = between(0.14, 0.17, size=LARGE)  # half extent along x
@@ -149,7 +177,9 @@ class Cabinet(Parametric):
         skin = _skin(self.colour, self.seed)
         return Shape(
             visual=tuple((at(box(*half, 0.0012), centre), skin) for half, centre in self.boards()),
-            collision=tuple(c for half, centre in self.boards() for c in box_collider(*half, centre)),
+            collision=tuple(
+                c for half, centre in self.boards() for c in box_collider(*half, centre)
+            ),
             mass=3.0,
             friction=0.6,
         )

@@ -33,8 +33,19 @@ class Cup(Parametric):
         r, f, h = self.radius, self.foot, self.height
         skin, density = SKINS[self.material]
         foot = [(0, 0.002), (f - 0.006, 0.002), (f - 0.004, 0), (f - 0.0015, 0), (f, 0.002)]
-        lip = [(r - 0.0002, h - 0.004), (r + 0.0006, h - 0.003), (r + 0.0007, h - 0.0012), (r - 0.0005, h)]
-        hollow = [(r - 0.0022, h - 0.0003), (r - WALL, h - 0.002), (f - WALL, WALL + 0.005), (f - WALL - 0.005, WALL), (0, WALL)]
+        lip = [
+            (r - 0.0002, h - 0.004),
+            (r + 0.0006, h - 0.003),
+            (r + 0.0007, h - 0.0012),
+            (r - 0.0005, h),
+        ]
+        hollow = [
+            (r - 0.0022, h - 0.0003),
+            (r - WALL, h - 0.002),
+            (f - WALL, WALL + 0.005),
+            (f - WALL - 0.005, WALL),
+            (0, WALL),
+        ]
         body = revolve([*foot, *lip, *hollow], 26)
         bands = [revolve([(f + (r - f) * s + 0.0004, h * s) for s in band], 26) for band in BANDS]
         return Shape(
@@ -48,6 +59,10 @@ class Cup(Parametric):
         r, f, h = self.radius, self.foot, self.height
         outline = [(f, 0.0), (r, h)]
         flare = float(np.degrees(np.arctan2(r - f, h)))
-        side = [g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)]
+        side = [
+            g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)
+        ]
         floor = mark(0, 0, WALL)
-        return standing(h, (*side, *rim_pinches(r, WALL, h, flare=flare)), inside=floor, centre=floor)
+        return standing(
+            h, (*side, *rim_pinches(r, WALL, h, flare=flare)), inside=floor, centre=floor
+        )

@@ -38,10 +38,21 @@ class Pot(Parametric):
         skin = metal(self.colour) if self.material == "steel" else painted(self.colour)
         bolt = plastic(self.handle_colour) if self.handle_colour != "silver" else metal()
         outside = revolve(
-            [(0, 0), (r - 0.006, 0), (r, 0.006), (r, h - 0.003), (r + 0.0025, h - 0.002), (r + 0.0025, h), (r - WALL, h)], 28
+            [
+                (0, 0),
+                (r - 0.006, 0),
+                (r, 0.006),
+                (r, h - 0.003),
+                (r + 0.0025, h - 0.002),
+                (r + 0.0025, h),
+                (r - WALL, h),
+            ],
+            28,
         )
         inside = revolve([(r - WALL, h), (r - WALL, WALL), (0, WALL)], 28)
-        base = revolve([(r - 0.004, 0.004), (r + 0.0008, 0.0065), (r + 0.0008, 0.014), (r - 0.004, 0.0165)], 28)
+        base = revolve(
+            [(r - 0.004, 0.004), (r + 0.0008, 0.0065), (r + 0.0008, 0.014), (r - 0.004, 0.0165)], 28
+        )
         loops = [sweep(self.loop_path(s), 0.005, 8) for s in (1, -1)]
         capsules = [c for s in (1, -1) for c in arc_of_capsules(self.loop_path(s)[::2], 0.005)]
         return Shape(
@@ -61,7 +72,11 @@ class Pot(Parametric):
         floor = mark(0, 0, WALL)
         return standing(
             self.height,
-            tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius),
+            tuple(
+                g
+                for g in rim_pinches(self.radius, WALL, self.height)
+                if abs(g.pose[1]) > 0.6 * self.radius
+            ),
             inside=floor,
             centre=floor,
         )

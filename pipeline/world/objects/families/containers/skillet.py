@@ -24,7 +24,8 @@ GRIPS = (
     ("handle_aside", 0.5, (-45, -30, -15, 0, 15)),
     ("handle_aside", -0.5, (-45, -30, -15, 0, 15)),
 )
-"""Kind of grasp, roll (rad) about the handle and leans (degrees) along it. Those aside fit where the pan is near the robot."""
+"""Kind of grasp, roll (rad) about the handle and leans (degrees) along it. Those aside fit where
+the pan is near the robot."""
 
 
 @register("skillet")
@@ -35,25 +36,48 @@ class Skillet(Parametric):
     height: float = between(0.026, 0.036)
     handle: float = between(0.12, 0.15)  # length
     grip: float = between(0.009, 0.013)  # half width of the handle
-    colour: str = one_of(("black", "charcoal", "gray", "silver", "red", "blue", "dark green", "teal", "orange", "maroon"))
-    handle_colour: str = one_of({"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, by="handle_material")
+    colour: str = one_of(
+        (
+            "black",
+            "charcoal",
+            "gray",
+            "silver",
+            "red",
+            "blue",
+            "dark green",
+            "teal",
+            "orange",
+            "maroon",
+        )
+    )
+    handle_colour: str = one_of(
+        {"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, by="handle_material"
+    )
 
     def along(self, share: float) -> np.ndarray:
         """A point (3,) of the handle's axis, 0 at the pan and 1 at its end."""
-        return np.array([0, -self.radius + 0.004, 0.8 * self.height]) + share * self.handle * np.array(
-            [0, -np.cos(LEAN), np.sin(LEAN)]
-        )
+        return np.array(
+            [0, -self.radius + 0.004, 0.8 * self.height]
+        ) + share * self.handle * np.array([0, -np.cos(LEAN), np.sin(LEAN)])
 
     def shape(self) -> Shape:
         r, h = self.radius, self.height
         foot = 0.82 * r
-        skin = metal(self.colour) if self.colour in ("silver", "gray", "charcoal") else painted(self.colour)
+        skin = (
+            metal(self.colour)
+            if self.colour in ("silver", "gray", "charcoal")
+            else painted(self.colour)
+        )
         outside = revolve([(0, 0), (foot, 0), (r, h), (r - WALL, h)], 32)
         inside = revolve([(r - WALL, h), (foot - WALL, WALL), (0, WALL)], 32)
         middle, turn = self.along(0.5), quat_about((1, 0, 0), -LEAN)
         grip = at(box(self.grip, 0.36 * self.handle, HALF_DEEP, 0.004), self.along(0.64), turn)
         neck = at(box(0.55 * self.grip, 0.2 * self.handle, 0.004), self.along(0.18), turn)
-        cover = wood(self.handle_colour) if self.handle_material == "wood" else plastic(self.handle_colour)
+        cover = (
+            wood(self.handle_colour)
+            if self.handle_material == "wood"
+            else plastic(self.handle_colour)
+        )
         return Shape(
             visual=(
                 (outside, skin),
@@ -64,9 +88,13 @@ class Skillet(Parametric):
             collision=(
                 *disc(foot, WALL),
                 *ring_of_boxes(foot, WALL, h, 16, top=r),
-                *(replace(c, weight=0.6) for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)),
+                *(
+                    replace(c, weight=0.6)
+                    for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)
+                ),
             ),
-            mass=0.06 * (r / 0.08) ** 2,  # a toy's weight: a real pan turns about the jaws' axis in a pinch of its handle
+            # a toy's weight: a real pan turns about the jaws' axis in a pinch of its handle
+            mass=0.06 * (r / 0.08) ** 2,
             friction=0.9,
         )
 
@@ -77,7 +105,12 @@ class Skillet(Parametric):
             for kind, roll, leans in GRIPS
             for share in (0.4, 0.5, 0.62)
             for g in handle_pinches(
-                self.along(share), axis, (np.sin(roll), 0, np.cos(roll)), 2 * self.grip / np.cos(roll), leans, kind
+                self.along(share),
+                axis,
+                (np.sin(roll), 0, np.cos(roll)),
+                2 * self.grip / np.cos(roll),
+                leans,
+                kind,
             )
         ]
         return NamedFrames(

@@ -22,7 +22,8 @@ class AlarmClock(Parametric):
     colour: str = one_of(COLOURS)
     height: float = between(0.085, 0.115, size=LARGE)
     form: str = one_of(("twin-bell", "digital"))
-    radius: float = between(0.35, 0.4, of="height")  # of the face; half width of a digital clock is 1.35 of it
+    # of the face; half width of a digital clock is 1.35 of it
+    radius: float = between(0.35, 0.4, of="height")
     half: float = between(0.022, 0.03)  # half depth
     hour: float = between(0, 12)
     trim: str = one_of(("silver", "gold", *COLOURS), other_than="colour")
@@ -43,11 +44,18 @@ class AlarmClock(Parametric):
             t = 2 * np.pi * turn
             size = length * self.radius
             where = (0.5 * size * np.sin(t), y, z + 0.5 * size * np.cos(t))
-            parts.append((at(box(width / 2, 0.0004, size / 2), where, quat_about((0, 1, 0), t)), plastic("black")))
+            parts.append(
+                (
+                    at(box(width / 2, 0.0004, size / 2), where, quat_about((0, 1, 0), t)),
+                    plastic("black"),
+                )
+            )
         for k in range(12):
             t = np.pi * k / 6
             where = (0.82 * self.radius * np.sin(t), y, z + 0.82 * self.radius * np.cos(t))
-            parts.append((at(box(0.0012, 0.0003, 0.003), where, quat_about((0, 1, 0), t)), plastic("black")))
+            parts.append(
+                (at(box(0.0012, 0.0003, 0.003), where, quat_about((0, 1, 0), t)), plastic("black"))
+            )
         return parts
 
     def _twin_bell(self) -> Shape:
@@ -56,15 +64,33 @@ class AlarmClock(Parametric):
         case = at(cylinder(r, 2 * w, 24, 0.003), (0, w, z), face)
         dial = at(cylinder(0.9 * r, 0.001, 20), (0, -w, z), face)
         bell_radius = 0.42 * r
-        cap = revolve([(0, 0), (bell_radius, 0), (0.85 * bell_radius, 0.4 * bell_radius), (0, 0.72 * bell_radius)], 16, 60)
+        cap = revolve(
+            [
+                (0, 0),
+                (bell_radius, 0),
+                (0.85 * bell_radius, 0.4 * bell_radius),
+                (0, 0.72 * bell_radius),
+            ],
+            16,
+            60,
+        )
         parts = [(case, painted(self.colour)), (dial, plastic("white")), *self._hands()]
         for side in (-1, 1):
             t = side * np.radians(32)
             out = np.array([np.sin(t), 0, np.cos(t)])
-            parts.append((at(cap, np.array([0, 0, z]) + out * (r + 0.002), quat_about((0, 1, 0), t)), metal(self.trim)))
+            parts.append(
+                (
+                    at(cap, np.array([0, 0, z]) + out * (r + 0.002), quat_about((0, 1, 0), t)),
+                    metal(self.trim),
+                )
+            )
             foot = np.radians(180 - side * 35)
             ray = np.array([np.sin(foot), 0, np.cos(foot)])
-            leg = sweep([np.array([0, 0, z]) + ray * 0.9 * r, np.array([ray[0] * r * 1.02, 0, 0.0])], 0.004, 8)
+            leg = sweep(
+                [np.array([0, 0, z]) + ray * 0.9 * r, np.array([ray[0] * r * 1.02, 0, 0.0])],
+                0.004,
+                8,
+            )
             parts.append((_standing(leg), metal(self.trim)))
         button = at(cylinder(0.009, h - z - r + 0.004, 14, 0.002), (0, 0, z + r - 0.004))
         parts.append((button, plastic(self.trim)))
@@ -73,7 +99,9 @@ class AlarmClock(Parametric):
             visual=tuple(parts),
             collision=cylinder_collider(r, z - w, z + w, (0, 0), ALONG_Y)
             + box_collider(0.62 * r, w, 0.35 * z, (0, 0, 0.35 * z))
-            + box_collider(bells + 0.18 * r, 0.42 * r, 0.5 * (h - 0.008 - z), (0, 0, z + 0.5 * (h - 0.008 - z)))
+            + box_collider(
+                bells + 0.18 * r, 0.42 * r, 0.5 * (h - 0.008 - z), (0, 0, z + 0.5 * (h - 0.008 - z))
+            )
             + push_button(0.009, z, h),
             mass=0.28,
             friction=0.6,
@@ -84,13 +112,21 @@ class AlarmClock(Parametric):
         case = at(box(hx, w, body / 2, 0.006), (0, 0, body / 2))
         hours, minutes = int(self.hour) or 12, int(60 * (self.hour % 1))
         panel = printed(
-            print_texture("charcoal", "red" if self.colour != "red" else "cyan", "panel", f"{hours}:{minutes:02d}", self.seed), 0.25
+            print_texture(
+                "charcoal",
+                "red" if self.colour != "red" else "cyan",
+                "panel",
+                f"{hours}:{minutes:02d}",
+                self.seed,
+            ),
+            0.25,
         )
         screen = decal(1.7 * hx, 0.72 * body, (0, -w - 0.0006, body / 2), upright(0))
         button = at(cylinder(0.013, 0.012, 18, 0.002), (0, 0, self.height - 0.012))
         return Shape(
             visual=((case, plastic(self.colour)), (screen, panel), (button, plastic(self.trim))),
-            collision=box_collider(hx, w, body / 2, (0, 0, body / 2)) + push_button(0.013, body, self.height),
+            collision=box_collider(hx, w, body / 2, (0, 0, body / 2))
+            + push_button(0.013, body, self.height),
             mass=0.25,
             friction=0.6,
         )
@@ -100,8 +136,20 @@ class AlarmClock(Parametric):
         hx = self.radius if self.form == "twin-bell" else 1.35 * self.radius
         z = self.middle if self.form == "twin-bell" else (self.height - 0.008) / 2
         return NamedFrames(
-            {"base": mark(0, 0, 0), "top": top, "button": top, "face": mark(0, -self.half, z, (0, -1, 0))},
-            box_pinches(hx, self.half, self.height / 2, heights=(0.7 * self.height,), offsets=(0.0,), axes="y"),
+            {
+                "base": mark(0, 0, 0),
+                "top": top,
+                "button": top,
+                "face": mark(0, -self.half, z, (0, -1, 0)),
+            },
+            box_pinches(
+                hx,
+                self.half,
+                self.height / 2,
+                heights=(0.7 * self.height,),
+                offsets=(0.0,),
+                axes="y",
+            ),
         )
 
     def facts(self) -> dict[str, str]:

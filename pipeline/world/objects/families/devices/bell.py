@@ -37,7 +37,11 @@ class Bell(Parametric):
         r, d, f = self.radius, self.dome, self.foot
         angle = np.radians([0, 20, 40, 60, 78])
         c = COLLAR
-        return [(r, f), *((float(r * np.cos(a)), float(f + c + (d - c) * np.sin(a))) for a in angle), (0.0, f + d)]
+        return [
+            (r, f),
+            *((float(r * np.cos(a)), float(f + c + (d - c) * np.sin(a))) for a in angle),
+            (0.0, f + d),
+        ]
 
     def shape(self) -> Shape:
         r, f = self.radius, self.foot
@@ -47,19 +51,41 @@ class Bell(Parametric):
         stem = at(cylinder(0.0035, 0.012, 8), (0, 0, f + self.dome - 0.004))
         lip = revolve([(0.98 * r, f + 0.0004), (1.03 * r, f + 0.0016), (0.98 * r, f + 0.0032)], 24)
         knob = at(cylinder(self.knob, 0.005, 16, bevel=0.0015), (0, 0, self.height - 0.005))
-        rings = [(rho * np.cos(a), rho * np.sin(a), z) for rho, z in self.outline() for a in np.arange(12) * np.pi / 6 if rho > 0]
+        rings = [
+            (rho * np.cos(a), rho * np.sin(a), z)
+            for rho, z in self.outline()
+            for a in np.arange(12) * np.pi / 6
+            if rho > 0
+        ]
         return Shape(
-            visual=((foot, plastic(self.base_colour)), (dome, skin), (lip, skin), (stem, metal()), (knob, metal())),
-            collision=disc(0.93 * r, f) + convex_collider(rings) + push_button(self.knob, f + self.dome - 0.003, self.height),
+            visual=(
+                (foot, plastic(self.base_colour)),
+                (dome, skin),
+                (lip, skin),
+                (stem, metal()),
+                (knob, metal()),
+            ),
+            collision=disc(0.93 * r, f)
+            + convex_collider(rings)
+            + push_button(self.knob, f + self.dome - 0.003, self.height),
             mass=0.25 * (r / 0.03) ** 2,
             friction=0.5,
         )
 
     def frames(self) -> NamedFrames:
         f, d = self.foot, self.dome
-        outline = [(self.radius, 0.0), *self.outline()[:-1], (self.knob, f + d), (self.knob, self.height)]
+        outline = [
+            (self.radius, 0.0),
+            *self.outline()[:-1],
+            (self.knob, f + d),
+            (self.knob, self.height),
+        ]
         return NamedFrames(
-            {"base": mark(0, 0, 0), "button": mark(0, 0, self.height), "top": mark(0, 0, self.height)},
+            {
+                "base": mark(0, 0, 0),
+                "button": mark(0, 0, self.height),
+                "top": mark(0, 0, self.height),
+            },
             side_pinches(self.radius, max(0.0215, f + 0.5 * COLLAR), outline=outline, kind="dome"),
         )
 

@@ -33,11 +33,22 @@ class Fan(Parametric):
         hoop = revolve([(r, -w), (r, w), (r - 0.004, w), (r - 0.004, -w), (r, -w)], 24)
         back = at(cylinder(r - 0.003, 0.002, 20), (0, 0, w - 0.003))
         angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-        ring = np.column_stack([0.55 * r * np.cos(angle), 0.55 * r * np.sin(angle), np.full(16, -w + 0.001)])
-        spokes = [at(box(r - 0.002, 0.0009, 0.0009), (0, 0, -w + 0.001), quat_about((0, 0, 1), k * np.pi / 4)) for k in range(4)]
+        ring = np.column_stack(
+            [0.55 * r * np.cos(angle), 0.55 * r * np.sin(angle), np.full(16, -w + 0.001)]
+        )
+        spokes = [
+            at(
+                box(r - 0.002, 0.0009, 0.0009),
+                (0, 0, -w + 0.001),
+                quat_about((0, 0, 1), k * np.pi / 4),
+            )
+            for k in range(4)
+        ]
         guard = join(*spokes, sweep(ring, 0.0012, 4, closed=True))
         blade = at(box(0.36 * r, 0.2 * r, 0.0012), (0.47 * r, 0, 0), quat_about((1, 0, 0), 0.45))
-        blades = join(*(blade.moved(_turn(2 * np.pi * k / self.blades)) for k in range(self.blades)))
+        blades = join(
+            *(blade.moved(_turn(2 * np.pi * k / self.blades)) for k in range(self.blades))
+        )
         hub = at(cylinder(0.18 * r, 1.6 * w, 10, 0.002), (0, 0, -0.9 * w))
         face = quat_about((1, 0, 0), -np.pi / 2)
         stem_top = z - r + 0.004
@@ -45,7 +56,13 @@ class Fan(Parametric):
             visual=(
                 *(
                     (at(m, (0, 0, z), face), s)
-                    for m, s in ((hoop, skin), (back, plastic("charcoal")), (guard, skin), (blades, blade_skin), (hub, blade_skin))
+                    for m, s in (
+                        (hoop, skin),
+                        (back, plastic("charcoal")),
+                        (guard, skin),
+                        (blades, blade_skin),
+                        (hub, blade_skin),
+                    )
                 ),
                 (cylinder(self.foot, 0.014, 20, 0.003), skin),
                 (at(cylinder(0.009, stem_top - 0.012, 12), (0, 0, 0.012)), skin),
@@ -72,7 +89,10 @@ class Fan(Parametric):
         return standing(self.height, grasps, front=mark(0, -self.half, z, (0, -1, 0), (1, 0, 0)))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {"blade": self.blade_colour, "blades": ("three", "four", "five")[self.blades - 3]}
+        return super().facts() | {
+            "blade": self.blade_colour,
+            "blades": ("three", "four", "five")[self.blades - 3],
+        }
 
 
 def _turn(angle: float) -> np.ndarray:

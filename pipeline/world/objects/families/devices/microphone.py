@@ -20,7 +20,8 @@ from pipeline.world.shapes import Shape
 class Microphone(Parametric):
     tail: float = between(0.0125, 0.0145)  # radius at the tail
     length: float = between(0.18, 0.23, size=LONG)
-    neck: float = drawn(lambda rng, mic: mic.tail + rng.uniform(0.0015, 0.0035))  # radius below the head
+    # radius below the head
+    neck: float = drawn(lambda rng, mic: mic.tail + rng.uniform(0.0015, 0.0035))
     head: float = between(0.0215, 0.026)  # radius of the head
     colour: str = one_of(COLOURS)
     head_colour: str = one_of(("silver", "charcoal", "gold", "gray"))
@@ -41,11 +42,29 @@ class Microphone(Parametric):
         r0, r1, r2, long = self.tail, self.neck, self.head, self.length - self.head
         turn = quat_multiply(quat_about((0, 1, 0), -self.rise), ALONG_X)
         body = revolve(
-            [(0, 0), (0.9 * r0, 0), (r0, 0.002), (r1, 0.82 * long), (0.9 * r2, long - 0.42 * r2), (0, long - 0.42 * r2)], 20
+            [
+                (0, 0),
+                (0.9 * r0, 0),
+                (r0, 0.002),
+                (r1, 0.82 * long),
+                (0.9 * r2, long - 0.42 * r2),
+                (0, long - 0.42 * r2),
+            ],
+            20,
         )
         angle = np.radians(np.linspace(-28, 90, 8))
-        ball = revolve([(0, -0.47 * r2), *zip(r2 * np.cos(angle[:-1]), r2 * np.sin(angle[:-1]), strict=True), (0, r2)], 20, 60)
-        ring = revolve([(0.95 * r2, -0.004), (1.0 * r2, -0.003), (1.0 * r2, 0.003), (0.95 * r2, 0.004)], 20)
+        ball = revolve(
+            [
+                (0, -0.47 * r2),
+                *zip(r2 * np.cos(angle[:-1]), r2 * np.sin(angle[:-1]), strict=True),
+                (0, r2),
+            ],
+            20,
+            60,
+        )
+        ring = revolve(
+            [(0.95 * r2, -0.004), (1.0 * r2, -0.003), (1.0 * r2, 0.003), (0.95 * r2, 0.004)], 20
+        )
         head = self.axis(1.0)
         switch_at = self.axis(0.68) + quat_rotate(turn, (-1, 0, 0)) * 0.94 * r1
         switch = at(box(0.002, 0.004, 0.011, 0.001), switch_at, turn)
@@ -75,11 +94,19 @@ class Microphone(Parametric):
 
     def frames(self) -> NamedFrames:
         def grips(share: float, kind: str, lean: int) -> list[Grasp]:
-            """Pinches whose hand leans back over the tail (lean 1) or over the head (-1), so that two hands find room."""
+            """Pinches whose hand leans back over the tail (lean 1) or over the head (-1), so that
+            two hands find room."""
             point = self.axis(share)
             radius = self.tail + (self.neck - self.tail) * share / 0.82
             pitches = (15, 30, 45, 60, 75, 90)
-            found = bar_pinches([float(point[0])], radius, float(point[2]), pitches, kind=kind, rolls=(-30, -15, 0, 15, 30))
+            found = bar_pinches(
+                [float(point[0])],
+                radius,
+                float(point[2]),
+                pitches,
+                kind=kind,
+                rolls=(-30, -15, 0, 15, 30),
+            )
             return [g for g in found if lean * quat_rotate(g.pose[3:], (1, 0, 0))[0] > -1e-6]
 
         tail = [g for s in (0.08, 0.16) for g in grips(s, "tail", 1)]

@@ -13,7 +13,14 @@ from pipeline.world.objects.kit import COLOURS, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape, seen_along
 
-LEVELS = ((0.0, 0.94, 0.95), (0.08, 1.0, 1.0), (0.5, 0.99, 0.985), (0.72, 0.94, 0.92), (0.9, 0.78, 0.74), (1.0, 0.42, 0.42))
+LEVELS = (
+    (0.0, 0.94, 0.95),
+    (0.08, 1.0, 1.0),
+    (0.5, 0.99, 0.985),
+    (0.72, 0.94, 0.92),
+    (0.9, 0.78, 0.74),
+    (1.0, 0.42, 0.42),
+)
 
 
 @register("mouse")
@@ -32,7 +39,9 @@ class Mouse(Parametric):
         c, s = np.cos(angle), np.sin(angle)
         power = 0.62
         x = self.hx * np.sign(c) * np.abs(c) ** power * (1 - self.pinch * (1 - s**2))
-        return np.column_stack([x / (1 - self.pinch), self.length / 2 * np.sign(s) * np.abs(s) ** 0.85]) * [1 - self.pinch, 1]
+        return np.column_stack(
+            [x / (1 - self.pinch), self.length / 2 * np.sign(s) * np.abs(s) ** 0.85]
+        ) * [1 - self.pinch, 1]
 
     def shape(self) -> Shape:
         h, hy = self.height, self.length / 2
@@ -50,5 +59,12 @@ class Mouse(Parametric):
 
     def frames(self) -> NamedFrames:
         hx = self.hx * (1 - self.pinch)
-        grasps = box_pinches(hx, self.length / 2, self.height / 2, heights=(0.014, 0.019), offsets=(-0.12, 0.0, 0.12), axes="x")
+        grasps = box_pinches(
+            hx,
+            self.length / 2,
+            self.height / 2,
+            heights=(0.014, 0.019),
+            offsets=(-0.12, 0.0, 0.12),
+            axes="x",
+        )
         return standing(self.height, grasps)

@@ -34,7 +34,11 @@ class Phone(Parametric):
         accent = "white" if self.screen != "white" else "navy"
         image = print_texture(self.screen, accent, self.style, "12:45", self.seed)
         return Shape(
-            visual=((case, plastic(self.colour)), (black, plastic("black")), (glass, printed(image, 0.2))),
+            visual=(
+                (case, plastic(self.colour)),
+                (black, plastic("black")),
+                (glass, printed(image, 0.2)),
+            ),
             collision=box_collider(hx, hy, t / 2, (0, 0, t / 2)),
             mass=0.19,
             friction=0.6,
@@ -43,5 +47,8 @@ class Phone(Parametric):
     def frames(self) -> NamedFrames:
         hy, t = self.height / 2, self.thickness
         return standing(
-            t, box_pinches(self.hx, hy, t / 2, offsets=(0.0, 0.3, 0.55), axes="x"), screen=mark(0, 0, t), foot=mark(0, -hy, 0)
+            t,
+            box_pinches(self.hx, hy, t / 2, offsets=(0.0, 0.3, 0.55), axes="x"),
+            screen=mark(0, 0, t),
+            foot=mark(0, -hy, 0),
         )

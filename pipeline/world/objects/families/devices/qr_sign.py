@@ -25,13 +25,21 @@ class QrSign(Parametric):
     board: float = between(0.004, 0.007)  # half thickness of the board
     foot: float = between(0.026, 0.034)  # half depth of the foot
     foot_height: float = between(0.012, 0.02)
-    foot_colour: str = one_of({"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, other_than="colour", by="foot_material")
+    foot_colour: str = one_of(
+        {"wood": ("oak", "walnut", "beech"), "plastic": COLOURS},
+        other_than="colour",
+        by="foot_material",
+    )
     seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hz, f = self.hx, (self.height - self.foot_height) / 2, self.foot_height
         middle = f + hz
-        skin = wood(self.foot_colour, self.seed) if self.foot_material == "wood" else plastic(self.foot_colour)
+        skin = (
+            wood(self.foot_colour, self.seed)
+            if self.foot_material == "wood"
+            else plastic(self.foot_colour)
+        )
         side = 1.6 * min(hx, hz)
         code = printed(print_texture("white", "black", "qr", "", self.seed), 0.4)
         title = printed(print_texture(self.colour, "white", "label", "PAY", self.seed), 0.4)
@@ -42,9 +50,13 @@ class QrSign(Parametric):
                 (at(box(hx, self.board, hz, 0.001), (0, 0, middle)), plastic(self.colour)),
                 (at(box(hx + 0.004, self.foot, f / 2, 0.002), (0, 0, f / 2)), skin),
                 (decal(side, side, (0, y, f + 0.35 * spare + side / 2), upright(0)), code),
-                (decal(1.5 * hx, 0.5 * spare, (0, y, 2 * hz + f - 0.32 * spare), upright(0)), title),
+                (
+                    decal(1.5 * hx, 0.5 * spare, (0, y, 2 * hz + f - 0.32 * spare), upright(0)),
+                    title,
+                ),
             ),
-            collision=box_collider(hx, self.board, hz, (0, 0, middle)) + box_collider(hx + 0.004, self.foot, f / 2, (0, 0, f / 2)),
+            collision=box_collider(hx, self.board, hz, (0, 0, middle))
+            + box_collider(hx + 0.004, self.foot, f / 2, (0, 0, f / 2)),
             mass=0.25,
             friction=0.6,
         )
@@ -63,4 +75,7 @@ class QrSign(Parametric):
         return standing(self.height, grasps, code=mark(0, -self.board, f + hz, (0, -1, 0)))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {"foot": self.foot_colour, "material": "wooden" if self.foot_material == "wood" else "plastic"}
+        return super().facts() | {
+            "foot": self.foot_colour,
+            "material": "wooden" if self.foot_material == "wood" else "plastic",
+        }

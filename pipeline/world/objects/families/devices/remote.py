@@ -42,5 +42,8 @@ class Remote(Parametric):
 
     def frames(self) -> NamedFrames:
         return standing(
-            self.thickness, box_pinches(self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x")
+            self.thickness,
+            box_pinches(
+                self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x"
+            ),
         )

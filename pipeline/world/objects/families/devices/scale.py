@@ -29,7 +29,11 @@ class Scale(Parametric):
     def shape(self) -> Shape:
         r, y, z, t = self.plate * self.hx, self.hy - self.hx, self.body, 0.006
         case = extrude(rounded_rectangle(self.hx, self.hy, 0.018, 4), z, 0.003)
-        platter = cylinder(r, t, 32, 0.0015) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.012, 3), t, 0.0015)
+        platter = (
+            cylinder(r, t, 32, 0.0015)
+            if self.form == "round"
+            else extrude(rounded_rectangle(r, r, 0.012, 3), t, 0.0015)
+        )
         skin = glaze(self.platter) if self.platter == "white" else metal(self.platter)
         panel = printed(print_texture("charcoal", "lime", "panel", self.digits, self.seed), 0.25)
         display = decal(0.9 * self.hx, 1.5 * y + 0.008, (0, -self.hy + y + 0.004, z + 0.0004))
@@ -37,7 +41,11 @@ class Scale(Parametric):
         return Shape(
             visual=((case, plastic(self.colour)), (lift, skin), (display, panel)),
             collision=box_collider(self.hx, self.hy, z / 2, (0, 0, z / 2))
-            + (box_collider(r, r, t / 2, (0, y, z + t / 2)) if self.form == "square" else _shifted(disc(r, t, z), y)),
+            + (
+                box_collider(r, r, t / 2, (0, y, z + t / 2))
+                if self.form == "square"
+                else _shifted(disc(r, t, z), y)
+            ),
             mass=0.5,
             friction=0.6,
         )

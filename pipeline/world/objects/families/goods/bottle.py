@@ -18,7 +18,8 @@ BODY = ("low", "side", "high")
 """Kinds of grasps around the body; they hold firmer than one around the neck."""
 
 NECK_PITCHES = (0, 15, 30)
-FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  # height of the shoulder in body radii
+# height of the shoulder in body radii
+FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}
 
 
 @register("bottle")
@@ -47,7 +48,13 @@ class Bottle(Parametric):
         rise = (top - 0.006 - b) * share
         fall = 1 - share**1.4 if self.form == "sloping" else np.sqrt(np.maximum(0, 1 - share**2))
         shoulder = n + (r - n) * fall
-        return [(0.9 * r, 0.0), (r, 0.004), (r, b), *zip(shoulder.tolist(), (b + rise).tolist(), strict=True), (n, top)]
+        return [
+            (0.9 * r, 0.0),
+            (r, 0.004),
+            (r, b),
+            *zip(shoulder.tolist(), (b + rise).tolist(), strict=True),
+            (n, top),
+        ]
 
     def shape(self) -> Shape:
         r, top = self.radius, self.height - self.cap
@@ -57,9 +64,17 @@ class Bottle(Parametric):
         label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body, 24)
         image = print_texture(self.label_colour, self.colour, "product", self.brand, self.seed)
         shoulder = [p for p in outline if p[1] >= self.body]
-        rings = [(rho * np.cos(a), rho * np.sin(a), z) for rho, z in shoulder[:-1] for a in np.arange(12) * np.pi / 6]
+        rings = [
+            (rho * np.cos(a), rho * np.sin(a), z)
+            for rho, z in shoulder[:-1]
+            for a in np.arange(12) * np.pi / 6
+        ]
         return Shape(
-            visual=((skin, glaze(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(image))),
+            visual=(
+                (skin, glaze(self.colour)),
+                (cap, plastic(self.cap_colour)),
+                (label, printed(image)),
+            ),
             collision=cylinder_collider(r, 0, self.body)
             + convex_collider(rings)
             + cylinder_collider(self.neck, top - 0.006, self.height),
@@ -73,7 +88,13 @@ class Bottle(Parametric):
         outline = [*self.outline()[:-1], (self.neck, top), (self.neck, self.height)]
         low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
         high = side_pinches(r, b - 0.014, outline=outline, kind="high")
-        neck = side_pinches(self.neck, self.height - 0.35 * self.cap, pitches=NECK_PITCHES, outline=outline, kind="neck")
+        neck = side_pinches(
+            self.neck,
+            self.height - 0.35 * self.cap,
+            pitches=NECK_PITCHES,
+            outline=outline,
+            kind="neck",
+        )
         return standing(
             self.height,
             (*low, *side_pinches(r, 0.65 * b, outline=outline), *high, *neck),

@@ -20,10 +20,20 @@ COFFEE = (0.105, 0.145)
 
 
 def carton(
-    hx: float, hy: float, hz: float, colour: str, ink: str, style: str, text: str, texture: int, bevel: float = 0.0008
+    hx: float,
+    hy: float,
+    hz: float,
+    colour: str,
+    ink: str,
+    style: str,
+    text: str,
+    texture: int,
+    bevel: float = 0.0008,
 ) -> tuple:
     """Visual part of a printed box standing on the table."""
-    return at(box(hx, hy, hz, bevel), (0, 0, hz)), printed(print_texture(colour, ink, style, text, texture), 0.55)
+    return at(box(hx, hy, hz, bevel), (0, 0, hz)), printed(
+        print_texture(colour, ink, style, text, texture), 0.55
+    )
 
 
 def upright(turns: float) -> np.ndarray:
@@ -57,7 +67,9 @@ class PlayingCards(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return standing(self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"))
+        return standing(
+            self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x")
+        )
 
 
 @register("tea_box")
@@ -79,10 +91,15 @@ class TeaBox(Parametric):
         size = 0.8 * min(hx, hy)
         codes = [
             (decal(size, size, (x, y, self.code_height), upright(k)), code)
-            for k, (x, y) in enumerate(((0, -hy - 0.0004), (hx + 0.0004, 0), (0, hy + 0.0004), (-hx - 0.0004, 0)))
+            for k, (x, y) in enumerate(
+                ((0, -hy - 0.0004), (hx + 0.0004, 0), (0, hy + 0.0004), (-hx - 0.0004, 0))
+            )
         ]
         return Shape(
-            visual=(carton(hx, hy, hz, self.colour, self.ink, self.style, "TEA", self.seed), *codes),
+            visual=(
+                carton(hx, hy, hz, self.colour, self.ink, self.style, "TEA", self.seed),
+                *codes,
+            ),
             collision=box_collider(hx, hy, hz, (0, 0, hz)),
             mass=0.12,
             friction=0.5,
@@ -122,9 +139,14 @@ class CoffeeBox(Parametric):
     def shape(self) -> Shape:
         hx, hy, hz = self.hx, self.hy, self.height / 2
         fold = at(box(0.98 * hx, 0.004, 0.0035), (0, 0, 2 * hz - 0.0035))
-        body = carton(hx, hy, hz - 0.0025, self.colour, self.ink, self.style, self.brand, self.seed, 0.002)
+        body = carton(
+            hx, hy, hz - 0.0025, self.colour, self.ink, self.style, self.brand, self.seed, 0.002
+        )
         return Shape(
-            visual=(body, (fold, printed(print_texture(self.ink, self.colour, "stripes", "", self.seed)))),
+            visual=(
+                body,
+                (fold, printed(print_texture(self.ink, self.colour, "stripes", "", self.seed))),
+            ),
             collision=box_collider(hx, hy, hz, (0, 0, hz)),
             mass=0.28,
             friction=0.5,

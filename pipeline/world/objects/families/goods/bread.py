@@ -8,13 +8,22 @@ from pipeline.poses import quat_about
 from pipeline.world.looks.materials import wrapped
 from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, ellipse, rounded_rectangle, scaled, sphere, stack, stacked
+from pipeline.world.objects.geometry import (
+    at,
+    ellipse,
+    rounded_rectangle,
+    scaled,
+    sphere,
+    stack,
+    stacked,
+)
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import size_word, standing
 from pipeline.world.objects.parameters import Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Material, Mesh, Shape, seen_along
 
-FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}  # length over width
+# length over width
+FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}
 CRUSTS: dict[str, tuple[float, float, float]] = {
     "golden": (0.80, 0.55, 0.24),
     "brown": (0.58, 0.34, 0.15),
@@ -23,19 +32,38 @@ CRUSTS: dict[str, tuple[float, float, float]] = {
 }
 WIDTH = (0.048, 0.064)
 LEVELS = (
-    ((0, 0.82, 0.78), (0.08, 0.94, 0.93), (0.3, 1, 1), (0.5, 1, 1), (0.72, 0.9, 0.88), (0.9, 0.66, 0.6), (1, 0.3, 0.26)),
-    ((0, 0.93, 0.9), (0.08, 1, 0.98), (0.5, 1, 1), (0.62, 1, 1), (0.82, 0.95, 0.9), (0.95, 0.82, 0.62), (1, 0.6, 0.3)),
+    (
+        (0, 0.82, 0.78),
+        (0.08, 0.94, 0.93),
+        (0.3, 1, 1),
+        (0.5, 1, 1),
+        (0.72, 0.9, 0.88),
+        (0.9, 0.66, 0.6),
+        (1, 0.3, 0.26),
+    ),
+    (
+        (0, 0.93, 0.9),
+        (0.08, 1, 0.98),
+        (0.5, 1, 1),
+        (0.62, 1, 1),
+        (0.82, 0.95, 0.9),
+        (0.95, 0.82, 0.62),
+        (1, 0.6, 0.3),
+    ),
 )
 """Height, length and width of the rings of a piece, as shares, and of a loaf."""
 
-OBLIQUE = np.array([[1.0, 0.0, 0.55], [0.0, 1.0, -0.65]])  # no side of the crust lies along the view
+# no side of the crust lies along the view
+OBLIQUE = np.array([[1.0, 0.0, 0.55], [0.0, 1.0, -0.65]])
 
 
 @register("bread")
 @dataclass(frozen=True)
 class Bread(Parametric):
     form: str = one_of(tuple(FORMS))
-    width: float = drawn(lambda rng, bread: rng.uniform(*WIDTH) * (0.86 if bread.form == "baguette" else 1.0))
+    width: float = drawn(
+        lambda rng, bread: rng.uniform(*WIDTH) * (0.86 if bread.form == "baguette" else 1.0)
+    )
     length: float = drawn(lambda rng, bread: bread.width * rng.uniform(*FORMS[bread.form]))
     height: float = between(0.036, 0.046)
     crust: str = one_of(tuple(CRUSTS))
@@ -48,16 +76,28 @@ class Bread(Parametric):
         if self.form == "loaf":
             outline = rounded_rectangle(a, b, 0.012, 4)
         else:
-            outline = ellipse(a, b, 20) if self.form != "roll" else rounded_rectangle(a, b, 0.6 * b, 4)
+            outline = (
+                ellipse(a, b, 20) if self.form != "roll" else rounded_rectangle(a, b, 0.6 * b, 4)
+            )
         return stacked(outline, [(z * h, x, y) for z, x, y in LEVELS[self.form == "loaf"]])
 
     def shape(self) -> Shape:
         rings = self.rings()
         crust = _times(CRUSTS[self.crust], self.shade)
         light = _times(crust, 1.12)
-        body = stack(rings[0, :, :2], [(r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(rings[0, :, :2], axis=0))) for r in rings], 60)
+        body = stack(
+            rings[0, :, :2],
+            [
+                (r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(rings[0, :, :2], axis=0)))
+                for r in rings
+            ],
+            60,
+        )
         body = seen_along(body, OBLIQUE, 0.07)
-        marks = [(mesh, Material(light, 0.95)) for mesh in (self._seeds() if self.form == "bun" else self._slashes())]
+        marks = [
+            (mesh, Material(light, 0.95))
+            for mesh in (self._seeds() if self.form == "bun" else self._slashes())
+        ]
         return Shape(
             visual=((body, wrapped("crust", crust, self.seed, 0.95)), *marks),
             collision=convex_collider(rings.reshape(-1, 3)),
@@ -67,12 +107,19 @@ class Bread(Parametric):
 
     def _slashes(self) -> list[Mesh]:
         count = {"baguette": 5, "loaf": 1, "roll": 2}[self.form]
-        size = (0.28 * self.length, 0.006, 0.0035) if self.form == "loaf" else (0.0045, 0.3 * self.width, 0.0035)
+        size = (
+            (0.28 * self.length, 0.006, 0.0035)
+            if self.form == "loaf"
+            else (0.0045, 0.3 * self.width, 0.0035)
+        )
         cut = scaled(sphere(1.0, 4, 10), *size)
         turn = quat_about((0, 0, 1), 0.5 if self.form == "baguette" else 0.0)
         places = [(k - (count - 1) / 2) * 0.72 * self.length / count for k in range(count)]
         sag = 0.0 if self.form == "loaf" else 0.35
-        return [at(cut, (x, 0, self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025), turn) for x in places]
+        return [
+            at(cut, (x, 0, self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025), turn)
+            for x in places
+        ]
 
     def _seeds(self) -> list[Mesh]:
         rng = np.random.Generator(np.random.Philox(self.seed))
@@ -84,7 +131,13 @@ class Bread(Parametric):
 
     def frames(self) -> NamedFrames:
         a, b = self.length / 2, self.width / 2
-        offsets = (0.0,) if self.form in ("bun", "roll") else (-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,)
+        offsets = (
+            (0.0,)
+            if self.form in ("bun", "roll")
+            else (-0.3, 0.0, 0.3)
+            if self.form == "loaf"
+            else (0.0,)
+        )
         grasps = box_pinches(
             a,
             b,

@@ -33,11 +33,22 @@ class Can(Parametric):
         tab = at(box(0.009, 0.005, 0.0006), (0.3 * r, 0, h - 0.0020))
         return Shape(
             visual=(
-                (revolve([*bottom, *lid], 24), wrapped("turned", "silver", self.seed, 0.4, metallic=0.8)),
-                (side, printed(print_texture(self.colour, self.ink, self.style, self.brand, self.seed), roughness=0.3)),
+                (
+                    revolve([*bottom, *lid], 24),
+                    wrapped("turned", "silver", self.seed, 0.4, metallic=0.8),
+                ),
+                (
+                    side,
+                    printed(
+                        print_texture(self.colour, self.ink, self.style, self.brand, self.seed),
+                        roughness=0.3,
+                    ),
+                ),
                 (tab, metal()),
             ),
-            collision=disc(0.8 * r, 0.008) + cylinder_collider(r, 0.006, h - 0.008) + disc(0.84 * r, 0.01, h - 0.01),
+            collision=disc(0.8 * r, 0.008)
+            + cylinder_collider(r, 0.006, h - 0.008)
+            + disc(0.84 * r, 0.01, h - 0.01),
             mass=0.75 * 1000 * np.pi * r * r * h,
             friction=0.5,
         )
@@ -45,4 +56,6 @@ class Can(Parametric):
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
         outline = [(0.8 * r, 0.0), (r, 0.008), (r, h - 0.01), (0.84 * r, h)]
-        return standing(h, side_pinches(r, (0.5 * h, h - 0.026), outline=outline), middle=mark(0, 0, h / 2))
+        return standing(
+            h, side_pinches(r, (0.5 * h, h - 0.026), outline=outline), middle=mark(0, 0, h / 2)
+        )

@@ -16,7 +16,8 @@ from pipeline.world.shapes import Shape
 @register("lying_bottle")
 @dataclass(frozen=True)
 class LyingBottle(Bottle):
-    """The origin is under the middle of its length, where it touches the table; frame "cap" looks out of the bottle."""
+    """The origin is under the middle of its length, where it touches the table; frame "cap" looks
+    out of the bottle."""
 
     noun = "bottle"
 
@@ -32,10 +33,14 @@ class LyingBottle(Bottle):
         return replace(
             upright,
             visual=tuple((mesh.moved(self._laid), skin) for mesh, skin in upright.visual),
-            collision=tuple(replace(c, pose=compose(self._laid, c.pose)) for c in upright.collision),
+            collision=tuple(
+                replace(c, pose=compose(self._laid, c.pose)) for c in upright.collision
+            ),
         )
 
     def frames(self) -> NamedFrames:
         r, end = self.radius, self.height / 2
         along = [share * self.body - end for share in (0.3, 0.45, 0.6, 0.75)]
-        return standing(2 * r, bar_pinches(along, r, r, kind="body"), cap=mark(end, 0, r, (1, 0, 0), (0, 0, -1)))
+        return standing(
+            2 * r, bar_pinches(along, r, r, kind="body"), cap=mark(end, 0, r, (1, 0, 0), (0, 0, -1))
+        )

@@ -29,12 +29,18 @@ class PillBottle(Parametric):
 
     def shape(self) -> Shape:
         r, top = self.radius, self.height - self.cap
-        body = revolve([(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)], 24)
+        body = revolve(
+            [(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)], 24
+        )
         cap = at(cylinder(self.cap_radius, self.cap, 20, 0.0015), (0, 0, top))
         label = band(r + 0.0004, 0.14 * top, 0.74 * top, 24)
         image = print_texture("white", self.ink, "product", self.brand, self.seed)
         return Shape(
-            visual=((body, plastic(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(image))),
+            visual=(
+                (body, plastic(self.colour)),
+                (cap, plastic(self.cap_colour)),
+                (label, printed(image)),
+            ),
             collision=cylinder_collider(r, 0, top - 0.004)
             + cylinder_collider(0.78 * r, 0, top)
             + cylinder_collider(self.cap_radius, top, self.height),
@@ -44,8 +50,17 @@ class PillBottle(Parametric):
 
     def frames(self) -> NamedFrames:
         r, top = self.radius, self.height - self.cap
-        outline = [(r, 0.0), (r, top - 0.006), (self.cap_radius, top), (self.cap_radius, self.height)]
-        return standing(self.height, side_pinches(r, (0.5 * top, top - 0.014), outline=outline), middle=mark(0, 0, top / 2))
+        outline = [
+            (r, 0.0),
+            (r, top - 0.006),
+            (self.cap_radius, top),
+            (self.cap_radius, self.height),
+        ]
+        return standing(
+            self.height,
+            side_pinches(r, (0.5 * top, top - 0.014), outline=outline),
+            middle=mark(0, 0, top / 2),
+        )
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"cap": self.cap_colour}

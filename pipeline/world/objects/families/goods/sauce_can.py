@@ -29,8 +29,18 @@ class SauceCan(Parametric):
 
     def shape(self) -> Shape:
         r, h, edge = self.radius, self.height, 0.5 * (1 - self.label) * self.height
-        body = revolve([(0, 0), (r, 0), (r, h), (0.93 * r, h), (0.9 * r, h - 0.003), (0, h - 0.003)], 24)
-        ribs = revolve([(0.45 * r, h - 0.003), (0.45 * r, h - 0.0018), (0.4 * r, h - 0.0018), (0.4 * r, h - 0.003)], 20)
+        body = revolve(
+            [(0, 0), (r, 0), (r, h), (0.93 * r, h), (0.9 * r, h - 0.003), (0, h - 0.003)], 24
+        )
+        ribs = revolve(
+            [
+                (0.45 * r, h - 0.003),
+                (0.45 * r, h - 0.0018),
+                (0.4 * r, h - 0.0018),
+                (0.4 * r, h - 0.003),
+            ],
+            20,
+        )
         label = band(r + 0.0004, edge, h - edge, 24)
         image = print_texture(self.colour, self.ink, "product", self.content, self.seed)
         return Shape(
@@ -42,7 +52,13 @@ class SauceCan(Parametric):
 
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
-        return standing(h, side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]), middle=mark(0, 0, h / 2))
+        return standing(
+            h,
+            side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]),
+            middle=mark(0, 0, h / 2),
+        )
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {"content": "tomatoes" if self.content == "TOMATO" else self.content.lower()}
+        return super().facts() | {
+            "content": "tomatoes" if self.content == "TOMATO" else self.content.lower()
+        }

@@ -1,4 +1,5 @@
-"""A low shoe, its toe towards +x: lofted upper on a sole, with collar, tongue, laces and a stripe."""
+"""A low shoe, its toe towards +x: lofted upper on a sole, with collar, tongue, laces and a
+stripe."""
 
 from dataclasses import dataclass
 
@@ -8,14 +9,24 @@ from pipeline.poses import quat_about
 from pipeline.world.looks.materials import fabric, plastic, rubber, wrapped
 from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, revolve, scaled, sphere
+from pipeline.world.objects.geometry import (
+    at,
+    capsule,
+    ellipse,
+    extrude,
+    loft,
+    revolve,
+    scaled,
+    sphere,
+)
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import COLOURS, mark
 from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of, texture
 from pipeline.world.objects.surface import finish
 from pipeline.world.shapes import Mesh, Shape
 
-# Along the shoe from heel (0) to toe (1): half width as a share of the ball's, height of the ridge as a share of the collar's.
+# Along the shoe from heel (0) to toe (1): half width as a share of the ball's, height of the ridge
+# as a share of the collar's.
 STATIONS = np.array([0.0, 0.04, 0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 0.95, 1.0])
 WIDTHS = np.array([0.42, 0.62, 0.74, 0.77, 0.78, 0.85, 0.95, 1.0, 0.88, 0.62, 0.3])
 RIDGE = np.array([0.80, 0.96, 1.0, 0.97, 0.93, 0.82, 0.68, 0.57, 0.5, 0.42, 0.32])
@@ -43,7 +54,9 @@ class Shoe(Parametric):
 
     def sections(self) -> np.ndarray:
         """Upright arches (S,K,3) from heel to toe: straight flanks, a rounded ridge."""
-        flank = np.array([(1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0)])
+        flank = np.array(
+            [(1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0)]
+        )
         arch = np.concatenate([flank, flank[::-1] * [-1, 1]])
         rings = []
         for s, w, r in zip(STATIONS, WIDTHS, RIDGE, strict=True):
@@ -72,9 +85,16 @@ class Shoe(Parametric):
             )
             parts.append((lace, "white" if self.colour not in ("white", "beige") else "charcoal"))
         ankle, level = (float(self.x(0.21)), 0.0, self._top(0.21)), quat_about((0, 1, 0), 0.06)
-        hole = at(extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004), ankle - np.array([0, 0, 0.0018]), level)
+        hole = at(
+            extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004),
+            ankle - np.array([0, 0, 0.0018]),
+            level,
+        )
         collar = scaled(revolve(COLLAR, 14, 60), 0.174 * self.length, 0.64 * self.half, 0.015)
-        parts += [(hole, "black"), (at(collar, ankle - np.array([0, 0, 0.0085]), level), self.colour)]
+        parts += [
+            (hole, "black"),
+            (at(collar, ankle - np.array([0, 0, 0.0085]), level), self.colour),
+        ]
         tongue = at(
             scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004),
             (float(self.x(0.415)), 0, self._top(0.415) + 0.001),
@@ -89,7 +109,9 @@ class Shoe(Parametric):
         found = []
         for share in (0.52, 0.58, 0.64):
             ends = [
-                np.array([np.interp(s, STATIONS, column) for column in flat.T]).reshape(rings.shape[1:])
+                np.array([np.interp(s, STATIONS, column) for column in flat.T]).reshape(
+                    rings.shape[1:]
+                )
                 for s in (share - 0.014, share + 0.014)
             ]
             for flank in (slice(0, 4), slice(8, 12)):
@@ -125,7 +147,8 @@ class Shoe(Parametric):
         top = self.height
         grasps = [
             g
-            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.45, (-0.4, 0.0, 0.4)))  # the centre of mass is at 0.45
+            # the centre of mass is at 0.45
+            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.45, (-0.4, 0.0, 0.4)))
             for g in box_pinches(
                 0.1 * self.length,
                 self.half * 0.97 * float(np.interp(share, STATIONS, WIDTHS)),

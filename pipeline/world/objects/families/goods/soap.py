@@ -35,10 +35,18 @@ class Soap(Parametric):
         levels = [(z * self.height, x, y) for z, x, y in LEVELS]
         skin = Material(srgb(self.colour), roughness=0.3)
         r, g, b = srgb(self.colour)
-        pressed = printed(print_texture(self.colour, (0.72 * r, 0.72 * g, 0.72 * b), "pressed", "SOAP"), 0.3)
-        top = decal(1.3 * self.stamp * self.length, 1.3 * self.stamp * self.half, (0, 0, self.height + 0.0002))
+        pressed = printed(
+            print_texture(self.colour, (0.72 * r, 0.72 * g, 0.72 * b), "pressed", "SOAP"), 0.3
+        )
+        top = decal(
+            1.3 * self.stamp * self.length,
+            1.3 * self.stamp * self.half,
+            (0, 0, self.height + 0.0002),
+        )
         bar = stack(
-            rounded_rectangle(self.length / 2, self.half, self.corner * self.half, 9), ROUND * np.array([self.height, 1, 1]), 60
+            rounded_rectangle(self.length / 2, self.half, self.corner * self.half, 9),
+            ROUND * np.array([self.height, 1, 1]),
+            60,
         )
         return Shape(
             visual=((bar, skin), (top, pressed)),
@@ -48,4 +56,9 @@ class Soap(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return standing(self.height, box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)))
+        return standing(
+            self.height,
+            box_pinches(
+                self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)
+            ),
+        )

@@ -33,11 +33,26 @@ class DisplayStand(Parametric):
 
     def shape(self) -> Shape:
         r, h, f, c, t = self.radius, self.height, self.foot, self.column, self.plate
-        skin = {"wood": wood(self.colour, self.seed), "metal": metal(self.colour), "ceramic": glaze(self.colour)}.get(self.material)
+        skin = {
+            "wood": wood(self.colour, self.seed),
+            "metal": metal(self.colour),
+            "ceramic": glaze(self.colour),
+        }.get(self.material)
         skin = painted(self.colour) if skin is None else skin
         foot = [(f - 0.001, 0.0), (f, 0.002), (f - 0.002, 0.007)]
         bead = [(c + 0.003, 0.020), (c + 0.003, 0.023), (0.96 * c, 0.0245)]
-        column = revolve([*foot, (1.15 * c, 0.016), *bead, (0.8 * c, 0.5 * h), (0.9 * c, h - t - 0.006), (1.2 * c, h - t)], 20, 35)
+        column = revolve(
+            [
+                *foot,
+                (1.15 * c, 0.016),
+                *bead,
+                (0.8 * c, 0.5 * h),
+                (0.9 * c, h - t - 0.006),
+                (1.2 * c, h - t),
+            ],
+            20,
+            35,
+        )
         under = revolve([(0, 0), (f, 0)], 20)
         if self.form == "round":
             plate, top_felt = (
@@ -46,13 +61,24 @@ class DisplayStand(Parametric):
             )
         else:
             square = rounded_rectangle(r, r, 0.1 * r, 3)
-            plate = stack(square, [(z, x / r, x / r) for x, z in [(r - 0.003, 0), *_edge(r, t)]], 35)
+            plate = stack(
+                square, [(z, x / r, x / r) for x, z in [(r - 0.003, 0), *_edge(r, t)]], 35
+            )
             top_felt = extrude(square * 0.88, 0.0006)
         red, green, blue = srgb(self.colour)
         felt = Material((0.80 * red, 0.80 * green, 0.80 * blue), 0.95)
-        top = disc(r, t, h - t) if self.form == "round" else box_collider(r, r, t / 2, (0, 0, h - t / 2))
+        top = (
+            disc(r, t, h - t)
+            if self.form == "round"
+            else box_collider(r, r, t / 2, (0, 0, h - t / 2))
+        )
         return Shape(
-            visual=((under, skin), (column, skin), (at(plate, (0, 0, h - t)), skin), (at(top_felt, (0, 0, h)), felt)),
+            visual=(
+                (under, skin),
+                (column, skin),
+                (at(plate, (0, 0, h - t)), skin),
+                (at(top_felt, (0, 0, h)), felt),
+            ),
             collision=disc(f, 0.012) + cylinder_collider(c, 0.01, h - t) + top,
             mass=0.5,
             friction=0.7,
@@ -63,5 +89,6 @@ class DisplayStand(Parametric):
 
 
 def _edge(r: float, t: float) -> list[tuple[float, float]]:
-    """Radius and height (m) along the edge of a plate of radius `r` and thickness `t`: a round nose below a step."""
+    """Radius and height (m) along the edge of a plate of radius `r` and thickness `t`: a round nose
+    below a step."""
     return [(r, 0.25 * t), (r - 0.0006, 0.58 * t), (r - 0.0025, 0.64 * t), (r - 0.003, t)]

@@ -33,12 +33,24 @@ class Coaster(Parametric):
 
     def shape(self) -> Shape:
         r, t = self.radius, self.thickness
-        skin = {"wood": wood(self.colour, self.seed), "rubber": rubber(self.colour), "painted": painted(self.colour)}[self.material]
-        body = cylinder(r, t, 28, 0.001) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
-        ring = revolve([(0.85 * r, t), (0.85 * r, t + 0.0004), (0.7 * r, t + 0.0004), (0.7 * r, t)], 28)
+        skin = {
+            "wood": wood(self.colour, self.seed),
+            "rubber": rubber(self.colour),
+            "painted": painted(self.colour),
+        }[self.material]
+        body = (
+            cylinder(r, t, 28, 0.001)
+            if self.form == "round"
+            else extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
+        )
+        ring = revolve(
+            [(0.85 * r, t), (0.85 * r, t + 0.0004), (0.7 * r, t + 0.0004), (0.7 * r, t)], 28
+        )
         return Shape(
             visual=((body, skin), (ring, painted(self.ring))),
-            collision=disc(r, t) if self.form == "round" else box_collider(r, r, t / 2, (0, 0, t / 2)),
+            collision=disc(r, t)
+            if self.form == "round"
+            else box_collider(r, r, t / 2, (0, 0, t / 2)),
             mass=700 * np.pi * r * r * t,
             friction=0.7,
         )
@@ -60,7 +72,9 @@ class Mat(Family):
     seed: int
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, half: tuple[float, float] | None = None, colour: str = "") -> Self:
+    def draw(
+        cls, rng: np.random.Generator, half: tuple[float, float] | None = None, colour: str = ""
+    ) -> Self:
         """`half` extents (m) and `colour` are drawn unless given."""
         drawn, tone = (rng.uniform(*MAT), rng.uniform(0.06, 0.09)), pick(rng, COLOURS)
         tone = colour or tone
@@ -70,10 +84,15 @@ class Mat(Family):
     def shape(self) -> Shape:
         hx, hy, t = self.hx, self.hy, self.thickness
         edge = extrude(rounded_rectangle(hx, hy, 0.006, 2), t)
-        inner = at(extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006), (0, 0, t - 0.0002))
+        inner = at(
+            extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006), (0, 0, t - 0.0002)
+        )
         inner = seen_along(inner, np.eye(2, 3), (2 * hx - 0.016, 2 * hy - 0.016))
         return Shape(
-            visual=((edge, fabric(self.border)), (inner, wrapped("runner", self.colour, self.seed, 0.95, 256))),
+            visual=(
+                (edge, fabric(self.border)),
+                (inner, wrapped("runner", self.colour, self.seed, 0.95, 256)),
+            ),
             collision=box_collider(hx, hy, t / 2, (0, 0, t / 2)),
             mass=600 * 4 * hx * hy * t,
             friction=0.9,
@@ -83,4 +102,6 @@ class Mat(Family):
         return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
     def words(self) -> Words:
-        return describe("mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border)
+        return describe(
+            "mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border
+        )

@@ -30,7 +30,11 @@ class Pad(Parametric):
 
     @classmethod
     def draw(
-        cls, rng: np.random.Generator, half: tuple[float, float] | None = None, thickness: float | None = None, colour: str = ""
+        cls,
+        rng: np.random.Generator,
+        half: tuple[float, float] | None = None,
+        thickness: float | None = None,
+        colour: str = "",
     ) -> Self:
         """`half` extents (m), `thickness` (m) and `colour` are drawn unless given."""
         drawn = (rng.uniform(*HALF), rng.uniform(*HALF))
@@ -56,7 +60,9 @@ class Pad(Parametric):
         }[self.material]
         return Shape(
             visual=((mesh, skin),),
-            collision=box_collider(self.hx, self.hy, self.thickness / 2, (0, 0, self.thickness / 2)),
+            collision=box_collider(
+                self.hx, self.hy, self.thickness / 2, (0, 0, self.thickness / 2)
+            ),
             mass=900 * 4 * self.hx * self.hy * self.thickness,
             friction=0.8,
         )
@@ -65,4 +71,6 @@ class Pad(Parametric):
         return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {"size": size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2))}
+        return super().facts() | {
+            "size": size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2))
+        }

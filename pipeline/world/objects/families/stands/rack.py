@@ -37,7 +37,11 @@ class Rack(Parametric):
         return np.stack([root, root + self.peg * np.array([0, -np.cos(t), np.sin(t)])])
 
     def shape(self) -> Shape:
-        skin = {"wood": wood(self.colour, self.seed), "metal": metal(self.colour), "painted": painted(self.colour)}[self.material]
+        skin = {
+            "wood": wood(self.colour, self.seed),
+            "metal": metal(self.colour),
+            "painted": painted(self.colour),
+        }[self.material]
         root, tip = self.peg_path()
         back = np.array([root, root + (tip - root) * [1, -1, 1]])
         knob = at(sphere(1.25 * self.post, 6, 14), (0, 0, self.height - 1.25 * self.post))
@@ -65,4 +69,8 @@ class Rack(Parametric):
     def frames(self) -> NamedFrames:
         root, tip = self.peg_path()
         out = tip - root
-        return standing(self.height, peg=mark(*tip, normal=out), peg_middle=mark(*((root + tip) / 2), normal=out))
+        return standing(
+            self.height,
+            peg=mark(*tip, normal=out),
+            peg_middle=mark(*((root + tip) / 2), normal=out),
+        )

@@ -1,4 +1,5 @@
-"""A mallet standing on its striking face: the head upright over the origin, the grip level along -x."""
+"""A mallet standing on its striking face: the head upright over the origin, the grip level along
+-x."""
 
 from dataclasses import dataclass, replace
 
@@ -25,24 +26,45 @@ class Hammer(Parametric):
     half: float = between(0.01, 0.0125)  # half thickness of the grip
     face: float = between(0.021, 0.026)  # radius of the striking face
     reach: float = between(0.066, 0.082)  # height of the head as it stands
-    colour: str = one_of({"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS}, by="grip")
+    colour: str = one_of(
+        {"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS}, by="grip"
+    )
     head_colour: str = one_of((*_METALS, "red", "blue"))
     seed: int = texture()
 
     def shape(self) -> Shape:
         h, f, long, z = self.half, self.face, self.length, self.reach / 2
         skin = wood(self.colour, self.seed) if self.grip == "wood" else rubber(self.colour)
-        steel = metal(self.head_colour) if self.head_colour in _METALS else painted(self.head_colour)
-        swell = [(0.86 * h, 0.35 * long), (h, 0.62 * long), (0.6 * h, 0.7 * long), (0.6 * h, long), (0, long)]
-        butt = [(0, -0.002), (0.6 * h, -0.002), (1.02 * h, 0.004), (1.02 * h, 0.016), (0.9 * h, 0.018)]
-        ribs = [(share * h, x) for x in (0.04, 0.05, 0.06) for share in (1.02, 0.88)] if self.grip == "rubber" else []
+        steel = (
+            metal(self.head_colour) if self.head_colour in _METALS else painted(self.head_colour)
+        )
+        swell = [
+            (0.86 * h, 0.35 * long),
+            (h, 0.62 * long),
+            (0.6 * h, 0.7 * long),
+            (0.6 * h, long),
+            (0, long),
+        ]
+        butt = [
+            (0, -0.002),
+            (0.6 * h, -0.002),
+            (1.02 * h, 0.004),
+            (1.02 * h, 0.016),
+            (0.9 * h, 0.018),
+        ]
+        ribs = (
+            [(share * h, x) for x in (0.04, 0.05, 0.06) for share in (1.02, 0.88)]
+            if self.grip == "rubber"
+            else []
+        )
         shaft = revolve([(0.86 * h, 0.018), *ribs, *swell], 12, crease=60)
         r, top = 0.82 * f, self.reach
         waist = revolve([(r, 0.016), (r, top - 0.016)], 18)
         face = [(0, 0), (f - 0.003, 0), (f, 0.003), (f, 0.011), (r, 0.016)]
         faces = join(revolve(face, 18), revolve([(x, top - y) for x, y in reversed(face)], 18))
         collar = at(cylinder(1.25 * h, 2 * r + 0.004, 12, 0.002), (-r - 0.002, 0, z), ALONG_X)
-        # flat sides, as real grips have: two round pads on a round bar could not keep the head from swinging
+        # flat sides, as real grips have: two round pads on a round bar could not keep the head from
+        # swinging
         grip = Collider("box", ((long - f) / 2, h, h), pose((-(long + f) / 2, 0, z)))
         return Shape(
             visual=(

@@ -21,7 +21,8 @@ class Roller(Parametric):
 
     length: float = between(0.30, 0.38, size=LONG)
     radius: float = between(0.021, 0.029)
-    body: float = drawn(lambda rng, pin: pin.length - 2 * rng.uniform(0.062, 0.078))  # length of the thick part
+    # length of the thick part
+    body: float = drawn(lambda rng, pin: pin.length - 2 * rng.uniform(0.062, 0.078))
     handle: float = between(0.48, 0.6, of="radius")  # radius of the handles
     wood: str = one_of(tuple(WOODS))
     handle_colour: str = one_of(("", *COLOURS))  # "" for handles of the same wood
@@ -29,12 +30,24 @@ class Roller(Parametric):
 
     def shape(self) -> Shape:
         r, h, half, end = self.radius, self.handle, self.body / 2, self.length / 2
-        body = revolve([(0, -half), (0.9 * r, -half), (r, -half + 0.003), (r, half - 0.003), (0.9 * r, half), (0, half)], 24)
+        body = revolve(
+            [
+                (0, -half),
+                (0.9 * r, -half),
+                (r, -half + 0.003),
+                (r, half - 0.003),
+                (0.9 * r, half),
+                (0, half),
+            ],
+            24,
+        )
         span = end - half
         tip = [(h, 0.6 * span), (0.8 * h, span - 0.006), (0.5 * h, span), (0, span)]
         grip = revolve([(0, 0), (0.75 * h, 0), (h, 0.018), *tip], 16, crease=60)
         skin = wood(self.wood, self.seed)
-        other = plastic(self.handle_colour) if self.handle_colour else wood(self.wood, self.seed + 1)
+        other = (
+            plastic(self.handle_colour) if self.handle_colour else wood(self.wood, self.seed + 1)
+        )
         mirrored = np.array([0.7071067811865476, 0, -0.7071067811865476, 0])
         middle = (end + half) / 2
         return Shape(
@@ -45,7 +58,8 @@ class Roller(Parametric):
             ),
             collision=(
                 *cylinder_collider(r, r - half, r + half, (0, 0), ALONG_X),
-                *box_collider(half, 0.35 * r, 0.5 * r, (0, 0, 0.5 * r)),  # a flat to rest on, so that it does not roll away
+                # a flat to rest on, so that it does not roll away
+                *box_collider(half, 0.35 * r, 0.5 * r, (0, 0, 0.5 * r)),
                 *cylinder_collider(h, r - span / 2, r + span / 2, (middle, 0), ALONG_X),
                 *cylinder_collider(h, r - span / 2, r + span / 2, (-middle, 0), ALONG_X),
             ),
@@ -57,7 +71,9 @@ class Roller(Parametric):
         half, end = self.body / 2, self.length / 2
         places = [half + 0.55 * (end - half), half + 0.7 * (end - half)]
         grips = {
-            kind: bar_pinches([sign * x for x in places], self.handle, self.radius, rolls=(-20, 0, 20), kind=kind)
+            kind: bar_pinches(
+                [sign * x for x in places], self.handle, self.radius, rolls=(-20, 0, 20), kind=kind
+            )
             for kind, sign in (("left_end", -1), ("right_end", 1))
         }
         return standing(

@@ -27,7 +27,9 @@ class Seal(Parametric):
     height: float = between(0.085, 0.11, size=LARGE)
     grip: float = between(0.012, 0.017)  # radius of the handle
     form: str = one_of(("round", "square"))
-    colour: str = one_of({"wood": ("oak", "walnut", "beech", "mahogany", "pine"), "plastic": COLOURS}, by="material")
+    colour: str = one_of(
+        {"wood": ("oak", "walnut", "beech", "mahogany", "pine"), "plastic": COLOURS}, by="material"
+    )
     ink: str = one_of(("red", "blue", "black", "green", "purple"))
     seed: int = texture()
 
@@ -40,18 +42,40 @@ class Seal(Parametric):
         else:
             pad = at(box(a, a, foot / 2), (0, 0, foot / 2))
             block = at(box(a, a, (b - foot) / 2, 0.002), (0, 0, (b + foot) / 2))
-        profile = [(0.7 * g, b - 0.001), (0.62 * g, b + 0.15 * (h - b)), (g, b + 0.42 * (h - b)), (g, h - 0.6 * g)]
+        profile = [
+            (0.7 * g, b - 0.001),
+            (0.62 * g, b + 0.15 * (h - b)),
+            (g, b + 0.42 * (h - b)),
+            (g, h - 0.6 * g),
+        ]
         handle = revolve([*profile, (0.75 * g, h - 0.18 * g), (0.4 * g, h), (0, h)], 20, 60)
-        ring = revolve([(0.80 * g, b), (0.86 * g, b + 0.002), (0.80 * g, b + 0.004), (0.62 * g, b + 0.0045)], 20, 60)
+        ring = revolve(
+            [(0.80 * g, b), (0.86 * g, b + 0.002), (0.80 * g, b + 0.004), (0.62 * g, b + 0.0045)],
+            20,
+            60,
+        )
         text = printed(print_texture("white", self.ink, "label", "PAID"), 0.6)
         if self.form == "round":
             label = band(a + 0.0003, foot + 0.15 * (b - foot), b - 0.18 * (b - foot), 24, 3)
         else:
-            front = decal(1.5 * a, 0.62 * (b - foot), (0, -a - 0.0003, (b + foot) / 2), quat_about((1, 0, 0), np.pi / 2))
-            label = join(*(at(front, quaternion=quat_about((0, 0, 1), k * np.pi / 2)) for k in range(4)))
+            front = decal(
+                1.5 * a,
+                0.62 * (b - foot),
+                (0, -a - 0.0003, (b + foot) / 2),
+                quat_about((1, 0, 0), np.pi / 2),
+            )
+            label = join(
+                *(at(front, quaternion=quat_about((0, 0, 1), k * np.pi / 2)) for k in range(4))
+            )
         base = disc(a, b) if self.form == "round" else box_collider(a, a, b / 2, (0, 0, b / 2))
         return Shape(
-            visual=((pad, rubber(self.ink)), (block, skin), (handle, skin), (ring, metal("gold")), (label, text)),
+            visual=(
+                (pad, rubber(self.ink)),
+                (block, skin),
+                (handle, skin),
+                (ring, metal("gold")),
+                (label, text),
+            ),
             collision=base
             + cylinder_collider(0.65 * g, b - 0.001, b + 0.3 * (h - b))
             + cylinder_collider(g, b + 0.38 * (h - b), h - 0.3 * g)
@@ -62,7 +86,14 @@ class Seal(Parametric):
 
     def frames(self) -> NamedFrames:
         a, b, h, g = self.half, self.block, self.height, self.grip
-        outline = [(a, 0.0), (a, b), (0.65 * g, b + 0.0005), (g, b + 0.4 * (h - b)), (g, h - 0.5 * g), (0.5 * g, h)]
+        outline = [
+            (a, 0.0),
+            (a, b),
+            (0.65 * g, b + 0.0005),
+            (g, b + 0.4 * (h - b)),
+            (g, h - 0.5 * g),
+            (0.5 * g, h),
+        ]
         return NamedFrames(
             {"base": mark(0, 0, 0), "stamp": mark(0, 0, 0, (0, 0, -1)), "top": mark(0, 0, h)},
             side_pinches(g, (b + 0.55 * (h - b), h - 0.9 * g), outline=outline, kind="handle"),

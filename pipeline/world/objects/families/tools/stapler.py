@@ -32,21 +32,39 @@ class Stapler(Parametric):
         jaw = 0.012 + self.gape
         nose = jaw + self.nose * (h - jaw)
         under = [(-a, 0.012), (-0.7 * a, 0.014), (0.96 * a, jaw), (a, jaw + 0.004)]
-        back = [(0.97 * a, nose), (0.55 * a, h - 0.002), (-0.45 * a, h), (-0.85 * a, 0.82 * h), (-a, 0.55 * h)]
+        back = [
+            (0.97 * a, nose),
+            (0.55 * a, h - 0.002),
+            (-0.45 * a, h),
+            (-0.85 * a, 0.82 * h),
+            (-a, 0.55 * h),
+        ]
         return np.array(under + back)
 
     def shape(self) -> Shape:
         a, w = self.length / 2, self.half
         base = at(box(a, w, 0.006, 0.0025), (0, 0, 0.006))
         arm = side_prism(self.arm(), 0.92 * w, 0.004, crease=55)
-        rail = np.array([(-0.6 * a, 0.015), (0.93 * a, 0.009 + self.gape), (0.93 * a, 0.014 + self.gape), (-0.6 * a, 0.022)])
+        rail = np.array(
+            [
+                (-0.6 * a, 0.015),
+                (0.93 * a, 0.009 + self.gape),
+                (0.93 * a, 0.014 + self.gape),
+                (-0.6 * a, 0.022),
+            ]
+        )
         anvil = at(box(0.008, 0.5 * w, 0.0008), (0.86 * a, 0, 0.0126))
-        grip = at(box(0.28 * a, 0.5 * w, 0.002, 0.001), (0.45 * a, 0, self._roof(0.45 * a) - 0.0008))
+        grip = at(
+            box(0.28 * a, 0.5 * w, 0.002, 0.001), (0.45 * a, 0, self._roof(0.45 * a) - 0.0008)
+        )
         hinge = at(box(0.006, 1.0 * w, 0.008), (-0.86 * a, 0, 0.022))
         brand = print_texture(self.colour, self.trim, "label", BRANDS[round(a * 1e5) % len(BRANDS)])
         names = [
             decal(
-                0.5 * a, 0.35 * self._roof(0), (0, s * (0.92 * w + 0.0004), 0.62 * self._roof(0)), quat_from_rpy(np.pi / 2, 0, turn)
+                0.5 * a,
+                0.35 * self._roof(0),
+                (0, s * (0.92 * w + 0.0004), 0.62 * self._roof(0)),
+                quat_from_rpy(np.pi / 2, 0, turn),
             )
             for s, turn in ((-1, 0.0), (1, np.pi))
         ]
@@ -60,7 +78,8 @@ class Stapler(Parametric):
                 (grip, rubber(self.trim)),
                 (hinge, metal()),
             ),
-            collision=box_collider(a, w, 0.006, (0, 0, 0.006)) + prism_collider(self.arm(), 0.92 * w),
+            collision=box_collider(a, w, 0.006, (0, 0, 0.006))
+            + prism_collider(self.arm(), 0.92 * w),
             mass=0.22,
             friction=0.6,
         )
@@ -72,8 +91,12 @@ class Stapler(Parametric):
     def frames(self) -> NamedFrames:
         a, h = self.length / 2, self.height
         press = mark(0.55 * a, 0, self._roof(0.55 * a))
-        grasps = box_pinches(a, 0.92 * self.half, h / 2, heights=(0.55 * h,), offsets=(-0.35, -0.1, 0.15), axes="y")
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(-0.45 * a, 0, h), "press": press}, tuple(grasps))
+        grasps = box_pinches(
+            a, 0.92 * self.half, h / 2, heights=(0.55 * h,), offsets=(-0.35, -0.1, 0.15), axes="y"
+        )
+        return NamedFrames(
+            {"base": mark(0, 0, 0), "top": mark(-0.45 * a, 0, h), "press": press}, tuple(grasps)
+        )
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"base": self.trim}

@@ -27,7 +27,10 @@ class Block(Parametric):
         skin, density = SKINS[self.material]
         return Shape(
             visual=(
-                (at(box(h, h, h, self.bevel), (0, 0, h)), worn(self.colour, round(self.side * 1e6), skin(self.colour).roughness)),
+                (
+                    at(box(h, h, h, self.bevel), (0, 0, h)),
+                    worn(self.colour, round(self.side * 1e6), skin(self.colour).roughness),
+                ),
             ),
             collision=box_collider(h, h, h, (0, 0, h)),
             mass=density * self.side**3,
@@ -36,4 +39,8 @@ class Block(Parametric):
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
-        return standing(self.side, box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,)), centre=mark(0, 0, self.side))
+        return standing(
+            self.side,
+            box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,)),
+            centre=mark(0, 0, self.side),
+        )

@@ -13,7 +13,8 @@ from pipeline.world.objects.parameters import Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
 SHORT_OF_THE_MIDDLE = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020)
-"""Distances (m) by which the tcp may stay short of the middle: the block is wide, a palm that leans needs room."""
+"""Distances (m) by which the tcp may stay short of the middle: the block is wide, a palm that leans
+needs room."""
 
 HALF = 0.03
 HEIGHT = 0.20
@@ -32,7 +33,10 @@ class LongBlock(Parametric):
         w, h = HALF, HEIGHT / 2
         ring = box(w + 0.0004, w + 0.0004, self.band_width / 2)
         return Shape(
-            visual=((at(box(w, w, h, self.bevel), (0, 0, h)), worn(self.colour, 5)), (at(ring, (0, 0, h)), painted(self.band))),
+            visual=(
+                (at(box(w, w, h, self.bevel), (0, 0, h)), worn(self.colour, 5)),
+                (at(ring, (0, 0, h)), painted(self.band)),
+            ),
             collision=box_collider(w, w, h, (0, 0, h)),
             mass=400 * 8 * w * w * h,
             friction=0.7,
@@ -40,7 +44,9 @@ class LongBlock(Parametric):
 
     def frames(self) -> NamedFrames:
         w, h = HALF, HEIGHT
-        grips = partial(box_pinches, w, w, h / 2, pitches=PITCHES, offsets=(0.0,), retreats=SHORT_OF_THE_MIDDLE)
+        grips = partial(
+            box_pinches, w, w, h / 2, pitches=PITCHES, offsets=(0.0,), retreats=SHORT_OF_THE_MIDDLE
+        )
         low = grips(heights=(0.035, 0.055, 0.09), kind="low")
         high = grips(heights=(h - 0.07, h - 0.05, h - 0.03), kind="high")
         return standing(h, (*low, *high), middle=mark(0, 0, h / 2))

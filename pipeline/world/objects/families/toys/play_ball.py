@@ -25,8 +25,12 @@ class PlayBall(Ball):
     def shape(self) -> Shape:
         r, plain = self.radius, super().shape()
         turn = np.radians(np.arange(-15, 16, 5))
-        stripe = revolve(np.column_stack([1.004 * r * np.cos(turn), r + 1.004 * r * np.sin(turn)]), 24, 60.0)
-        return replace(plain, visual=(*plain.visual, (at(stripe, (0, -r, r), ALONG_Y), plastic("white"))))
+        stripe = revolve(
+            np.column_stack([1.004 * r * np.cos(turn), r + 1.004 * r * np.sin(turn)]), 24, 60.0
+        )
+        return replace(
+            plain, visual=(*plain.visual, (at(stripe, (0, -r, r), ALONG_Y), plastic("white")))
+        )
 
     def frames(self) -> NamedFrames:
         r, angle = self.radius, np.radians(np.arange(-80, 81, 20))

@@ -38,10 +38,20 @@ class RubiksCube(Parametric):
         turns = [*(upright(k) for k in range(4)), (1, 0, 0, 0), quat_about((1, 0, 0), np.pi)]
         for face, turn in enumerate(turns):
             for k in range(9):
-                tone = int(rng.integers(6)) if rng.uniform() < self.scramble and k != 4 else int(colours[face])
-                tile = decal(self.sticker * cell, self.sticker * cell, ((k % 3 - 1) * cell, (k // 3 - 1) * cell, h + 0.0003))
+                tone = (
+                    int(rng.integers(6))
+                    if rng.uniform() < self.scramble and k != 4
+                    else int(colours[face])
+                )
+                tile = decal(
+                    self.sticker * cell,
+                    self.sticker * cell,
+                    ((k % 3 - 1) * cell, (k // 3 - 1) * cell, h + 0.0003),
+                )
                 chosen[tone].append(at(tile, (0, 0, h), turn))
-        stickers = tuple((join(*tiles), plastic(STICKERS[tone])) for tone, tiles in chosen.items() if tiles)
+        stickers = tuple(
+            (join(*tiles), plastic(STICKERS[tone])) for tone, tiles in chosen.items() if tiles
+        )
         return Shape(
             visual=((at(box(h, h, h, 0.0015), (0, 0, h)), plastic(self.colour)), *stickers),
             collision=box_collider(h, h, h, (0, 0, h)),
@@ -55,5 +65,9 @@ class RubiksCube(Parametric):
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {
-            "order": "scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved"
+            "order": "scrambled"
+            if self.scramble > 0.4
+            else "nearly solved"
+            if self.scramble > 0.08
+            else "solved"
         }

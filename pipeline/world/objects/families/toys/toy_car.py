@@ -42,12 +42,22 @@ class ToyCar(Parametric):
         w, h, r = self.half, self.height, self.wheel
         belt = 0.58 * h
         low = 0.55 * r
-        sill = [(0.02, low), (0.98, low), (1.0, 0.6 * belt), (0.93, 0.9 * belt), (0.7, belt), (0.0, belt)]
+        sill = [
+            (0.02, low),
+            (0.98, low),
+            (1.0, 0.6 * belt),
+            (0.93, 0.9 * belt),
+            (0.7, belt),
+            (0.0, belt),
+        ]
         lower = np.array([(self.x(share), z) for share, z in sill])
         cabin = np.array([(self.x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
         glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
         corners = [(share, side) for share in (0.2, 0.8) for side in (-1, 1)]
-        wheels = [at(cylinder(r, 0.009, 14), (self.x(share), side * (w - 0.0085) + 0.0045, r), LYING) for share, side in corners]
+        wheels = [
+            at(cylinder(r, 0.009, 14), (self.x(share), side * (w - 0.0085) + 0.0045, r), LYING)
+            for share, side in corners
+        ]
         tyres, hubs = (
             [
                 at(
@@ -59,9 +69,18 @@ class ToyCar(Parametric):
             ]
             for radius, out in ((1.06 * r, -0.0004), (0.55 * r, 0.0002))
         )
-        bumpers = [at(box(0.003, 0.9 * w, 0.08 * h, 0.001), (self.x(share), 0, 0.24 * h)) for share in (0.01, 0.985)]
-        lamps = [at(box(0.0012, 0.16 * w, 0.1 * h), (self.x(0.985), side * 0.62 * w, 0.42 * h)) for side in (-1, 1)]
-        tails = [at(box(0.0008, 0.16 * w, 0.07 * h), (self.x(0.012), side * 0.7 * w, 0.45 * h)) for side in (-1, 1)]
+        bumpers = [
+            at(box(0.003, 0.9 * w, 0.08 * h, 0.001), (self.x(share), 0, 0.24 * h))
+            for share in (0.01, 0.985)
+        ]
+        lamps = [
+            at(box(0.0012, 0.16 * w, 0.1 * h), (self.x(0.985), side * 0.62 * w, 0.42 * h))
+            for side in (-1, 1)
+        ]
+        tails = [
+            at(box(0.0008, 0.16 * w, 0.07 * h), (self.x(0.012), side * 0.7 * w, 0.45 * h))
+            for side in (-1, 1)
+        ]
         front = np.array(FORMS[self.form])[[1, 2]]
         slope = np.array([self.x(front[0, 0]), belt]), np.array([self.x(front[1, 0]), h])
         middle, along = (slope[0] + slope[1]) / 2, slope[1] - slope[0]
@@ -83,7 +102,8 @@ class ToyCar(Parametric):
                 *((m, plastic("cream")) for m in lamps),
                 *((m, plastic("red")) for m in tails),
             ),
-            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2)) + prism_collider(cabin, 0.86 * w),
+            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2))
+            + prism_collider(cabin, 0.86 * w),
             mass=0.11,
             friction=0.6,
         )

@@ -32,18 +32,33 @@ class WoodenBlock(Parametric):
     def shape(self) -> Shape:
         a, b, h = self.length / 2, self.half, self.height
         if self.form == "brick":
-            mesh, pieces = at(box(a, b, h / 2, 0.0025), (0, 0, h / 2)), box_collider(a, b, h / 2, (0, 0, h / 2))
+            mesh, pieces = (
+                at(box(a, b, h / 2, 0.0025), (0, 0, h / 2)),
+                box_collider(a, b, h / 2, (0, 0, h / 2)),
+            )
         elif self.form == "cylinder":
             mesh, pieces = cylinder(b, self.length, 24, 0.002), disc(b, self.length)
         else:
             mesh, pieces = side_prism(self.wedge(), b, 0.002), prism_collider(self.wedge(), b)
-        size = np.pi * b * b * self.length if self.form == "cylinder" else 4 * a * b * h * (0.68 if self.form == "wedge" else 1)
-        return Shape(visual=((mesh, wood(self.colour, self.seed)),), collision=pieces, mass=650 * size, friction=0.5)
+        size = (
+            np.pi * b * b * self.length
+            if self.form == "cylinder"
+            else 4 * a * b * h * (0.68 if self.form == "wedge" else 1)
+        )
+        return Shape(
+            visual=((mesh, wood(self.colour, self.seed)),),
+            collision=pieces,
+            mass=650 * size,
+            friction=0.5,
+        )
 
     def frames(self) -> NamedFrames:
         a, b = self.length / 2, self.half
         if self.form == "cylinder":
-            return standing(self.length, side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]))
+            return standing(
+                self.length,
+                side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]),
+            )
         spread = (-0.2, 0.0, 0.2) if self.form == "brick" else (0.0,)
         return standing(self.height, box_pinches(a, b, self.height / 2, offsets=spread, axes="y"))
 
