@@ -5,8 +5,6 @@ It separates two differences between the planned and the reactive expert of docs
 following the target in view, and knowing only the past.
 """
 
-from functools import partial
-
 import numpy as np
 
 from pipeline.data.names import SIDES
@@ -16,6 +14,8 @@ from pipeline.expert.reactive.prediction import Track
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
+from pipeline.stages.demonstrator import Reactive
+from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import failing_as
 from pipeline.stages.react import STAGE
 from pipeline.stages.replay import Replay, finish
@@ -66,19 +66,19 @@ class ForesightedActor(ReactiveActor):
             self._future.further = 0.0
 
 
-def meet_foreseen(
-    sight: Sight, fps: int, scene: Scene, motion: TargetMotion, meeting: float
-) -> Replay:
-    """The third stage of an attempt (stages/attempt.py) by this expert; raises Failure as
-    stages/react.py does."""
-    actor = scene.start(motion, fps, STAGE, ForesightedActor)
-    actor.recorder.watched = SIDES
-    with failing_as(STAGE, actor):
-        actor.attend(sight, scene.task.workspace, scene.spec.rng("sight"))
-        actor.meet(scene.task.meet)
-        return finish(scene, actor, STAGE)
+class Foresighted(Reactive):
+    """This expert as the demonstrator of an attempt."""
+
+    def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
+        """As stages/react.py."""
+        actor = scene.start(motion, fps, STAGE, ForesightedActor)
+        actor.recorder.watched = SIDES
+        with failing_as(STAGE, actor):
+            actor.attend(self.sight, scene.task.workspace, scene.spec.rng("sight"))
+            actor.meet(scene.task.meet)
+            return finish(scene, actor, STAGE)
 
 
 def fill_foreseen(job: SlotJob) -> Demonstration | None:
     """As `fill`, by this expert."""
-    return fill(job, partial(meet_foreseen, job.recipe.sight, job.recipe.fps))
+    return fill(job, Foresighted(job.recipe.sight))

@@ -65,7 +65,7 @@ def pieces(total: float, end_speed: float | None, rng: np.random.Generator) -> s
                 used = np.flatnonzero(lasts)
                 straight += [not own[k, :, 2:].any() for k in used]
                 two.append(len(used) == 2)
-                greatest.append(max(greatest_speed(own[k]) / lasts[k] for k in used))
+                greatest.append(float(max(np.max(greatest_speed(own[k]) / lasts[k]) for k in used)))
     shares = f"{100 * np.mean(straight):.0f} | {100 * np.mean(two):.0f}"
     speeds = " | ".join(f"{speed:.2f}" for speed in np.quantile(greatest, (0.5, 0.9, 0.99)))
     bound = "any" if end_speed is None else f"{end_speed:g}"

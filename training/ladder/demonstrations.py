@@ -18,6 +18,7 @@ from pipeline.evaluate.correct import Correction
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.poses import Floats
 from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.demonstrator import Demonstrator
 from pipeline.stages.failure import Failure
 from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
@@ -107,10 +108,11 @@ class SlotJob:
     slot: Slot
 
 
-def fill(job: SlotJob) -> Demonstration | None:
+def fill(job: SlotJob, demonstrator: Demonstrator | None = None) -> Demonstration | None:
     """The episode that a build of this recipe accepts for the slot, without images; None if it
-    gives the slot up."""
-    demonstrator = Correction(job.recipe) if job.recipe.corrections else None
+    gives the slot up. Another `demonstrator` than the recipe's may show the task."""
+    if demonstrator is None and job.recipe.corrections:
+        demonstrator = Correction(job.recipe)
     for number in range(job.recipe.attempts):
         try:
             rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, Phases(), demonstrator)
