@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from pipeline.data.drive_errors import DriveErrors
 from pipeline.data.episode.meta import CLUTTER, Category, EpisodeMeta
 from pipeline.data.keys import digest
 
@@ -81,6 +82,7 @@ class Rules:
     `layout` says where the robot's bases stand: at our places, or at those of the original system.
     `clutter` are the fewest and the most distractors of the randomized domain. `objects` names for
     families the objects from files that stand for them; a key `task.family` is for one task.
+    `drive` says how joints differ from their commands.
     """
 
     name: RuleSet = "strict"
@@ -88,6 +90,7 @@ class Rules:
     layout: Layout = "ours"
     clutter: tuple[int, int] = CLUTTER
     objects: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    drive: DriveErrors | None = None
 
     def standing_for(self, family: str) -> tuple[str, ...]:
         """The objects that a layout gets where it asks for a family; the family itself where there
@@ -115,9 +118,9 @@ class Rules:
         layout = self.layout if self.layout != "ours" else None
         clutter = None if self.clutter == CLUTTER else "clutter{}to{}".format(*self.clutter)
         objects = f"objects{digest(self.objects)[:6]}" if self.objects else None
-        return "-".join(
-            word for word in (self.name, self.contact, layout, clutter, objects) if word
-        )
+        drive = self.drive and self.drive.label
+        words = (self.name, self.contact, layout, clutter, objects, drive)
+        return "-".join(word for word in words if word)
 
 
 STRICT = Rules()
@@ -135,4 +138,5 @@ def rules_of(meta: EpisodeMeta) -> Rules:
             meta.clutter_wanted,
             tuple((family, tuple(names)) for family, names in sorted(meta.objects_wanted.items())),
         ),
+        meta.drive,
     )

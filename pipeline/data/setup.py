@@ -17,6 +17,7 @@ from pydantic import (
 
 from pipeline.data.brought import Brought, bring_light, bring_textures
 from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.drive_errors import DriveErrors
 from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced
 from pipeline.data.errors import DominoError
 from pipeline.data.names import CAMERAS, MOUNTED, RETIRED, SIDES
@@ -102,6 +103,9 @@ class Setup(BaseModel):
     """What the first touch does to the motion of the target, if not what the rules define."""
     layout: Layout = "ours"
     """Places of the robots' bases: ours, or those of the original system."""
+    drive: DriveErrors | None = None
+    """How joints differ from their commands, off by default: lag (s), noise (rad) and backlash
+    (rad), as in lag=0.03,noise=0.002,backlash=0.001; in a file also {lag: 0.03}."""
     clutter: tuple[
         Annotated[int, Field(ge=0, strict=True)],
         Annotated[int, Field(le=MOST_CLUTTER, strict=True)],
@@ -214,6 +218,12 @@ class Setup(BaseModel):
             )
         return value if value != Sensors() else None
 
+    @field_validator("drive")
+    @classmethod
+    def _some_error(cls, value: DriveErrors | None) -> DriveErrors | None:
+        """Drives without errors are none."""
+        return value if value != DriveErrors() else None
+
     @field_validator("pointcloud")
     @classmethod
     def _of_the_head_camera(cls, value: bool, info: ValidationInfo) -> bool:
@@ -262,8 +272,9 @@ class Setup(BaseModel):
 
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
+        objects = tuple(sorted(self.objects.items()))
         return Rules(
-            self.rules, self.contact, self.layout, self.clutter, tuple(sorted(self.objects.items()))
+            self.rules, self.contact, self.layout, self.clutter, objects, self.drive
         )
 
     @property

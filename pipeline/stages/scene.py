@@ -21,6 +21,7 @@ from pipeline.tasks.needed_arms import suits
 from pipeline.tasks.outcome import Outcome, failed
 from pipeline.world.cameras import cameras_of
 from pipeline.world.physics.body import Body
+from pipeline.world.physics.imperfect import ImperfectDrives
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import PHYSICS_HZ, Motion, Simulation
 from pipeline.world.robots.contract import Embodiment
@@ -63,6 +64,7 @@ class Scene:
             motion,
             after_touch=after,
             clutter=self.clutter,
+            imperfect=self._imperfect(purpose),
         )
         if not simulation.settle():
             raise Failure(
@@ -78,6 +80,13 @@ class Scene:
             self.spec.rng(f"planning/{purpose}"),
             self.task.step_limit,
         )
+
+    def _imperfect(self, purpose: str) -> ImperfectDrives | None:
+        """The drives' errors, if the rules have some. A plan meets others when it is played back than when it was made."""
+        if self.rules.drive is None:
+            return None
+        stream = "drive/dry_run" if purpose == "dry_run" else "drive"
+        return ImperfectDrives(self.rules.drive, self.embodiment, self.spec.rng(stream))
 
     def sees(self, points: NDArray[np.float64], camera: str = "D435") -> NDArray[np.bool_]:
         """Which world points (..., 3) the head camera has in its image, with a margin, and no

@@ -76,3 +76,15 @@ def test_velocities_of_the_joints_are_the_differences_of_their_positions(log):
     rates = (log.qpos[2:] - log.qpos[:-2]) * FPS / 2
     assert np.abs(rates).max() > 2.0
     assert np.quantile(np.abs(log.qvel[1:-1] - rates).max(1), 0.95) < 0.05
+
+
+def test_an_attempt_with_imperfect_drives_repeats_and_its_joints_are_off_by_what_was_asked():
+    spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3)
+    recipe = Recipe(drive={"noise": 0.002})
+    logs = [attempt(spec, recipe, Phases()).replay.log for _ in range(2)]
+    assert logs[0].poses.tobytes() == logs[1].poses.tobytes() and logs[0].action.tobytes() == logs[1].action.tobytes()
+    arm = [i for i, name in enumerate(logs[0].vector_names) if not name.endswith("gripper")]
+    off = logs[0].state[8:, arm] - logs[0].action[7:-1, arm]
+    assert np.sqrt((off**2).mean()) == pytest.approx(0.002, rel=0.25)
+    exact = attempt(spec, Recipe(), Phases()).replay.log
+    assert np.abs(exact.state[1:, arm] - exact.action[:-1, arm]).mean() < 0.0005

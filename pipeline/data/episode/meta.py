@@ -20,6 +20,7 @@ from pydantic import (
 
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.drive_errors import DriveErrors
 from pipeline.data.episode.visuals import FIRST_LOOK, Visuals
 from pipeline.data.names import RETIRED, is_name
 from pipeline.data.sensors import Sensors
@@ -260,6 +261,7 @@ class EpisodeMeta(_Record):
     rules: str = "strict"
     contact: str = "stop"
     layout: str = "ours"
+    drive: DriveErrors | None = None
     expert: Literal["planned", "reactive"] = "planned"
     corrects: str = ""
     physics_hz: Annotated[int, Field(gt=0)] = PHYSICS_HZ
@@ -280,6 +282,8 @@ class EpisodeMeta(_Record):
         values = write(self)
         if self.clutter_wanted == CLUTTER:
             values.pop("clutter_wanted", None)
+        if self.drive is None:
+            values.pop("drive", None)
         if not self.objects_wanted:
             values.pop("objects_wanted", None)
         if self.expert == "planned":

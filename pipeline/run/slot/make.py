@@ -64,6 +64,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         rules=scene.rules.name,
         contact=scene.rules.after_touch(task.category),
         layout=scene.rules.layout,
+        drive=scene.rules.drive,
         **rollout.demonstrator.describe(),
         physics_hz=PHYSICS_HZ,
         step_limit=at_rate(task.step_limit, recipe.fps),

@@ -31,6 +31,7 @@ from pipeline.world.physics.body import BORNE, TABLE_TOP, Body
 from pipeline.world.physics.contacts import Pair, points_on, pushes, touching_pairs
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold
 from pipeline.world.physics.forces import ForceWatch, Overload
+from pipeline.world.physics.imperfect import ImperfectDrives
 from pipeline.world.physics.scene_building import (
     add_arm,
     add_body,
@@ -73,6 +74,7 @@ class Simulation:
         *,
         after_touch: AfterTouch = "stop",
         clutter: Collection[str] = (),
+        imperfect: ImperfectDrives | None = None,
     ) -> None:
         self.embodiment, self.bodies, self.target, self.motion = (
             embodiment,
@@ -148,6 +150,7 @@ class Simulation:
         )
         self._index_vector()
         self.command = self.home_vector()
+        self._imperfect = imperfect
 
     def _index_vector(self) -> None:
         """Where the state vector finds its numbers among the joints; a gripper's place is filled
@@ -209,10 +212,12 @@ class Simulation:
     def step(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """Advance one physics step with drive targets `command` and `velocity` (vector layout;
         gripper entries 0-1 and 1/s)."""
-        first = 0
+        first, (target, rate) = 0, (command, velocity)
+        if self._imperfect is not None and not self._waiting:
+            target, rate = self._imperfect.apply(command, velocity, self.time)
         for arm in self._arms.values():
             end = first + len(arm.joints) + 1
-            arm.drive(command[first:end], velocity[first:end])
+            arm.drive(target[first:end], rate[first:end])
             first = end
         if self._drive is not None:
             now, later = self.motion.twist(np.array([self.steps, self.steps + 1]) / PHYSICS_HZ)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.brought import Brought
+from pipeline.data.drive_errors import DriveErrors
 from pipeline.data.recipe.model import Floor, Slot
 from pipeline.data.rules import Corrections, Sight
 from pipeline.data.sensors import Sensors
@@ -295,6 +296,7 @@ PHYSICS_KEYS = {
     "paired": ("levels",),
     "clutter": (3, 10),
     "view": "unoccluded",
+    "drive": DriveErrors(lag=0.1),
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
