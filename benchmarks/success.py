@@ -15,9 +15,11 @@ hard the robot presses.
 
 import argparse
 import json
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
@@ -143,6 +145,8 @@ def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int, keep: Callable[[Row],
                 bar.set_postfix_str(f"{filled / tried:.1%} of {tried} attempts accepted")
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
+        except BrokenProcessPool:
+            print("a worker was killed: run the same command again to resume", file=sys.stderr)
 
 
 def is_filled(row: Row) -> bool:
