@@ -28,7 +28,9 @@ class DriveErrors(BaseModel):
             return {}
         pairs = [word.strip().split("=") for word in value.split(",")]
         if any(len(pair) != 2 for pair in pairs):
-            raise ValueError("is not written as key=value, such as lag=0.03,noise=0.002,backlash=0.001")
+            raise ValueError(
+                "is not written as key=value, such as lag=0.03,noise=0.002,backlash=0.001"
+            )
         return {key.strip(): text.strip() for key, text in pairs}
 
     @property

@@ -273,9 +273,7 @@ class Setup(BaseModel):
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
         objects = tuple(sorted(self.objects.items()))
-        return Rules(
-            self.rules, self.contact, self.layout, self.clutter, objects, self.drive
-        )
+        return Rules(self.rules, self.contact, self.layout, self.clutter, objects, self.drive)
 
     @property
     def label(self) -> str:

@@ -82,7 +82,10 @@ def test_an_attempt_with_imperfect_drives_repeats_and_its_joints_are_off_by_what
     spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3)
     recipe = Recipe(drive={"noise": 0.002})
     logs = [attempt(spec, recipe, Phases()).replay.log for _ in range(2)]
-    assert logs[0].poses.tobytes() == logs[1].poses.tobytes() and logs[0].action.tobytes() == logs[1].action.tobytes()
+    assert (
+        logs[0].poses.tobytes() == logs[1].poses.tobytes()
+        and logs[0].action.tobytes() == logs[1].action.tobytes()
+    )
     arm = [i for i, name in enumerate(logs[0].vector_names) if not name.endswith("gripper")]
     off = logs[0].state[8:, arm] - logs[0].action[7:-1, arm]
     assert np.sqrt((off**2).mean()) == pytest.approx(0.002, rel=0.25)

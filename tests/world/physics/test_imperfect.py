@@ -52,13 +52,18 @@ def test_joints_are_as_late_as_the_lag(lag):
 
 def test_the_noise_of_a_joint_has_its_size_and_is_its_own():
     s = scene(DriveErrors(noise=0.004))
-    found = measured(s, np.repeat(s.home_vector()[None], 12 * PHYSICS_HZ, 0))[2 * PHYSICS_HZ :] - s.home_vector()
+    found = (
+        measured(s, np.repeat(s.home_vector()[None], 12 * PHYSICS_HZ, 0))[2 * PHYSICS_HZ :]
+        - s.home_vector()
+    )
     sizes = found.std(0)
     assert np.sqrt((sizes[ARMS] ** 2).mean()) == pytest.approx(0.004, rel=0.15)
     assert sizes[~ARMS].max() < 1e-3
     assert np.abs(np.corrcoef(found[:, ARMS].T) - np.eye(ARMS.sum())).max() < 0.7
     # smooth enough for drives: no joint is asked to move faster than the fastest sine
-    assert np.abs(np.diff(found[:, ARMS], axis=0)).max() * PHYSICS_HZ < 4 * 0.004 * 2 * np.pi * FASTEST
+    assert (
+        np.abs(np.diff(found[:, ARMS], axis=0)).max() * PHYSICS_HZ < 4 * 0.004 * 2 * np.pi * FASTEST
+    )
 
 
 def test_a_joint_turns_back_only_after_its_play():
