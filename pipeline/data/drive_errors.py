@@ -9,7 +9,7 @@ class DriveErrors(BaseModel):
     """All off by default; world/physics/imperfect.py defines what each number does.
 
     `lag` (s), rounded to physics steps, is for all joints and grippers; `noise` (rad, standard
-    deviation) and `backlash` (rad, from one side of the play to the other) are for the arms' joints.
+    deviation) and `backlash` (rad, from one side of the play to the other) are for joints of arms.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -21,7 +21,7 @@ class DriveErrors(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _written(cls, value: Any) -> Any:
-        """ "lag=0.03,noise=0.002" stands for {lag: 0.03, noise: 0.002}, and "none" for no errors."""
+        """ "lag=0.03,noise=0.002" stands for {lag: 0.03, noise: 0.002}, "none" for no errors."""
         if not isinstance(value, str):
             return value
         if value == "none":

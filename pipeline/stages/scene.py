@@ -82,7 +82,8 @@ class Scene:
         )
 
     def _imperfect(self, purpose: str) -> ImperfectDrives | None:
-        """The drives' errors, if the rules have some. A plan meets others when it is played back than when it was made."""
+        """The drives' errors, if the rules have some: a plan is played back with other ones than
+        it was made with."""
         if self.rules.drive is None:
             return None
         stream = "drive/dry_run" if purpose == "dry_run" else "drive"

@@ -1,4 +1,4 @@
-"""Joints that do not follow their commands exactly: lag, smooth noise and backlash between a command and the drives."""
+"""Joints that do not follow their commands exactly: lag, smooth noise and backlash."""
 
 from collections import deque
 
