@@ -144,7 +144,7 @@ class Margins:
     """Motions into and out of contact keep no gap: fingers pass the table within 3 mm when they
     grasp low bodies."""
 
-    arms: float = 0.015
+    arms: float = 0.012
     """Between links of the two arms, whatever they do: 1 cm, and what drives and the rounding of
     corners may be off."""
 

@@ -17,7 +17,7 @@ from pipeline.expert.skills import (
     resting_poses,
     retreat,
 )
-from pipeline.poses import compose, yawed
+from pipeline.poses import Pose, compose, yawed
 from pipeline.tasks.contract import (
     INTERCEPTION,
     Draw,
@@ -33,6 +33,13 @@ from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
 ABOVE = 0.07
+"""Height (m) over the pan from which the bread comes down."""
+
+OFF_CENTRE = (0.0, 0.012, 0.022)
+"""Distances (m) of the bread from the middle of the pan, away from its handle."""
+
+JUDGED = 30
+"""Places of the pan at which the way of the bread is looked at."""
 
 
 @register
@@ -67,7 +74,7 @@ class PlaceBreadSkillet(Task):
         return {"arm": "left" if pan == "right" else "right", "pan_arm": pan}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        yield grasp(a.arms["arm"], "bread")
+        yield grasp(a.arms["arm"], "bread", pitch=1.3)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, pan = a.arms["arm"], a.arms["pan_arm"]
@@ -75,12 +82,14 @@ class PlaceBreadSkillet(Task):
         held = self._held(pan)
         goals = [list(held)]
         yield first_of(
-            grasp(pan, "skillet", kinds=("handle",), goals=goals),
-            grasp(pan, "skillet", goals=goals),
+            *(
+                grasp(pan, "skillet", kinds=kinds, goals=goals, pitch=0.4)
+                for kinds in (("handle",), None)
+            )
         )
         yield lift(pan, 0.06)
         yield carry(pan, self._within_reach(a, held))
-        yield place(arm, "base", a.frame("skillet", "centre"), yaws=ROUND, above=ABOVE)
+        yield place(arm, "base", self._spots(a, a.pose("skillet")), yaws=ROUND, above=ABOVE)
         yield open_(arm)
         yield retreat(arm, 0.08)
 
@@ -91,11 +100,19 @@ class PlaceBreadSkillet(Task):
         return np.stack(
             [
                 yawed((s * x, y, TABLE_TOP + z), s * turn)
-                for z in (0.08, 0.06, 0.12)
+                for z in (0.08, 0.06)
                 for turn in (0.8, 1.2, 1.6, 0.4, 2.0, 0.0, -0.4)
                 for x in (0.10, 0.06, 0.14, 0.0, -0.06)
                 for y in (0.0, -0.06, 0.06, 0.12)
             ]
+        )
+
+    def _spots(self, a: Actor, pan: Pose) -> np.ndarray:
+        """Poses (N,7) for the bread in the skillet at the pose `pan`: in its middle, and farther
+        from the hand at its handle."""
+        centre = a.frames("skillet")["centre"]
+        return np.stack(
+            [compose(pan, compose(centre, yawed((0.0, off, 0.0), 0.0))) for off in OFF_CENTRE]
         )
 
     def _within_reach(self, a: Actor, held: np.ndarray) -> np.ndarray:
@@ -106,16 +123,19 @@ class PlaceBreadSkillet(Task):
         arm, pan = a.arms["arm"], a.arms["pan_arm"]
         planner = a.arm_planner(arm)
         q, ok = a.arm_planner(pan).solve(hand_poses(a, pan, held))
-        centre, base = a.frames("skillet")["centre"], a.frames("bread")["base"]
+        base = a.frames("bread")["base"]
         found = list[int]()
-        for i in np.flatnonzero(ok):
-            over = lifted(
-                hand_poses(a, arm, resting_poses(base, compose(held[i], centre), ROUND)), ABOVE
-            )
-            at, reached = planner.solve(over)
+        reached = np.flatnonzero(ok)
+        for i in reached[:: max(1, len(reached) // JUDGED)]:
+            spots = [resting_poses(base, spot, ROUND) for spot in self._spots(a, held[i])]
+            over = lifted(hand_poses(a, arm, np.concatenate(spots)), ABOVE)
+            at, solved = planner.solve(over)
             there = planner.within(planner.scene.expecting(pan, q[i]))
-            free, apart = there.checker(), there.checker([("bread", "skillet"), (arm, "skillet")])
-            for k in np.flatnonzero(reached):
+            free, apart = (
+                there.checker(),
+                there.checker([("bread", "skillet"), (f"{arm}_fingers", "skillet")]),
+            )
+            for k in np.flatnonzero(solved):
                 line = planner.line(at[k], lifted(over[k], -ABOVE)) if free(at[k]) else None
                 if line is not None and apart(line):
                     found.append(i)
