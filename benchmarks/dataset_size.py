@@ -9,9 +9,10 @@ to three attempts and eleven assets. Every row of the table is a process of its 
 clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a slot
 beyond the stage, by the clock, which on a busy machine counts the work of others; `processor ms` is
 what a slot takes of the processor, stage included. `resume` grows the finished dataset by an
-episode a cell: the time is that until the first of them begins. The report has no films, because
-the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers, which are
-not replaced: after 500 slots, when they would be, real ones have worked for half an hour.
+episode a cell: the time is that until the first of them begins. `index` records all slots in one
+commit, and reads what `status` reads of them. The report has no films, because the files are no
+episodes. The last rows build `--ray` episodes a cell with Ray workers, which are not replaced:
+after 500 slots, when they would be, real ones have worked for half an hour.
 """
 
 import argparse
@@ -33,9 +34,14 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
+from pipeline.data.index import Index
+from pipeline.data.keys import SlotKeys
+from pipeline.data.recipe.model import Recipe
 from pipeline.data.records import FileFacts, SlotRecord
+from pipeline.data.reread import IndexWriter
+from pipeline.data.rows import Listing
 from pipeline.report.page import refresh
-from pipeline.run.identity.slot_keys import slot_keys
+from pipeline.run.identity.slot_keys import RecipeKeys, slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob
 
@@ -46,7 +52,9 @@ SHA256 = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
 STARTED = ".first"
 
 
-def fake_worker() -> Callable[[SlotJob], SlotRecord]:
+def fake_worker(
+    stage: float = STAGE, keys_of: Callable[[SlotJob], SlotKeys] | None = None
+) -> Callable[[SlotJob], SlotRecord]:
     """The fake stage, in a process that knows its assets."""
     store, known = None, list[str]()
 
@@ -59,7 +67,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
                 file.write(f"{time.process_time()}")
             store = AssetStore(dataset.bodies)
             known.extend(store.put({"x": np.full(8, n)}, {"n": n}) for n in range(ASSETS))
-        time.sleep(STAGE)
+        time.sleep(stage)
         path, index = dataset.episode(job.slot), job.slot.index
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"")
@@ -98,9 +106,8 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
             path.stat(), 75, SHA256[:32], [known[(index + n) % ASSETS] for n in range(11)]
         )
         spent = time.perf_counter() - began
-        return SlotRecord(
-            slot_keys(job.recipe, job.slot), True, SHA256, tuple(rows), {"stage": spent}, file=facts
-        )
+        keys = keys_of(job) if keys_of else slot_keys(job.recipe, job.slot)
+        return SlotRecord(keys, True, SHA256, tuple(rows), {"stage": spent}, file=facts)
 
     return fill
 
@@ -108,9 +115,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
 def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     """One row, in this process."""
     began = time.time()
-    recipe = recipe_from(
-        {"embodiments": ROBOTS.split(","), "domains": ["clean", "randomized"], "episodes": episodes}
-    )
+    recipe = make_recipe(episodes)
     building.slot_worker = fake_worker
     first = root.parent / STARTED
     first.unlink(missing_ok=True)
@@ -143,6 +148,38 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     }
 
 
+def fill_index(root: Path, episodes: int) -> dict[str, float]:
+    """Record all slots in one commit, without a build; then what reading them takes of the
+    processor."""
+    recipe, dataset = make_recipe(episodes), Dataset(root)
+    dataset.create(recipe)
+    keys, fill = RecipeKeys(recipe), fake_worker(0.0, lambda job: keys.of(job.slot))
+    with IndexWriter(dataset, recipe) as writer:
+        writer.index.add(
+            (slot, fill(SlotJob(str(root), recipe, slot, ""))) for slot in recipe.physical_slots()
+        )
+    began = time.process_time()
+    with Index(dataset.index) as index:
+        rows = index.rows(recipe)
+        index.attempts(rows, "stage", "reason", "detail", "conditions")
+    read = time.process_time() - began
+    Listing(dataset.episodes, recipe).there(rows)
+    listed = time.process_time() - began - read
+    return {
+        "slots": len(rows),
+        "read s": read,
+        "listing s": listed,
+        "index MB": dataset.index.stat().st_size / 1e6,
+    }
+
+
+def make_recipe(episodes: int) -> Recipe:
+    """All tasks on all robots in both domains."""
+    return recipe_from(
+        {"embodiments": ROBOTS.split(","), "domains": ["clean", "randomized"], "episodes": episodes}
+    )
+
+
 def status(root: Path) -> dict[str, float]:
     """The command itself, from start to end."""
     began = time.time()
@@ -160,14 +197,18 @@ def status(root: Path) -> dict[str, float]:
 
 
 COLUMNS = (
-    "slots",
-    "seconds",
-    "processor s",
-    "first job s",
-    "overhead ms",
-    "processor ms",
-    "largest page kB",
-    "memory MB",
+    *(
+        "slots",
+        "read s",
+        "listing s",
+        "index MB",
+        "seconds",
+        "processor s",
+        "first job s",
+        "overhead ms",
+        "processor ms",
+    ),
+    *("largest page kB", "memory MB"),
 )
 
 
@@ -186,9 +227,13 @@ def main() -> None:
     parser.add_argument("--step", default="")
     given = parser.parse_args()
     if given.step:
+        others = {
+            "status": lambda: status(given.out),
+            "index": lambda: fill_index(given.out, given.episodes),
+        }
         found = (
-            status(given.out)
-            if given.step == "status"
+            others[given.step]()
+            if given.step in others
             else step(given.step, given.out, given.episodes)
         )
         print(json.dumps(found))
@@ -197,6 +242,7 @@ def main() -> None:
         base = given.out or Path(folder)
         base.mkdir(parents=True, exist_ok=True)
         rows = [
+            ("index", "index", given.episodes),
             ("build", "data", given.episodes),
             ("status", "data", 0),
             ("resume", "data", given.episodes + 1),

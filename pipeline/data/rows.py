@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -82,12 +81,11 @@ class Listing:
     def states(self, rows: Rows) -> NDArray[np.int64]:
         """Size in bytes and time of change in ns (N,2) of the file of every row, -1 if it is
         missing. Raises OSError."""
-        found = np.full((len(rows), 2), -1)
-        for number, (rank, name) in enumerate(zip(rows.ranks.tolist(), _names(rows), strict=True)):
-            if file := self._files[rank].get(name):
-                with suppress(FileNotFoundError):
-                    found[number] = file.stat().st_size, file.stat().st_mtime_ns
-        return found
+        files = (
+            self._files[rank].get(name)
+            for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True)
+        )
+        return np.array([_state(file) for file in files], np.int64).reshape(-1, 2)
 
     def unknown(self, rows: Rows) -> Iterator[tuple[Slot, bool]]:
         """Slots of the recipe that have a file and no row, and whether it is an episode. A note
@@ -140,6 +138,16 @@ def _list_files(folder: Path) -> dict[str, os.DirEntry[str]]:
             return {each.name: each for each in found if each.is_file()}
     except (FileNotFoundError, NotADirectoryError):
         return {}
+
+
+def _state(file: os.DirEntry[str] | None) -> tuple[int, int]:
+    if file is None:
+        return -1, -1
+    try:
+        state = file.stat()
+    except FileNotFoundError:
+        return -1, -1
+    return state.st_size, state.st_mtime_ns
 
 
 def _names(rows: Rows) -> Iterator[str]:
