@@ -28,7 +28,7 @@ from benchmarks.causal_tables import (
     table,
 )
 from benchmarks.study.rows import markdown
-from pipeline.evaluate.scoring.difference import interval
+from pipeline.evaluate.scoring.statistics import interval
 
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (

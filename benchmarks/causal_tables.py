@@ -28,7 +28,7 @@ from benchmarks.causal_contrasts import (
     unregistered,
 )
 from benchmarks.study.rows import markdown
-from pipeline.evaluate.scoring.difference import RESAMPLES, interval, sign_flip
+from pipeline.evaluate.scoring.statistics import RESAMPLES, interval, sign_flip
 
 COLUMNS = (
     "contrast",

@@ -24,7 +24,7 @@ from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.scoring.intervals import wilson
+from pipeline.evaluate.scoring.statistics import wilson
 from pipeline.stages.dry_run import dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene

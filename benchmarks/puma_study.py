@@ -32,7 +32,7 @@ from benchmarks.hardware import hardware
 from benchmarks.study.page import inserted
 from benchmarks.study.rows import Rate
 from pipeline.data.atomic import write_atomic
-from pipeline.evaluate.scoring.intervals import bootstrap
+from pipeline.evaluate.scoring.statistics import bootstrap
 from pipeline.evaluate.scoring.summary import scene_of
 from pipeline.run.evaluation import evaluation_version
 from training.puma.reading import read_config

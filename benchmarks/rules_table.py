@@ -22,7 +22,7 @@ from benchmarks.study.rows import Row, Rows, markdown
 from benchmarks.study.run import run
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.scoring.intervals import bootstrap, clustered
+from pipeline.evaluate.scoring.statistics import bootstrap, clustered
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import TRACKING, expand_tasks
 

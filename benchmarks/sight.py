@@ -28,7 +28,7 @@ from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.case import Case, blind
 from pipeline.evaluate.scenes.manifests import inline
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scoring.difference import interval
+from pipeline.evaluate.scoring.statistics import interval
 from pipeline.poses import quat_rotate
 from pipeline.run.evaluation import evaluation_of
 from pipeline.world.objects import FAMILIES, Family

@@ -33,7 +33,7 @@ from tqdm import tqdm
 from benchmarks.hardware import hardware
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.evaluate.scoring.intervals import clustered
+from pipeline.evaluate.scoring.statistics import clustered
 from pipeline.motion.planar.levels import mean_speed
 from pipeline.report.speed_law import drawn_and_accepted, law
 from pipeline.stages.attempt import Phases, Rollout, attempt

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import success
-from pipeline.evaluate.scoring.intervals import wilson
+from pipeline.evaluate.scoring.statistics import wilson
 
 MOTION = {"average_speed": 0.05, "maximum_speed": 0.1, "end_speed": 0.05, "displacement": 0.2}
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.evaluate.scoring.intervals import clustered
+from pipeline.evaluate.scoring.statistics import clustered
 from pipeline.evaluate.scoring.summary import scene_of
 
 Row = dict[str, Any]

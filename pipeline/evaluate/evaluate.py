@@ -18,11 +18,11 @@ from pipeline.evaluate.asking import introduce
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.names import is_built_in
-from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
 from pipeline.evaluate.scenes.case import BLIND, Case, blind
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
+from pipeline.evaluate.scoring.page import Film, caption, page
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
 from pipeline.evaluate.scoring.summary import Row, over_tasks, summarise
 from pipeline.evaluate.serving.client import ANSWER_SECONDS

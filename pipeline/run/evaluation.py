@@ -12,10 +12,10 @@ from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.evaluate.evaluate import Evaluation
-from pipeline.evaluate.hosting import host_policy
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.serving.process import host_policy
 from pipeline.run.identity.slot_keys import code_version, policy_version
 
 # what one episode, or one seed of the expert, may take before its worker counts as hung

@@ -16,7 +16,7 @@ from pipeline.evaluate.film import sheet, strip
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, inline
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.scoring.published import PUBLISHED
+from pipeline.evaluate.scoring.page import PUBLISHED
 from tests.evaluate.environment.test_env import case_of
 
 

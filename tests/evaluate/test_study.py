@@ -11,7 +11,7 @@ from benchmarks.study.rows import Rate, Rows, at
 from pipeline.data.setup import DEFAULT
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.scoring.intervals import wilson
+from pipeline.evaluate.scoring.statistics import wilson
 from pipeline.tasks import TASKS
 
 

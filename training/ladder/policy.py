@@ -6,10 +6,9 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from pipeline.evaluate.names import FORMS
-from pipeline.evaluate.policies.files import digest_of
+from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
 from pipeline.evaluate.policies.lerobot import load
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
-from pipeline.evaluate.policies.settings import Settings, parse_settings
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
 from training.ladder import features

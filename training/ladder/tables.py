@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.atomic import write_atomic
-from pipeline.evaluate.scoring.intervals import clustered
+from pipeline.evaluate.scoring.statistics import clustered
 from pipeline.report.card.ladder import Result, Score, read_results
 
 KEYS = (

@@ -1,28 +1,18 @@
-"""Python files and weights that policies come from."""
+"""Names of policies that live in files, KIND:PATH?key=value&key=value, and the code in those
+files."""
 
 import hashlib
 import importlib.util
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
+from typing import Any
+from urllib.parse import parse_qsl
 
+from pipeline.data.parsing import parse_yaml
 from pipeline.data.reading import open_regular
 from pipeline.evaluate.policies.policy import PolicyError, foreign
-
-CODE = (".py", ".yml", ".yaml", ".json")
-WEIGHTS = (
-    ".pt",
-    ".pth",
-    ".ckpt",
-    ".bin",
-    ".safetensors",
-    ".npz",
-    ".npy",
-    ".pkl",
-    ".onnx",
-    ".h5",
-    ".msgpack",
-)
 
 
 def digest_of(files: Iterable[Path]) -> str:
@@ -37,32 +27,6 @@ def digest_of(files: Iterable[Path]) -> str:
     return digest.hexdigest()[:8]
 
 
-def files_of(folder: Path, values: object) -> list[Path]:
-    """Code, settings and weights of a policy, sorted: those below its directory, and those below
-    every path that `values`, the options of the policy, name, from here or from its directory."""
-    found = {path for path in _below(folder) if path.suffix in (*CODE, *WEIGHTS)}
-    for text in _texts(values):
-        for place in (Path(text), folder / text):
-            if place.is_file():
-                found.add(place.resolve())
-            elif place.is_dir() and place.resolve() not in (folder, *folder.parents):
-                found |= {path for path in _below(place.resolve()) if path.suffix in WEIGHTS}
-    return sorted(found)
-
-
-def _below(folder: Path) -> Iterator[Path]:
-    return (path for path in folder.rglob("*") if path.is_file())
-
-
-def _texts(values: object) -> Iterator[str]:
-    """All texts in plain data that could be paths."""
-    if isinstance(values, str) and 0 < len(values) < 1000 and "\0" not in values:
-        yield values
-    elif isinstance(values, dict | list):
-        for value in values.values() if isinstance(values, dict) else values:
-            yield from _texts(value)
-
-
 def module_of(path: Path) -> ModuleType:
     """The module in a file. Raises PolicyError if it cannot be loaded."""
     spec = importlib.util.spec_from_file_location(f"domino_policy_{path.stem}", path)
@@ -72,3 +36,48 @@ def module_of(path: Path) -> ModuleType:
     with foreign(f"{path}: cannot be loaded"):
         spec.loader.exec_module(module)
     return module
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A path and options; values are read as YAML (3, 0.5, true, text). `query` are the options as
+    they were written."""
+
+    kind: str
+    path: str
+    options: dict[str, Any] = field(default_factory=dict)
+    query: str = ""
+
+    @property
+    def text(self) -> str:
+        """The options as they were written, sorted."""
+        return "".join(f",{key}={value}" for key, value in sorted(self.options.items()))
+
+    def at(self, path: Path) -> str:
+        """The name with an absolute path, as any process finds it."""
+        return f"{self.kind}:{path.resolve()}{self.query and f'?{self.query}'}"
+
+    def take(self, *known: str) -> dict[str, Any]:
+        """The options. Raises PolicyError for one that is not known."""
+        if unknown := sorted(set(self.options) - set(known)):
+            has = f"options are {', '.join(known)}" if known else "it has no options"
+            raise PolicyError(
+                f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: {has}"
+            )
+        return self.options
+
+
+def parse_settings(text: str) -> Settings:
+    """The parts of a name. Raises PolicyError."""
+    kind, _, rest = text.partition(":")
+    path, mark, query = rest.partition("?")
+    try:
+        pairs = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(mark)))
+        options = {key: parse_yaml(value) for key, value in pairs.items()}
+    except ValueError as error:
+        raise PolicyError(
+            f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value"
+        ) from error
+    if not path:
+        raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
+    return Settings(kind, path, options, query)

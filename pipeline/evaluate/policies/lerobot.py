@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.evaluate.policies.contract import Contract, mismatch
-from pipeline.evaluate.policies.files import digest_of
+from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
-from pipeline.evaluate.policies.settings import Settings, parse_settings
 
 OPTIONS = ("device", "resize", "revision")
 IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"

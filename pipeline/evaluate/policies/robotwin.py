@@ -15,7 +15,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from pipeline.data.parsing import ParseError, read_yaml
-from pipeline.evaluate.policies.files import digest_of, files_of
+from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
 from pipeline.evaluate.policies.policy import (
     Observation,
     Policy,
@@ -24,9 +24,7 @@ from pipeline.evaluate.policies.policy import (
     Start,
     foreign,
 )
-from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, TaskEnv
-from pipeline.evaluate.policies.settings import Settings, parse_settings
-from pipeline.evaluate.policies.turns import Turns
+from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, TaskEnv, Turns
 
 FILE = "deploy_policy.py"
 
@@ -126,7 +124,11 @@ class RobotwinForm:
         """Check that the directory has a deploy_policy.py. Raises PolicyError."""
         settings = parse_settings(text)
         folder = directory_of(settings)
-        files = files_of(folder, user_arguments(settings, {}))
+        files = sorted(
+            path
+            for path in folder.rglob("*")
+            if path.suffix in (".py", ".yml", ".yaml", ".json") and path.is_file()
+        )
         return PolicyName(
             settings.at(folder), f"robotwin:{folder.name}@{digest_of(files)}{settings.text}"
         )

@@ -1,5 +1,8 @@
 """TASK_ENV as RoboTwin's deploy_policy.py files know it, over our environment."""
 
+import queue
+import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
 from pipeline.evaluate.actions import ActionError, ToolPoses, check_action
-from pipeline.evaluate.policies.policy import Observation, Start
-from pipeline.evaluate.policies.turns import Turns
+from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from pipeline.planning.planner import planner_of
 from pipeline.poses import Floats, compose, pose
 from pipeline.world.robots import get_embodiment
@@ -86,7 +88,7 @@ class TaskEnv:
     """What eval(TASK_ENV, model, observation) is given. An action is executed in one control
     period."""
 
-    def __init__(self, robot: RobotwinRobot, start: Start, turns: Turns) -> None:
+    def __init__(self, robot: RobotwinRobot, start: Start, turns: "Turns") -> None:
         self._robot, self._start, self._turns = robot, start, turns
         self._seen = turns.first()
         self._command = np.asarray(self._seen.joints, float)
@@ -113,3 +115,67 @@ class TaskEnv:
             f"TASK_ENV has no {name} here: only get_instruction, get_obs, take_action, instruction,"
             " take_action_cnt, eval_success"
         )
+
+
+JOIN_SECONDS = 10.0
+
+
+class Over(BaseException):
+    """Ends the code in its thread; no `except Exception` of its own stops it."""
+
+
+class Turns:
+    """Runs `work(turns)` in a thread that waits in `after(action)` while the world advances: the
+    two never run at the same time."""
+
+    def __init__(self, work: Callable[["Turns"], None]) -> None:
+        self._work = work
+        self._observations: queue.SimpleQueue[Observation | None] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._ended = False
+
+    def ask(self, observation: Observation) -> Any:
+        """The next action. Raises what the work raises, and PolicyError if it has ended."""
+        if self._ended:
+            raise PolicyError("the policy's code has ended: it is asked again at the next episode")
+        self._observations.put(observation)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+        answer = self._answers.get()
+        if isinstance(answer, BaseException):
+            self._ended = True
+            raise answer
+        return answer
+
+    def first(self) -> Observation:
+        """In the thread: the first observation. Raises Over if there is none."""
+        return self._next()
+
+    def after(self, action: Any) -> Observation:
+        """In the thread: hand over an action and wait for the observation that follows. Raises Over
+        at the end of the episode."""
+        self._answers.put(action)
+        return self._next()
+
+    def end(self) -> None:
+        """End the work, wherever it waits."""
+        if self._thread is not None and self._thread.is_alive():
+            self._observations.put(None)
+            self._thread.join(JOIN_SECONDS)
+
+    def _next(self) -> Observation:
+        observation = self._observations.get()
+        if observation is None:
+            raise Over
+        return observation
+
+    def _run(self) -> None:
+        try:
+            self._work(self)
+            self._answers.put(PolicyError("the policy's code ended before the episode did"))
+        except Over:
+            return
+        except BaseException as error:  # noqa: BLE001 (raised again by ask, in the thread of whoever asks)
+            self._answers.put(error)

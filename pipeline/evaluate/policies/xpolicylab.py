@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policies.files import digest_of, module_of
+from pipeline.evaluate.policies.files import digest_of, module_of, parse_settings
 from pipeline.evaluate.policies.policy import (
     Observation,
     Policy,
@@ -25,7 +25,6 @@ from pipeline.evaluate.policies.policy import (
     chunk_of,
 )
 from pipeline.evaluate.policies.robotwin_env import BEHIND_TCP, RobotwinRobot
-from pipeline.evaluate.policies.settings import parse_settings
 from pipeline.planning.planner import planner_of
 from pipeline.poses import Floats, compose, pose
 from pipeline.world.robots import get_embodiment

@@ -11,8 +11,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.scoring.difference import Scene, by_task, paired_numbers, unpaired_numbers
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
+from pipeline.evaluate.scoring.statistics import (
+    SceneResult,
+    by_task,
+    paired_numbers,
+    unpaired_numbers,
+)
 from pipeline.evaluate.scoring.summary import Row, scene_of
 
 
@@ -125,18 +130,18 @@ def _rate(rows: Sequence[Row]) -> float:
     return float(np.mean([row["success"] for row in rows]))
 
 
-def _pair(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
+def _pair(a: Arm, b: Arm) -> list[tuple[Row, SceneResult]]:
     """A row and the outcome of every episode that both arms tried. Won and lost count pairs of
     networks."""
     first, second = a.by_episode(), b.by_episode()
-    out = list[tuple[Row, Scene]]()
+    out = list[tuple[Row, SceneResult]]()
     for key, rows in first.items():
         others = second.get(key, [])
         if len(rows) != a.networks or len(others) != b.networks:
             continue  # not tried by every network
         ends = [(row["success"], other["success"]) for row in rows for other in others]
         won, lost = sum(y and not x for x, y in ends), sum(x and not y for x, y in ends)
-        out.append((rows[0], Scene(rows[0]["task"], _rate(rows), _rate(others), won, lost)))
+        out.append((rows[0], SceneResult(rows[0]["task"], _rate(rows), _rate(others), won, lost)))
     if not out:
         raise CompareError(_why_other(a, b))
     return out
@@ -156,13 +161,13 @@ def _why_other(a: Arm, b: Arm) -> str:
     )
 
 
-def _scenes(pairs: Sequence[tuple[Row, Scene]]) -> list[Scene]:
+def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:
     """The outcomes of all episodes of a scene as one."""
-    clusters = defaultdict[Any, list[Scene]](list)
+    clusters = defaultdict[Any, list[SceneResult]](list)
     for row, scene in pairs:
         clusters[scene_of(row)].append(scene)
     return [
-        Scene(
+        SceneResult(
             group[0].task,
             float(np.mean([s.first for s in group])),
             float(np.mean([s.second for s in group])),

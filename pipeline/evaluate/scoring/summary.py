@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.scoring.intervals import bootstrap, wilson
+from pipeline.evaluate.scoring.statistics import bootstrap, wilson
 
 CELL = ("policy", "clock", "rules", "task", "embodiment", "level", "alpha", "domain")
 

@@ -4,8 +4,7 @@ batch."""
 import queue
 import threading
 import time
-from collections.abc import Iterable
-from concurrent.futures import Future, InvalidStateError
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policies.policy import BatchPolicy, NoAnswer, Observation, PolicyError, Start
+from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError, Start
 
 MOST = 64
 """Questions that one batch may hold."""
@@ -40,8 +39,7 @@ class Batcher:
     def __init__(self, policy: BatchPolicy, wait: float, most: int = MOST) -> None:
         self.policy, self._wait, self._most = policy, wait, most
         self._asked: queue.SimpleQueue[Question] = queue.SimpleQueue()
-        self._lock, self._playing, self._open = threading.Lock(), set[Seat](), set[Question]()
-        self._closed = False
+        self._lock, self._playing = threading.Lock(), set[Seat]()
         threading.Thread(target=self._work, daemon=True).start()
 
     def seat(self) -> "Seat":
@@ -61,28 +59,13 @@ class Batcher:
             self._playing.discard(seat)
 
     def ask(self, about: Any, observation: Observation | None) -> Any:
-        """The answer of the policy to a Question, in its turn. Raises what the policy raises, and
-        NoAnswer after `close`."""
+        """The answer of the policy to a Question, in its turn. Raises what the policy raises."""
         question = Question(about, observation)
-        with self._lock:
-            if self._closed:
-                raise NoAnswer("the policy is not served any more")
-            self._open.add(question)
         self._asked.put(question)
-        try:
-            return question.answer.result()
-        finally:
-            with self._lock:
-                self._open.discard(question)
-
-    def close(self) -> None:
-        """End all questions that have no answer yet, whatever the policy does."""
-        with self._lock:
-            self._closed, left = True, list(self._open)
-        _end(left, NoAnswer("the policy is not served any more"))
+        return question.answer.result()
 
     def _work(self) -> None:
-        while not self._closed:
+        while True:
             batch, until = list[Question](), 0.0
             with suppress(queue.Empty):
                 while not batch or len(batch) < min(self._most, len(self._playing)):
@@ -98,11 +81,9 @@ class Batcher:
 
     def _begin(self, question: Question) -> None:
         try:
-            episode = self.policy.begin(question.about)
+            question.answer.set_result(self.policy.begin(question.about))
         except BaseException as error:  # noqa: BLE001 (raised again where the question was asked)
-            return _end([question], error)
-        with suppress(InvalidStateError):  # `close` has ended it
-            question.answer.set_result(episode)
+            question.answer.set_exception(error)
 
     def _answer(self, batch: list[Question]) -> None:
         try:
@@ -118,19 +99,12 @@ class Batcher:
                 )
         except BaseException as error:  # noqa: BLE001 (raised again where the question was asked)
             if len(batch) == 1:
-                return _end(batch, error)
+                return batch[0].answer.set_exception(error)
             for question in batch:
                 self._answer([question])
             return
         for question, answer in zip(batch, answers, strict=True):
-            with suppress(InvalidStateError):  # `close` has ended it
-                question.answer.set_result(answer)
-
-
-def _end(questions: Iterable[Question], error: BaseException) -> None:
-    for question in questions:
-        with suppress(InvalidStateError):
-            question.answer.set_exception(error)
+            question.answer.set_result(answer)
 
 
 class Seat:

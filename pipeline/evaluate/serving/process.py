@@ -8,12 +8,13 @@ import subprocess
 import sys
 import threading
 import weakref
-from contextlib import nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from multiprocessing.connection import Connection
 from socket import socketpair
 
-from pipeline.evaluate.policies.policy import NoAnswer, PolicyName
-from pipeline.evaluate.serving.messages import LARGEST
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyError, PolicyName
+from pipeline.evaluate.serving.messages import LARGEST, MessageError, unpack
 from pipeline.evaluate.serving.websocket import Lost, fault_of, last_line
 
 CHILD = "pipeline.evaluate.child"
@@ -161,3 +162,23 @@ def _end(process: subprocess.Popen[bytes], connection: Connection) -> None:
 def _kill(process: subprocess.Popen[bytes]) -> None:
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
+
+
+@contextmanager
+def host_policy(name: PolicyName, clients: int, wait: float) -> Iterator[PolicyName]:
+    """The name under which so many clients at once reach the policy `name`, which answers in
+    batches.
+
+    It listens on loopback, at a free port. Its label in results is that of `name`. Raises
+    PolicyError for a policy that cannot be made, is no BatchPolicy, or is shown the simulation.
+    """
+    process = Process(name, str(clients), str(wait))
+    try:
+        port = unpack(process.greet()).get("port")
+        if not isinstance(port, int):
+            raise PolicyError(f"{name.label}: its process names no port")
+        yield PolicyName(f"ws://127.0.0.1:{port}", name.label, name.probe, "server")
+    except MessageError as error:
+        raise PolicyError(f"{name.label}: its process names no port ({error})") from error
+    finally:
+        process.close()

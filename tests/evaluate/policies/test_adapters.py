@@ -14,8 +14,7 @@ from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import make_here, policy_name
 from pipeline.evaluate.policies.lerobot import LerobotPolicy
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
-from pipeline.evaluate.policies.robotwin_env import RobotwinRobot
-from pipeline.evaluate.policies.turns import Turns
+from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, Turns
 from pipeline.evaluate.scenes.case import BLIND, expert, expert_actions
 from pipeline.evaluate.scenes.trial import FAULTS
 from pipeline.evaluate.scoring.clock import parse_clock

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from pipeline.cli import app
 from pipeline.evaluate.scoring.compare import CompareError, compare, compare_unpaired, read_arms
-from pipeline.evaluate.scoring.difference import interval, scenes_needed, sign_flip
 from pipeline.evaluate.scoring.results import EPISODES, Results, text_key
+from pipeline.evaluate.scoring.statistics import interval, scenes_needed, sign_flip
 
 
 def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a"):

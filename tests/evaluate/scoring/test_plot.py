@@ -2,9 +2,8 @@
 
 import re
 
-from pipeline.evaluate.page import page
+from pipeline.evaluate.scoring.page import PUBLISHED, page
 from pipeline.evaluate.scoring.plot import HEIGHT, WIDTH, panels
-from pipeline.evaluate.scoring.published import PUBLISHED
 
 
 def mean(policy, level, alpha, rate, **more):

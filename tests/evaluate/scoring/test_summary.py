@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pipeline.evaluate.scoring.intervals import bootstrap, wilson
+from pipeline.evaluate.scoring.statistics import bootstrap, wilson
 from pipeline.evaluate.scoring.summary import over_tasks, summarise, table
 
 

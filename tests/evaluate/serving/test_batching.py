@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.hosting import host_policy
 from pipeline.evaluate.names import make_policy, policy_name
-from pipeline.evaluate.policies.policy import BatchPolicy, NoAnswer, Observation, PolicyError
+from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.batching import Batcher, batcher_of
+from pipeline.evaluate.serving.process import host_policy
 from tests.evaluate.environment.test_env import case_of
 from tests.evaluate.serving.servers import START, Echo, serving
 
@@ -126,31 +126,12 @@ def test_questions_that_wait_are_answered_in_one_batch_and_a_bad_one_costs_only_
     assert policy.sizes == [3, 1, 1, 1]
 
 
-def test_the_wait_has_a_bound_and_closing_ends_what_waits():
+def test_the_wait_has_a_bound():
     batcher = Batcher(Counts(), 0.01)
     idle, seat = batcher.seat(), batcher.seat()
     for each in (idle, seat):
         each.reset(START)
     assert first(seat) == 7001.0
-    hangs = Counts(threading.Event())
-    stuck = Batcher(hangs, 0.0)
-    seat, said = stuck.seat(), []
-    seat.reset(START)
-
-    def ends(work):
-        with pytest.raises(NoAnswer) as error:
-            work()
-        said.append(str(error.value))
-
-    def close():
-        while not hangs.sizes:
-            threading.Event().wait(0.01)
-        threading.Timer(0.1, stuck.close).start()
-        # an episode that begins meanwhile waits for the policy, too
-        ends(lambda: stuck.seat().reset(START))
-
-    in_threads(lambda: ends(lambda: seat.act(look())), close)
-    assert said == ["the policy is not served any more"] * 2
 
 
 def test_a_policy_of_single_episodes_is_refused_in_one_line():

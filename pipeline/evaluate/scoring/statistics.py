@@ -22,7 +22,7 @@ ByTask = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Scene:
+class SceneResult:
     """Success of the first and of the second policy on a scene, means over its episodes, and the
     episodes that the second won and lost."""
 
@@ -41,7 +41,7 @@ def by_task(pairs: Sequence[tuple[str, float]]) -> ByTask:
     return {task: np.array(values) for task, values in out.items()}
 
 
-def paired_numbers(scenes: Sequence[Scene], wanted: float) -> dict[str, Any]:
+def paired_numbers(scenes: Sequence[SceneResult], wanted: float) -> dict[str, Any]:
     """Rates (per cent), effect (points) with its 95 % interval, episodes won and lost, p, and the
     scenes needed for `wanted` points."""
     change = by_task([(s.task, s.second - s.first) for s in scenes])
@@ -62,7 +62,7 @@ def paired_numbers(scenes: Sequence[Scene], wanted: float) -> dict[str, Any]:
     }
 
 
-def _rates(scenes: Sequence[Scene]) -> tuple[list[float], list[float]]:
+def _rates(scenes: Sequence[SceneResult]) -> tuple[list[float], list[float]]:
     return [s.first for s in scenes], [s.second for s in scenes]
 
 
@@ -147,3 +147,50 @@ def scenes_needed(variance: float, effect: float, power: float = 0.8) -> int | N
     return (
         ceil((norm.ppf(0.975) + norm.ppf(power)) ** 2 * variance / effect**2) if variance else None
     )
+
+
+Z95 = 1.959963984540054
+
+
+def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, float]:
+    """Wilson's score interval of a proportion, in 0-1; (0, 1) without trials. Wilson (1927), JASA
+    22:209-212."""
+    if trials == 0:
+        return 0.0, 1.0
+    p, n = successes / trials, trials
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+
+
+def bootstrap(
+    values: Sequence[float], level: float = 0.95, resamples: int = 2000
+) -> tuple[float, float]:
+    """Percentile interval of the mean over resamples with replacement, the same for the same values
+    in any order; NaN for none."""
+    if not len(values):
+        return float("nan"), float("nan")
+    ordered = np.sort(np.asarray(values, float))
+    index = np.random.default_rng(0).integers(len(ordered), size=(resamples, len(ordered)))
+    low, high = np.quantile(ordered[index].mean(1), [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
+    """Wilson's interval, in 0-1, of a rate whose trials come in clusters: (successes, trials) of
+    each, such as of a scene that several networks tried.
+
+    The trials count as p (1 - p) / v independent ones, v the variance of the rate p between
+    clusters, but as no more than there are trials and no fewer than there are clusters. Dean &
+    Pagano (2015), J. Surv. Stat. Methodol. 3:484-503.
+    """
+    if not clusters:
+        return wilson(0, 0)
+    solved, trials = np.array(clusters, float).T
+    count, total, rate = len(clusters), trials.sum(), solved.sum() / trials.sum()
+    variance = count / max(1, count - 1) * float(((solved - rate * trials) ** 2).sum()) / total**2
+    apart = rate * (1 - rate)
+    effective = (
+        float(np.clip(apart / variance, count, total)) if variance else (total if apart else count)
+    )
+    return wilson(rate * effective, effective)
