@@ -24,6 +24,10 @@ from pipeline.data.errors import DominoError
 START = "import sys; sys.path[:] = {path!r}; from pipeline.data.limited import answer; answer({fd})"
 
 
+STARVED = ("SIGKILL", "SIGABRT", "SIGSEGV", "SIGBUS")
+"""Signals by which a process ends that gets no memory."""
+
+
 class LimitError(DominoError):
     """Work on something of others that did not end within its limits, or that ended its process."""
 
@@ -93,10 +97,9 @@ def _cause(code: int, limits: Limits) -> str:
     if code == -signal.SIGXCPU:
         return f"takes more than {limits.processor} s of processor time"
     if code < 0:
-        return (
-            f"ended its process by {signal.Signals(-code).name}; it may need more than"
-            f" {limits.memory >> 20} MiB of memory"
-        )
+        name = signal.Signals(-code).name
+        hint = f"; it may need more than {limits.memory >> 20} MiB of memory"
+        return f"ended its process by {name}{hint if name in STARVED else ''}"
     return f"ended its process with exit code {code}"
 
 
