@@ -291,7 +291,7 @@ def compare(
 
 
 def _describe_share(row: dict[str, Any]) -> str:
-    """What is left out of a comparison, if anything is."""
+    """The scenes that a comparison leaves out, if any."""
     tried = [row.get("first_episodes"), row.get("second_episodes")]
     if tried == [row.get("shared")] * 2:
         return ""

@@ -31,7 +31,7 @@ EDITED = (
     "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"
     " other options: a dataset only grows, anything else needs another --out"
 )
-"""What is said of a manifest whose values are not those that were frozen."""
+"""The message for a manifest whose values are not those that were frozen."""
 
 
 class DatasetError(DominoError):

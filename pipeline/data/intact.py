@@ -14,7 +14,7 @@ from pipeline.data.rows import find_slot
 CHANGED = (
     "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
 )
-"""What is said of an episode file that is not the one that was written."""
+"""The message for an episode file that is not the one that was written."""
 
 REMAKE = "remove it, if it is there, and run the build again to make its slot"
 """What helps where a failed attempt that is kept is not the file that was written."""

@@ -121,7 +121,7 @@ def _fill(
 def _work(
     dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, watch: Watch
 ) -> Generator[tuple[Slot, SlotRecord]]:
-    """Have all jobs done; every slot as it ends. A job that costs two workers goes on without the
+    """Have all jobs done; every slot as it ends. A job that costs two workers continues without the
     attempt that did."""
     check = NodeCheck(str(dataset.root.resolve()), code_version())
     with closing(run(slot_worker, jobs, crew, timeout, check, watch.count_lost)) as ends:

@@ -59,7 +59,7 @@ class _Kept(FileIO):
     """A file whose disk may refuse: from the first refusal on, which `refused` holds, nothing is
     written and nothing fails.
 
-    HDF5 that cannot write leaves objects open, says so in tracebacks of its own, and ends the
+    HDF5 that cannot write leaves objects open, prints tracebacks of its own, and ends the
     process with a segmentation fault.
     """
 
