@@ -1,0 +1,72 @@
+"""Which contacts a demonstration may have, and how strong they may be."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.data.clock import PHYSICS_HZ
+from pipeline.world.physics.forces import FINGERS_EVERY, FORCES, ContactKinds, ForceWatch
+from pipeline.world.robots import get_embodiment
+
+ROBOT = get_embodiment("aloha")
+LEFT, RIGHT = (ROBOT.arms[side] for side in ("left", "right"))
+FINGER, OTHER = (
+    f"{side}_{arm.gripper.fingers[0]}" for side, arm in (("left", LEFT), ("right", RIGHT))
+)
+HAND, LINK = f"right_{RIGHT.hand}", f"right_{RIGHT.links[2].name}"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "kind"),
+    [
+        (f"left_{LEFT.links[2].name}", LINK, "arms"),
+        (FINGER, OTHER, "hands"),
+        (FINGER, HAND, "hands"),
+        (FINGER, LINK, "arms"),
+        (HAND, LINK, ""),
+        (HAND, "can", "palm"),
+        (LINK, "table", "palm"),
+        (FINGER, "table", "table"),
+        (FINGER, "can", "finger"),
+        ("can", "table", ""),
+    ],
+)
+def test_every_contact_has_its_limit(one: str, other: str, kind: str):
+    kinds = ContactKinds(ROBOT)
+    assert kinds.of(one, other) == kinds.of(other, one) == kind
+
+
+def contact(one: str, other: str, *forces: tuple[float, float, float]) -> SimpleNamespace:
+    """A contact of one physics step with these forces (N) at its points."""
+    points = [SimpleNamespace(impulse=np.array(force) / PHYSICS_HZ) for force in forces]
+    return SimpleNamespace(bodies=[one, other], points=points)
+
+
+def watch() -> ForceWatch:
+    return ForceWatch(ROBOT, {name: name for name in (FINGER, OTHER, HAND, LINK, "can", "table")})
+
+
+def test_forces_of_a_contact_add_up_as_vectors():
+    half = FORCES.table / 2
+    assert not watch().overloads([contact(FINGER, "table", (0, 0, half), (0, 0, 0.9 * half))], 0)
+    [found] = watch().overloads([contact(FINGER, "table", (0, 0, half), (0, 0, 1.2 * half))], 0)
+    assert (found.one, found.other) == (FINGER, "table")
+    assert found.force == pytest.approx(2.2 * half)
+    # forces in different directions
+    across = contact("table", FINGER, (0.8 * FORCES.table, 0, 0), (0, 0, 0.8 * FORCES.table))
+    assert watch().overloads([across], 0)[0].force == pytest.approx(0.8 * 2**0.5 * FORCES.table)
+
+
+def test_fingers_on_bodies_are_looked_at_now_and_then_all_else_in_every_step():
+    grip = contact(FINGER, "can", (2 * FORCES.finger, 0, 0))
+    palm = contact(HAND, "can", (0, 2 * FORCES.palm, 0))
+    for step in range(2 * FINGERS_EVERY):
+        found = {each.one for each in watch().overloads([grip, palm], step)}
+        names = {min(FINGER, "can"), min(HAND, "can")} if step % FINGERS_EVERY == 0 else {"can"}
+        assert found == names
+
+
+def test_a_target_that_cannot_give_way_yet_is_left_out():
+    hard = contact(HAND, "can", (0, 0, 10 * FORCES.palm))
+    assert watch().overloads([hard], 1) and not watch().overloads([hard], 1, rigid="can")
