@@ -59,7 +59,8 @@ def test_a_sound_task_and_those_of_the_package_pass():
         ({"workspace": (0, 1, 0, 1)}, "which is not a Workspace"),
         (
             {"layout": raising},
-            "test_own_tasks.py:18: task own: its layout raised ZeroDivisionError: division by zero",
+            f"test_own_tasks.py:{raising.__code__.co_firstlineno + 1}: task own: "
+            "its layout raised ZeroDivisionError: division by zero",
         ),
         ({"layout": lambda self, draw: [draw.one_of("bel")]}, "its layout raised"),
         ({"layout": endless}, "its layout does not end within 0.2 s: check its loops"),
