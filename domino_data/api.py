@@ -68,17 +68,18 @@ def open_dataset(path: Place) -> "Dataset":
     return dataset
 
 
-def verify(dataset: Place, *, workers: int = 1, again: int = 0) -> dict[str, Any]:
+def verify(
+    dataset: Place, *, workers: int = 1, again: int = 0, trust: bool = False
+) -> dict[str, Any]:
     """Check every file of a dataset against what was written, and make `again` of its episodes
-    again.
+    again. `ok` is true if nothing differs; `problems` has a line for whatever does.
 
-    `ok` is true if nothing differs; `problems` has a line for whatever does.
-
-    Raises DatasetError if there is no dataset.
+    Raises DatasetError if there is no dataset, and if making episodes again would run a policy that
+    its recipe names (`corrections`), unless `trust`.
     """
     from pipeline.run.verify import verify as run_verify
 
-    return run_verify(open_dataset(dataset), _crew(workers), again=again)
+    return run_verify(open_dataset(dataset), _crew(workers), again=again, trust=trust)
 
 
 def export(

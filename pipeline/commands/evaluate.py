@@ -40,6 +40,10 @@ if TYPE_CHECKING:
     from pipeline.evaluate.evaluate import Outcome
     from pipeline.evaluate.policies.policy import PolicyName
 
+DEMONSTRATING = ("expert", "sight", "corrections", "takeover", "perturb")
+"""Keys of a dataset's recipe that say who demonstrated: an evaluation with --like leaves them out,
+and so runs no policy that a dataset names."""
+
 PRINTS = "policy.log"
 """The file in OUT for what a policy prints in a process of its own that a worker started."""
 
@@ -150,9 +154,8 @@ def evaluate(
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
-    recipe = given.recipe(
-        without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1]
-    )
+    cameras = ("cameras",) if given.values.get("cameras") == [] else ()
+    recipe = given.recipe(without=(*DEMONSTRATING, *cameras), levels=[1])
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, crew_of, print_result
+from pipeline.commands.options import Trust
 from pipeline.crew.contract import Crew
 from pipeline.data.dataset import EDITED, Dataset
 
@@ -81,6 +82,7 @@ def verify(
             help="Random episodes to simulate again and compare with those stored.",
         ),
     ] = 0,
+    trust: Trust = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -96,7 +98,7 @@ def verify(
         and not any(islice(source.recipe().slots(), FEW, None))
     ):
         crew = Crew()
-    values = run_verify(source, crew, not quiet and not as_json, again)
+    values = run_verify(source, crew, not quiet and not as_json, again, trust)
     problems = values["problems"]
     lines = problems[:SHOWN] + [f"and {len(problems) - SHOWN} more (--json prints all)"] * (
         len(problems) > SHOWN

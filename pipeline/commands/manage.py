@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import AsJson, Root, UsageError, print_result
+from pipeline.commands.options import Trust
 from pipeline.data.dataset import Dataset
 from pipeline.data.store.places import forget
 from pipeline.data.store.urls import url_of
@@ -44,13 +45,14 @@ def regenerate(
     episode: Annotated[
         str, typer.Option(help="The episode: its path below DATASET/episodes.", show_default=False)
     ],
+    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Make one episode again in a temporary directory, and compare its bytes with the stored ones;
     exit code 1 if they differ."""
     from pipeline.run.regenerate import regenerate as run_regenerate
 
-    made = run_regenerate(Dataset(dataset), episode)
+    made = run_regenerate(Dataset(dataset), episode, trust)
     said = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
     if not made.same:
         why = (

@@ -49,6 +49,10 @@ Like = Annotated[
         metavar="DATASET",
     ),
 ]
+Trust = Annotated[
+    bool,
+    typer.Option("--trust", help="Run the policy that a dataset names in its `corrections`."),
+]
 FILES = {"manifest": Manifest, "like": Like}  # options beside the keys
 COMPLETIONS = {"tasks": complete.tasks, "embodiments": complete.robots}
 FLAGS = {key: option_of(key) for key in EVERY}
@@ -62,6 +66,7 @@ class Given:
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
     manifest: Path | None = None
     like: Path | None = None
+    trust: bool = False
 
     @property
     def from_file(self) -> bool:
@@ -70,10 +75,10 @@ class Given:
 
     def recipe(self, without: Sequence[str] = (), **defaults: Any) -> Recipe:
         """The recipe of the files and the options, whose names are resolved; keys `without` are not
-        set. `defaults` hold where no file gives a whole recipe. Raises RecipeError, and UsageError
-        if two files do."""
+        set. `defaults` hold where no file gives a whole recipe. Raises RecipeError, UsageError if
+        two files do, and Untrusted for a policy that only the dataset of --like names."""
         # a second: it imports every task
-        from pipeline.run.names import installed_recipe, recipe_from
+        from pipeline.run.names import check_trust, installed_recipe, recipe_from
 
         if self.manifest is not None and self.like is not None:
             raise UsageError("--manifest and --like both give a recipe: leave one of them out")
@@ -90,6 +95,8 @@ class Given:
         values = {
             key: value for key, value in (values | dict(self.values)).items() if key not in without
         }
+        if self.like is not None and not self.trust and "corrections" not in self.values:
+            check_trust(values.get("corrections"), source)
         return recipe_from(values, source, {key: FLAGS[key] for key in self.values})
 
 
@@ -102,6 +109,8 @@ def recipe_options(
     `shown_defaults` are what --help shows as defaults, where they are not the recipe's.
     """
 
+    runs_policy = "like" in files and "corrections" in keys
+
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         @wraps(verb)
         def run(**arguments: Any) -> None:
@@ -109,8 +118,10 @@ def recipe_options(
             values = {
                 key: parse_value(key, text) for key, text in texts.items() if text is not None
             }
-            paths = {name: arguments.pop(name) for name in files}
-            verb(Given(values, **paths), **arguments)
+            given = {name: arguments.pop(name) for name in files}
+            if runs_policy:
+                given["trust"] = arguments.pop("trust")
+            verb(Given(values, **given), **arguments)
 
         own = inspect.signature(verb, eval_str=True)
         kind = inspect.Parameter.KEYWORD_ONLY
@@ -121,6 +132,8 @@ def recipe_options(
             inspect.Parameter(name, kind, default=None, annotation=option)
             for name, option in taken.items()
         ]
+        if runs_policy:
+            added.append(inspect.Parameter("trust", kind, default=False, annotation=Trust))
         rest = [p.replace(kind=kind) for p in list(own.parameters.values())[1:]]
         parameters = sorted([*added, *rest], key=lambda p: p.default is not inspect.Parameter.empty)
         run.__signature__ = own.replace(parameters=parameters)  # pyright: ignore[reportAttributeAccessIssue]

@@ -84,6 +84,31 @@ def named_policy(corrections: Corrections) -> Corrections:
     return Corrections(policy=found.text, label=found.label)
 
 
+class Untrusted(DatasetError):
+    """A dataset names a policy that nobody has agreed to run."""
+
+
+def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str) -> None:
+    """Raise Untrusted for the `corrections` of a dataset's recipe, unless their policy is one of
+    ours: making episodes again would run what whoever made the dataset has written."""
+    if corrections is None:
+        return
+    from pipeline.evaluate.names import POLICIES  # policies take a second to import
+
+    policy = (
+        corrections.policy
+        if isinstance(corrections, Corrections)
+        else corrections.get("policy")
+        if isinstance(corrections, Mapping)
+        else corrections
+    )
+    if str(policy).partition(":")[0] not in POLICIES:
+        raise Untrusted(
+            f"{source}: its recipe runs {show_value(policy)} (corrections), the code of whoever"
+            " made the dataset: read it, then add --trust"
+        )
+
+
 def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for what the expert or corrections would need that the recipe has not."""
     needing = {

@@ -15,7 +15,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.rows import find_slot as slot_at
 from pipeline.run.identity.slot_keys import code_version, slot_keys
-from pipeline.run.names import installed_recipe
+from pipeline.run.names import check_trust, installed_recipe
 from pipeline.run.slot.fill import Lost, SlotJob, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
 from pipeline.world.drawing.vulkan import ensure_renderer
@@ -37,15 +37,17 @@ class Regenerated:
     changed: tuple[str, ...] = ()
 
 
-def regenerate(dataset: Dataset, episode: str) -> Regenerated:
+def regenerate(dataset: Dataset, episode: str, trust: bool = False) -> Regenerated:
     """Make an episode again in a temporary directory, with all attempts at its slot, and compare.
     The dataset is left as it is.
 
     `episode` is the path of the file, from anywhere below `episodes/`. Raises DatasetError for one
-    that is not in the dataset, EpisodeError for a file that cannot be read, NoRenderer without
-    Vulkan.
+    that is not in the dataset, Untrusted for one whose recipe corrects a policy that is none of
+    ours, unless `trust`, EpisodeError for a file that cannot be read, NoRenderer without Vulkan.
     """
     recipe = installed_recipe(dataset)
+    if not trust:
+        check_trust(recipe.corrections, str(dataset.root))
     slot = find_slot(dataset, recipe, episode)
     path = dataset.episode(slot)
     if not path.exists():

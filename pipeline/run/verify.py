@@ -20,6 +20,7 @@ from pipeline.data.reading import printable
 from pipeline.data.rows import EPISODE
 from pipeline.data.store.mirror import mirror_of
 from pipeline.run.file_checks import AGAIN, FileJob, judge
+from pipeline.run.names import check_trust
 from pipeline.run.regenerate import is_image, other_device, regenerate
 from pipeline.run.state import DONE, OPEN, states
 
@@ -30,7 +31,11 @@ OF_RECIPE = {"slot", "recipe"}  # parts of keys that no other version of the cod
 
 
 def verify(
-    dataset: Dataset, crew: Crew | None = None, progress: bool = False, again: int = 0
+    dataset: Dataset,
+    crew: Crew | None = None,
+    progress: bool = False,
+    again: int = 0,
+    trust: bool = False,
 ) -> dict[str, Any]:
     """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at
     random.
@@ -41,8 +46,11 @@ def verify(
     be made again; a dataset with fewer than `again` others is not `ok`.
 
     Raises DatasetError for a directory that is no dataset, CrewError if workers cannot be started
-    or do not last, and NoRenderer if nothing can be drawn again.
+    or do not last, NoRenderer if nothing can be drawn again, and Untrusted if episodes are to be
+    made again whose recipe corrects a policy that is none of ours, unless `trust`.
     """
+    if again and not trust:
+        check_trust(dataset.recipe().corrections, str(dataset.root))
     crew, root, paths = crew or Crew(), str(dataset.root.resolve()), list(_files_of(dataset))
     known = _compare(dataset, set(paths))
     jobs = [
@@ -177,8 +185,9 @@ def _name(dataset: Dataset, path: Path) -> str:
 
 
 def _differ(job: FileJob) -> list[str]:
-    """The datasets in which an episode that is made again differs from the stored one."""
-    return list(regenerate(Dataset(Path(job.root)), job.path).differ)
+    """The datasets in which an episode that is made again differs from the stored one; `verify` has
+    checked that its policy may run."""
+    return list(regenerate(Dataset(Path(job.root)), job.path, trust=True).differ)
 
 
 def _each(
