@@ -1,0 +1,1 @@
+"""Strange files of robots, objects, textures and light: read as they are meant, or refused."""
