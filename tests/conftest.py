@@ -25,7 +25,8 @@ settings.load_profile("any_machine")
 LEROBOT = (
     *(
         "evaluate/test_adapters.py",
-        "export/test_lerobot_reference.py",
+        "export/formats/lerobot/test_meta.py",
+        "export/formats/lerobot/test_reference.py",
         "lerobot_env/",
         "lerobot_policy/",
         "report/test_card.py",

@@ -30,7 +30,7 @@ OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
 ROOMS = ("data", "export", "motion")
 """Packages whose code decides the bytes of exports, beside poses.py."""
 
-PACKAGES = ("av", "h5py", "lerobot", "numpy", "opencv-python-headless", "pandas", "pyarrow")
+PACKAGES = ("av", "h5py", "numpy", "opencv-python-headless", "pyarrow")
 
 
 @functools.cache

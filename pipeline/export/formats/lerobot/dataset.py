@@ -25,7 +25,6 @@ from pipeline.export.formats.lerobot.format import (
 )
 from pipeline.export.formats.lerobot.options import INDEX, LerobotOptions, datasets_of, index_row
 from pipeline.export.formats.lerobot.prepare import Prepared, Source, prepare_all
-from pipeline.export.formats.lerobot.reference import require_lerobot
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import ExportError, Facts, exported_cameras, same
 from pipeline.export.shared.provenance import Provenance
@@ -46,8 +45,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         """A writer of one dataset at `root`, whose episodes must be like the first."""
 
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """As Exporter's. Raises MissingLerobot."""
-        require_lerobot()
+        """As Exporter's."""
         job.options.video()  # refused before anything is read
         parts, index = {}, []
         with freeze_garbage():

@@ -1,8 +1,5 @@
 """Reads and encodes the episodes of a LeRobot export, in this process or in several; the output
-does not depend on how many.
-
-lerobot itself is not imported here: that costs every process some ten seconds.
-"""
+does not depend on how many."""
 
 import os
 from collections import deque

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from pipeline.export.exporter import register
 from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
 from pipeline.export.formats.lerobot.format import data_table, description, image_key, split_of
+from pipeline.export.formats.lerobot.meta import data_schema, write_card
 from pipeline.export.formats.lerobot.options import LerobotOptions
 from pipeline.export.formats.lerobot.prepare import Prepared
-from pipeline.export.formats.lerobot.reference import data_schema, write_card
 from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import ExportError, Facts

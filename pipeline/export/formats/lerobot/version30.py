@@ -37,9 +37,9 @@ from pipeline.export.formats.lerobot.language import (
     language_columns,
     with_language,
 )
+from pipeline.export.formats.lerobot.meta import data_schema, write_meta
 from pipeline.export.formats.lerobot.options import MEGABYTE, LerobotV3Options
 from pipeline.export.formats.lerobot.prepare import Prepared
-from pipeline.export.formats.lerobot.reference import data_schema, write_meta
 from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK, Tables, chunk_file
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import ExportError, Facts
