@@ -12,7 +12,7 @@ from pipeline.expert.regrasping import find_seats, promising, regrasp
 from pipeline.expert.skills import first_of, grasp, in_turn, lift, move, open_
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import pose, yawed
-from pipeline.world.objects.families.containers.bowl import Bowl
+from pipeline.world.objects.families.containers.tableware import Bowl
 from pipeline.world.physics.body import TABLE_TOP
 from tests.expert.simulated import actor_among, body
 

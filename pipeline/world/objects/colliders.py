@@ -60,6 +60,11 @@ def push_button(radius: float, lower: float, upper: float) -> Colliders:
     return tuple(Collider("box", (side, side, half), pose((0, 0, middle), turn)) for turn in turns)
 
 
+def slab(hx: float, hy: float, height: float) -> Colliders:
+    """A box of half extents `hx` and `hy` that stands at z = 0."""
+    return box_collider(hx, hy, height / 2, (0, 0, height / 2))
+
+
 def disc(radius: float, thickness: float, z: float = 0.0) -> Colliders:
     """A flat round plate whose underside is at height `z`."""
     return cylinder_collider(radius, z, z + thickness)
@@ -124,10 +129,16 @@ def ring_of_boxes(
     return tuple(pieces)
 
 
-def walls_of_boxes(hx: float, hy: float, wall: float, height: float) -> Colliders:
-    """Four upright walls of an open rectangular box of outer half extents, standing at z = 0."""
+def vessel(foot: float, wall: float, height: float, n: int, rim: float | None = None) -> Colliders:
+    """A round hollow thing that stands at z = 0: a floor of radius `foot` and `ring_of_boxes`."""
+    return disc(foot, wall) + ring_of_boxes(foot, wall, height, n, top=rim)
+
+
+def tray(hx: float, hy: float, wall: float, height: float) -> Colliders:
+    """Floor and four upright walls of an open box of outer half extents, standing at z = 0."""
     h = height / 2
     return (
+        *slab(hx, hy, wall),
         *box_collider(wall / 2, hy, h, (hx - wall / 2, 0, h)),
         *box_collider(wall / 2, hy, h, (wall / 2 - hx, 0, h)),
         *box_collider(hx, wall / 2, h, (0, hy - wall / 2, h)),

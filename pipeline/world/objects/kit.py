@@ -78,6 +78,17 @@ def standing(height: float, grasps: Sequence[Grasp] = (), **points: Pose) -> Nam
     return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, height), **points}, tuple(grasps))
 
 
+def hollow(height: float, wall: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
+    """`standing`, with "inside" and "centre" on the floor of a hollow thing, `wall` (m) thick."""
+    floor = mark(0, 0, wall)
+    return standing(height, grasps, inside=floor, centre=floor, **points)
+
+
+def lean(out: float, up: float) -> float:
+    """Degrees from the vertical of a wall that goes `out` over a height `up`."""
+    return float(np.degrees(np.arctan2(out, up)))
+
+
 def size_word(
     value: float, bounds: Range, words: tuple[str, str, str] = ("small", "medium-sized", "large")
 ) -> str:

@@ -28,7 +28,7 @@ WIDE = ("narrow", "medium-sized", "wide")
 def drawn(how: Callable[[np.random.Generator, Any], Any], **notes: Any) -> Any:
     """A parameter that `how` draws from a generator and the parameters before it, as attributes;
     `notes` join its metadata."""
-    return field(metadata={"draw": how, **notes})
+    return field(metadata={"draw": how, "also": "", **notes})
 
 
 def between(low: float, high: float, of: str = "", size: tuple[str, str, str] | None = None) -> Any:
@@ -46,11 +46,13 @@ def one_of(
     other_than: str = "",
     also: str = "",
     by: str = "",
+    says: str = "",
 ) -> Any:
     """One of `options`, all equally likely.
 
     `other_than` names a parameter whose value is left out, `also` one whose value joins them in
     front; `by` names the one whose value is the key of a mapping of options.
+    `says` is the fact that phrases know it by; it is left out where `also` has the same value.
     """
 
     def how(rng: np.random.Generator, so_far: Any) -> Any:
@@ -59,7 +61,7 @@ def one_of(
             return other(rng, found, getattr(so_far, other_than))
         return pick(rng, (getattr(so_far, also), *found) if also else found)
 
-    return drawn(how)
+    return drawn(how, says=says, also=also)
 
 
 def texture() -> Any:
@@ -94,10 +96,12 @@ class Parametric(Family):
                 {"material": "wooden", "plain": ""} if material == "wood" else {"plain": material}
             )
         for parameter in fields(self):  # pyright: ignore[reportArgumentType]
-            if words := parameter.metadata.get("size"):
-                found["size"] = size_word(
-                    getattr(self, parameter.name), parameter.metadata["range"], words
-                )
+            notes, value = parameter.metadata, getattr(self, parameter.name)
+            if words := notes.get("size"):
+                found["size"] = size_word(value, notes["range"], words)
+            if name := notes.get("says"):
+                same = notes["also"] and value == getattr(self, notes["also"])
+                found[name] = "" if same else value
         return found
 
     def words(self) -> Words:

@@ -11,7 +11,7 @@ from pipeline.intake.catalogue.gallery import portrait, write_gallery
 from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.materials import PALETTE
 from pipeline.world.objects import FAMILIES
-from pipeline.world.objects.families.toys.block import Block
+from pipeline.world.objects.families.toys.blocks import Block
 
 try:
     ensure_renderer()

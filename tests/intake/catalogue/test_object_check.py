@@ -11,7 +11,7 @@ from pipeline.intake.catalogue.objects import listing
 from pipeline.poses import pose
 from pipeline.world.objects import FAMILIES, NamedFrames, Words
 from pipeline.world.objects.colliders import box_collider, sphere_collider
-from pipeline.world.objects.families.toys.block import Block
+from pipeline.world.objects.families.toys.blocks import Block
 from pipeline.world.objects.geometry import at, sphere
 
 

@@ -16,7 +16,7 @@ from pipeline.tasks.contract import (
     register,
 )
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.objects.families.goods.bottle import BODY
+from pipeline.world.objects.families.goods.bottles import BODY
 
 
 @register

@@ -19,7 +19,7 @@ from pipeline.tasks.contract import (
     register,
 )
 from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.objects.families.goods.bottle import BODY
+from pipeline.world.objects.families.goods.bottles import BODY
 from pipeline.world.physics.body import TABLE_TOP
 
 SPOTS = (

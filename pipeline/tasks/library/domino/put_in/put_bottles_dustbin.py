@@ -31,7 +31,7 @@ from pipeline.tasks.contract import (
     side_of,
 )
 from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.objects.families.goods.bottle import BODY
+from pipeline.world.objects.families.goods.bottles import BODY
 from pipeline.world.physics.body import TABLE_TOP, Body
 
 

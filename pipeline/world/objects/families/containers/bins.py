@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.world.looks.materials import metal, plastic
-from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes, walls_of_boxes
+from pipeline.world.objects.colliders import tray, vessel
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.families.containers.basket import open_box
+from pipeline.world.objects.families.containers.baskets import open_box
 from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.kit import COLOURS, hollow, lean
 from pipeline.world.objects.parameters import LARGE, WIDE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -49,21 +49,19 @@ class TableBin(Parametric):
                 (lip, skin(self.stripe)),
                 (stripe, skin(self.stripe)),
             ),
-            collision=disc(f, wall) + ring_of_boxes(f, wall, h, 16, top=r),
+            collision=vessel(f, wall, h, 16, r),
             mass=1100 * wall * np.pi * (f * f + (f + r) * h),
             friction=0.5,
         )
 
     def frames(self) -> NamedFrames:
-        floor = mark(0, 0, 0.004)
-        flare = float(np.degrees(np.arctan2(self.radius - self.foot, self.height)))
-        return standing(
+        flare = lean(self.radius - self.foot, self.height)
+        return hollow(
             self.height,
+            0.004,
             rim_pinches(
                 self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)
             ),
-            inside=floor,
-            centre=floor,
         )
 
 
@@ -92,14 +90,13 @@ class Dustbin(Parametric):
                 (inside, plastic("charcoal")),
                 (rim, plastic(self.rim)),
             ),
-            collision=disc(f, wall) + ring_of_boxes(f, wall, h, 20, top=r),
+            collision=vessel(f, wall, h, 20, r),
             mass=2.5,
             friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
-        floor = mark(0, 0, 0.008)
-        return standing(self.height, inside=floor, centre=floor)
+        return hollow(self.height, 0.008)
 
 
 @register("big_bin")
@@ -128,14 +125,10 @@ class BigBin(Parametric):
                 (rim, plastic(self.rim)),
                 (plate, plastic(self.rim)),
             ),
-            collision=(
-                *box_collider(self.hx, self.hy, wall / 2, (0, 0, wall / 2)),
-                *walls_of_boxes(self.hx, self.hy, wall, self.height),
-            ),
+            collision=(*tray(self.hx, self.hy, wall, self.height),),
             mass=3.5,
             friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
-        floor = mark(0, 0, 0.01)
-        return standing(self.height, inside=floor, centre=floor)
+        return hollow(self.height, 0.01)

@@ -8,11 +8,11 @@ import numpy as np
 
 from pipeline.poses import Pose
 from pipeline.world.looks.materials import WOODS, metal, painted, wood
-from pipeline.world.objects.colliders import box_collider, capsule_between, walls_of_boxes
+from pipeline.world.objects.colliders import box_collider, capsule_between, tray
 from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.kit import COLOURS, hollow, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
@@ -76,8 +76,7 @@ class Drawer(Family):
                 (bar, metal(self.handle_colour)),
             ),
             collision=(
-                *box_collider(self.hx, self.hy, 0.003, (0, 0, 0.003)),
-                *walls_of_boxes(self.hx, self.hy, 0.006, h),
+                *tray(self.hx, self.hy, 0.006, h),
                 *box_collider(
                     self.front_hx,
                     BOARD / 2,
@@ -92,7 +91,6 @@ class Drawer(Family):
         )
 
     def frames(self) -> NamedFrames:
-        floor = mark(0, 0, 0.006)
         _, y, z = self.handle_at
         grips = [
             g
@@ -106,11 +104,10 @@ class Drawer(Family):
                 (0, -15, -30, -45, -60),
             )
         ]
-        return standing(
+        return hollow(
             self.front_height,
+            0.006,
             grips,
-            inside=floor,
-            centre=floor,
             handle=mark(*self.handle_at, normal=(0, -1, 0)),
         )
 

@@ -24,7 +24,7 @@ class Microphone(Parametric):
     neck: float = drawn(lambda rng, mic: mic.tail + rng.uniform(0.0015, 0.0035))
     head: float = between(0.0215, 0.026)  # radius of the head
     colour: str = one_of(COLOURS)
-    head_colour: str = one_of(("silver", "charcoal", "gold", "gray"))
+    head_colour: str = one_of(("silver", "charcoal", "gold", "gray"), says="head")
     ring: str = one_of(("silver", "red", "blue", "gold", "white"))
 
     @property
@@ -125,6 +125,3 @@ class Microphone(Parametric):
             },
             (*tail, *neck),
         )
-
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"head": self.head_colour}

@@ -44,8 +44,8 @@ class Shoe(Parametric):
     sole: float = between(0.016, 0.026)  # thickness of the sole
     height: float = between(0.075, 0.092)  # of the collar
     laces: int = drawn(lambda rng, so_far: int(rng.integers(3, 6)))
-    sole_colour: str = one_of(("white", "black", "beige", "gray", "brown"))
-    stripe: str = one_of(COLOURS, other_than="colour")
+    sole_colour: str = one_of(("white", "black", "beige", "gray", "brown"), says="sole")
+    stripe: str = one_of(COLOURS, other_than="colour", says="stripes")
     seed: int = texture()
 
     def x(self, share: np.ndarray | float) -> np.ndarray:
@@ -168,9 +168,6 @@ class Shoe(Parametric):
             },
             tuple(grasps),
         )
-
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"sole": self.sole_colour, "stripes": self.stripe}
 
 
 def _with_floor(rings: np.ndarray) -> np.ndarray:

@@ -1,12 +1,21 @@
-"""Flat things to set others on: a coaster and a large mat."""
+"""Flat things to set others on: a coaster, a large mat, a pad."""
 
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
-from pipeline.world.looks.materials import fabric, painted, rubber, wood, wrapped
-from pipeline.world.objects.colliders import box_collider, disc
+from pipeline.world.looks.materials import (
+    fabric,
+    painted,
+    print_texture,
+    printed,
+    rubber,
+    wood,
+    worn,
+    wrapped,
+)
+from pipeline.world.objects.colliders import disc, slab
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
 from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word, standing
@@ -48,9 +57,7 @@ class Coaster(Parametric):
         )
         return Shape(
             visual=((body, skin), (ring, painted(self.ring))),
-            collision=disc(r, t)
-            if self.form == "round"
-            else box_collider(r, r, t / 2, (0, 0, t / 2)),
+            collision=disc(r, t) if self.form == "round" else slab(r, r, t),
             mass=700 * np.pi * r * r * t,
             friction=0.7,
         )
@@ -93,7 +100,7 @@ class Mat(Family):
                 (edge, fabric(self.border)),
                 (inner, wrapped("runner", self.colour, self.seed, 0.95, 256)),
             ),
-            collision=box_collider(hx, hy, t / 2, (0, 0, t / 2)),
+            collision=slab(hx, hy, t),
             mass=600 * 4 * hx * hy * t,
             friction=0.9,
         )
@@ -105,3 +112,66 @@ class Mat(Family):
         return describe(
             "mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border
         )
+
+
+HALF = (0.045, 0.075)
+PAD_SKINS = ("fabric", "rubber", "painted")
+
+
+@register("pad")
+@dataclass(frozen=True)
+class Pad(Parametric):
+    """A flat pad: a goal to set things on."""
+
+    hx: float
+    hy: float
+    thickness: float
+    corner: float
+    material: str
+    colour: str
+    seed: int
+
+    @classmethod
+    def draw(
+        cls,
+        rng: np.random.Generator,
+        half: tuple[float, float] | None = None,
+        thickness: float | None = None,
+        colour: str = "",
+    ) -> Self:
+        """`half` extents (m), `thickness` (m) and `colour` are drawn unless given."""
+        drawn = (rng.uniform(*HALF), rng.uniform(*HALF))
+        hx, hy = half or drawn
+        return cls(
+            hx,
+            hy,
+            rng.uniform(0.004, 0.007) if thickness is None else thickness,
+            rng.uniform(0.001, 0.2) * min(hx, hy),
+            pick(rng, PAD_SKINS),
+            colour or pick(rng, COLOURS),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        bevel = min(0.001, 0.3 * self.thickness)
+        corner = max(self.corner, 2 * bevel)  # the chamfer of a tighter corner turns inside out
+        mesh = extrude(rounded_rectangle(self.hx, self.hy, corner, 3), self.thickness, bevel)
+        skin = {
+            "fabric": printed(print_texture(self.colour, "cream", "hem", seed=self.seed), 0.95),
+            "rubber": worn(self.colour, self.seed, 0.9),
+            "painted": worn(self.colour, self.seed),
+        }[self.material]
+        return Shape(
+            visual=((mesh, skin),),
+            collision=slab(self.hx, self.hy, self.thickness),
+            mass=900 * 4 * self.hx * self.hy * self.thickness,
+            friction=0.8,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
+
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "size": size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2))
+        }

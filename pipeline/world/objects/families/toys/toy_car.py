@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import glaze, metal, plastic, rubber
-from pipeline.world.objects.colliders import box_collider, prism_collider
+from pipeline.world.objects.colliders import prism_collider, slab
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism
 from pipeline.world.objects.grasping import box_pinches
@@ -32,7 +32,11 @@ class ToyCar(Parametric):
     height: float = between(0.042, 0.054)
     wheel: float = between(0.0105, 0.013)  # radius
     form: str = one_of(tuple(FORMS))
-    roof: str = drawn(lambda rng, car: pick(rng, (car.colour, other(rng, COLOURS, car.colour))))
+    roof: str = drawn(
+        lambda rng, car: pick(rng, (car.colour, other(rng, COLOURS, car.colour))),
+        says="roof",
+        also="colour",
+    )
 
     def x(self, share: float) -> float:
         """x (m) of a share of the length from the rear."""
@@ -102,8 +106,7 @@ class ToyCar(Parametric):
                 *((m, plastic("cream")) for m in lamps),
                 *((m, plastic("red")) for m in tails),
             ),
-            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2))
-            + prism_collider(cabin, 0.86 * w),
+            collision=slab(self.length / 2, w - 0.001, belt) + prism_collider(cabin, 0.86 * w),
             mass=0.11,
             friction=0.6,
         )
@@ -128,6 +131,3 @@ class ToyCar(Parametric):
             },
             tuple(grasps),
         )
-
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"roof": "" if self.roof == self.colour else self.roof}

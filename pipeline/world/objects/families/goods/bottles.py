@@ -1,16 +1,17 @@
-"""A capped bottle with a label, standing."""
+"""Bottles: standing, lying, and one of pills."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.world.looks.materials import glaze, plastic, print_texture, printed
 from pipeline.world.objects.colliders import convex_collider, cylinder_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
-from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.grasping import bar_pinches, side_pinches
 from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
-from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
+from pipeline.world.objects.parameters import LONG, TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
@@ -25,14 +26,16 @@ FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}
 @register("bottle")
 @dataclass(frozen=True)
 class Bottle(Parametric):
+    """A capped bottle with a label, standing."""
+
     radius: float = between(0.026, 0.032)
     colour: str = one_of(COLOURS)
     height: float = between(*HEIGHT, size=TALL)
     form: str = one_of(tuple(FORMS))
     neck: float = between(0.42, 0.56, of="radius")  # radius of the cap
     cap: float = between(0.014, 0.024)  # height of the cap
-    cap_colour: str = one_of(COLOURS, other_than="colour")
-    label_colour: str = one_of(COLOURS, other_than="colour")
+    cap_colour: str = one_of(COLOURS, other_than="colour", says="cap")
+    label_colour: str = one_of(COLOURS, other_than="colour", says="label")
     brand: str = one_of(BRANDS)
     seed: int = texture()
 
@@ -102,5 +105,86 @@ class Bottle(Parametric):
             middle=mark(0, 0, b / 2),
         )
 
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"cap": self.cap_colour, "label": self.label_colour}
+
+@register("lying_bottle")
+@dataclass(frozen=True)
+class LyingBottle(Bottle):
+    """The origin is under the middle of its length, where it touches the table; frame "cap" looks
+    out of the bottle."""
+
+    noun = "bottle"
+
+    height: float = between(*HEIGHT, size=LONG)
+
+    @property
+    def _laid(self) -> Pose:
+        """Pose of the standing bottle in this frame."""
+        return pose((-self.height / 2, 0, self.radius), quat_about((0, 1, 0), np.pi / 2))
+
+    def shape(self) -> Shape:
+        upright = super().shape()
+        return replace(
+            upright,
+            visual=tuple((mesh.moved(self._laid), skin) for mesh, skin in upright.visual),
+            collision=tuple(
+                replace(c, pose=compose(self._laid, c.pose)) for c in upright.collision
+            ),
+        )
+
+    def frames(self) -> NamedFrames:
+        r, end = self.radius, self.height / 2
+        along = [share * self.body - end for share in (0.3, 0.45, 0.6, 0.75)]
+        return standing(
+            2 * r, bar_pinches(along, r, r, kind="body"), cap=mark(end, 0, r, (1, 0, 0), (0, 0, -1))
+        )
+
+
+@register("pill_bottle")
+@dataclass(frozen=True)
+class PillBottle(Parametric):
+    """A pill bottle with a wide cap."""
+
+    radius: float = between(0.02, 0.027)
+    colour: str = one_of(("orange", "white", *COLOURS))
+    height: float = between(0.07, 0.1, size=TALL)
+    cap: float = between(0.014, 0.02)  # height of the cap
+    cap_radius: float = between(0.82, 1.0, of="radius")
+    cap_colour: str = one_of(("white", *COLOURS), other_than="colour", says="cap")
+    ink: str = one_of(("red", "blue", "green", "purple", "black", "teal"))
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        r, top = self.radius, self.height - self.cap
+        body = revolve(
+            [(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)], 24
+        )
+        cap = at(cylinder(self.cap_radius, self.cap, 20, 0.0015), (0, 0, top))
+        label = band(r + 0.0004, 0.14 * top, 0.74 * top, 24)
+        image = print_texture("white", self.ink, "product", self.brand, self.seed)
+        return Shape(
+            visual=(
+                (body, plastic(self.colour)),
+                (cap, plastic(self.cap_colour)),
+                (label, printed(image)),
+            ),
+            collision=cylinder_collider(r, 0, top - 0.004)
+            + cylinder_collider(0.78 * r, 0, top)
+            + cylinder_collider(self.cap_radius, top, self.height),
+            mass=600 * np.pi * r * r * self.height,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        r, top = self.radius, self.height - self.cap
+        outline = [
+            (r, 0.0),
+            (r, top - 0.006),
+            (self.cap_radius, top),
+            (self.cap_radius, self.height),
+        ]
+        return standing(
+            self.height,
+            side_pinches(r, (0.5 * top, top - 0.014), outline=outline),
+            middle=mark(0, 0, top / 2),
+        )

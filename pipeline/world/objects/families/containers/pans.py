@@ -1,4 +1,4 @@
-"""A frying pan; its handle points towards -y, the robot."""
+"""A pot with two handles and a frying pan."""
 
 from dataclasses import dataclass, replace
 
@@ -6,13 +6,82 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import metal, painted, plastic, wood, wrapped
-from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes
+from pipeline.world.objects.colliders import arc_of_capsules, box_collider, vessel
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, box, revolve
-from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.geometry import at, box, revolve, sweep
+from pipeline.world.objects.grasping import handle_pinches, rim_pinches
+from pipeline.world.objects.kit import COLOURS, hollow, mark
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
+
+WALL = 0.004
+
+
+@register("pot")
+@dataclass(frozen=True)
+class Pot(Parametric):
+    """A kitchen pot with two loop handles, along x."""
+
+    radius: float = between(0.075, 0.10, size=LARGE)
+    material: str = one_of(("steel", "enamel"))
+    height: float = between(0.85, 1.25, of="radius")
+    loop: float = between(0.028, 0.036)  # how far the handles stand out
+    colour: str = one_of({"steel": ("silver", "charcoal"), "enamel": COLOURS}, by="material")
+    handle_colour: str = one_of(("black", "silver", "brown", "red"), says="handles")
+
+    def loop_path(self, side: int) -> np.ndarray:
+        """Axis (N,3) of the handle at +x (`side` 1) or -x (-1)."""
+        angle = np.radians(np.linspace(-90, 90, 7))
+        r = 0.97 * self.radius
+        x = r + (self.loop - 0.005) * np.cos(angle) ** 0.6
+        return np.column_stack([side * x, 0.036 * np.sin(angle), np.full(7, 0.8 * self.height)])
+
+    def shape(self) -> Shape:
+        r, h = self.radius, self.height
+        skin = metal(self.colour) if self.material == "steel" else painted(self.colour)
+        bolt = plastic(self.handle_colour) if self.handle_colour != "silver" else metal()
+        outside = revolve(
+            [
+                (0, 0),
+                (r - 0.006, 0),
+                (r, 0.006),
+                (r, h - 0.003),
+                (r + 0.0025, h - 0.002),
+                (r + 0.0025, h),
+                (r - WALL, h),
+            ],
+            28,
+        )
+        inside = revolve([(r - WALL, h), (r - WALL, WALL), (0, WALL)], 28)
+        base = revolve(
+            [(r - 0.004, 0.004), (r + 0.0008, 0.0065), (r + 0.0008, 0.014), (r - 0.004, 0.0165)], 28
+        )
+        loops = [sweep(self.loop_path(s), 0.005, 8) for s in (1, -1)]
+        capsules = [c for s in (1, -1) for c in arc_of_capsules(self.loop_path(s)[::2], 0.005)]
+        return Shape(
+            visual=(
+                (outside, skin),
+                (inside, metal("silver", seed=7)),
+                (base, metal("silver")),
+                (loops[0], bolt),
+                (loops[1], bolt),
+            ),
+            collision=(*vessel(r, WALL, h, 18), *capsules),
+            mass=3500 * 0.003 * np.pi * (r * r + 2 * r * h),
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        return hollow(
+            self.height,
+            WALL,
+            tuple(
+                g
+                for g in rim_pinches(self.radius, WALL, self.height)
+                if abs(g.pose[1]) > 0.6 * self.radius
+            ),
+        )
+
 
 WALL = 0.004
 LEAN = 0.2  # rad the handle rises
@@ -31,6 +100,8 @@ the pan is near the robot."""
 @register("skillet")
 @dataclass(frozen=True)
 class Skillet(Parametric):
+    """A frying pan; its handle points towards -y, the robot."""
+
     handle_material: str = one_of(("wood", "plastic"))
     radius: float = between(0.07, 0.09, size=LARGE)
     height: float = between(0.026, 0.036)
@@ -51,7 +122,9 @@ class Skillet(Parametric):
         )
     )
     handle_colour: str = one_of(
-        {"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, by="handle_material"
+        {"wood": ("oak", "walnut", "beech"), "plastic": COLOURS},
+        by="handle_material",
+        says="handle",
     )
 
     def along(self, share: float) -> np.ndarray:
@@ -86,8 +159,7 @@ class Skillet(Parametric):
                 (neck, metal()),
             ),
             collision=(
-                *disc(foot, WALL),
-                *ring_of_boxes(foot, WALL, h, 16, top=r),
+                *vessel(foot, WALL, h, 16, r),
                 *(
                     replace(c, weight=0.6)
                     for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)
@@ -123,6 +195,3 @@ class Skillet(Parametric):
             },
             tuple(grips),
         )
-
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"handle": self.handle_colour}

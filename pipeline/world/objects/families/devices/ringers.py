@@ -1,4 +1,4 @@
-"""An alarm clock facing -y with a button on top: a twin-bell clock or a digital one."""
+"""What is pressed from above: an alarm clock and a service bell."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,20 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import metal, painted, plastic, print_texture, printed
-from pipeline.world.objects.colliders import ALONG_Y, box_collider, cylinder_collider, push_button
+from pipeline.world.objects.colliders import (
+    ALONG_Y,
+    box_collider,
+    convex_collider,
+    cylinder_collider,
+    disc,
+    push_button,
+    slab,
+)
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.goods.boxes import upright
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, sweep
-from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.grasping import box_pinches, side_pinches
+from pipeline.world.objects.kit import COLOURS, DARKS, mark
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Material, Mesh, Shape
 
@@ -19,6 +27,8 @@ from pipeline.world.shapes import Material, Mesh, Shape
 @register("alarm_clock")
 @dataclass(frozen=True)
 class AlarmClock(Parametric):
+    """An alarm clock facing -y with a button on top: a twin-bell clock or a digital one."""
+
     colour: str = one_of(COLOURS)
     height: float = between(0.085, 0.115, size=LARGE)
     form: str = one_of(("twin-bell", "digital"))
@@ -26,7 +36,7 @@ class AlarmClock(Parametric):
     radius: float = between(0.35, 0.4, of="height")
     half: float = between(0.022, 0.03)  # half depth
     hour: float = between(0, 12)
-    trim: str = one_of(("silver", "gold", *COLOURS), other_than="colour")
+    trim: str = one_of(("silver", "gold", *COLOURS), other_than="colour", says="button")
     seed: int = texture()
 
     def shape(self) -> Shape:
@@ -125,8 +135,7 @@ class AlarmClock(Parametric):
         button = at(cylinder(0.013, 0.012, 18, 0.002), (0, 0, self.height - 0.012))
         return Shape(
             visual=((case, plastic(self.colour)), (screen, panel), (button, plastic(self.trim))),
-            collision=box_collider(hx, w, body / 2, (0, 0, body / 2))
-            + push_button(0.013, body, self.height),
+            collision=slab(hx, w, body) + push_button(0.013, body, self.height),
             mass=0.25,
             friction=0.6,
         )
@@ -152,12 +161,88 @@ class AlarmClock(Parametric):
             ),
         )
 
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"button": self.trim}
-
 
 def _standing(mesh: Mesh) -> Mesh:
     """The mesh cut flat at the table: points below it are raised onto it."""
     vertices = mesh.vertices.copy()
     vertices[:, 2] = np.maximum(vertices[:, 2], 0)
     return Mesh(vertices, mesh.triangles, mesh.normals, mesh.uvs)
+
+
+COLLAR = 0.012  # m of upright wall at the foot of the dome, where it is held
+
+
+@register("bell")
+@dataclass(frozen=True)
+class Bell(Parametric):
+    """A service bell: a dome on a base, rung by the button on top."""
+
+    radius: float = between(0.028, 0.034, size=LARGE)
+    material: str = one_of(("metal", "painted"))
+    colour: str = one_of({"metal": ("silver", "gold"), "painted": COLOURS}, by="material")
+    dome: float = between(0.78, 0.98, of="radius")  # height of the dome
+    foot: float = between(0.01, 0.015)  # height of the base
+    knob: float = between(0.006, 0.009)  # radius of the button
+    base_colour: str = one_of(DARKS, other_than="colour", says="base")
+
+    @property
+    def height(self) -> float:
+        """To the top of the button (m)."""
+        return self.foot + self.dome + 0.010
+
+    def outline(self) -> list[tuple[float, float]]:
+        """Silhouette of the dome, (radius, z) from the base up."""
+        r, d, f = self.radius, self.dome, self.foot
+        angle = np.radians([0, 20, 40, 60, 78])
+        c = COLLAR
+        return [
+            (r, f),
+            *((float(r * np.cos(a)), float(f + c + (d - c) * np.sin(a))) for a in angle),
+            (0.0, f + d),
+        ]
+
+    def shape(self) -> Shape:
+        r, f = self.radius, self.foot
+        skin = metal(self.colour) if self.material == "metal" else painted(self.colour)
+        foot = cylinder(0.93 * r, f, 24, bevel=0.002)
+        dome = revolve([(0, f), (0.98 * r, f), *self.outline()], 24)
+        stem = at(cylinder(0.0035, 0.012, 8), (0, 0, f + self.dome - 0.004))
+        lip = revolve([(0.98 * r, f + 0.0004), (1.03 * r, f + 0.0016), (0.98 * r, f + 0.0032)], 24)
+        knob = at(cylinder(self.knob, 0.005, 16, bevel=0.0015), (0, 0, self.height - 0.005))
+        rings = [
+            (rho * np.cos(a), rho * np.sin(a), z)
+            for rho, z in self.outline()
+            for a in np.arange(12) * np.pi / 6
+            if rho > 0
+        ]
+        return Shape(
+            visual=(
+                (foot, plastic(self.base_colour)),
+                (dome, skin),
+                (lip, skin),
+                (stem, metal()),
+                (knob, metal()),
+            ),
+            collision=disc(0.93 * r, f)
+            + convex_collider(rings)
+            + push_button(self.knob, f + self.dome - 0.003, self.height),
+            mass=0.25 * (r / 0.03) ** 2,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        f, d = self.foot, self.dome
+        outline = [
+            (self.radius, 0.0),
+            *self.outline()[:-1],
+            (self.knob, f + d),
+            (self.knob, self.height),
+        ]
+        return NamedFrames(
+            {
+                "base": mark(0, 0, 0),
+                "button": mark(0, 0, self.height),
+                "top": mark(0, 0, self.height),
+            },
+            side_pinches(self.radius, max(0.0215, f + 0.5 * COLLAR), outline=outline, kind="dome"),
+        )

@@ -1,18 +1,17 @@
-"""A carrying basket: a hollow box of wicker, long along x, with an arched handle over its middle
-from -y to +y."""
+"""Baskets of wicker, hollow boxes: one to carry and one for bread."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.world.looks.materials import wrapped
-from pipeline.world.objects.colliders import arc_of_capsules, box_collider, walls_of_boxes
+from pipeline.world.looks.materials import fabric, wrapped
+from pipeline.world.objects.colliders import arc_of_capsules, tray
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
-from pipeline.world.objects.grasping import bar_pinches, turned
-from pipeline.world.objects.kit import mark, standing
+from pipeline.world.objects.geometry import at, box, loft, rounded_rectangle, stacked, sweep
+from pipeline.world.objects.grasping import bar_pinches, box_pinches, turned
+from pipeline.world.objects.kit import hollow, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
-from pipeline.world.shapes import Mesh, Shape, deferred
+from pipeline.world.shapes import Mesh, Shape, deferred, seen_along
 
 WALL = 0.006
 WEAVE = 0.056  # m: a tile of wicker, eight strands
@@ -75,13 +74,15 @@ def wound(tube: Mesh, path: np.ndarray) -> Mesh:
 @register("basket")
 @dataclass(frozen=True)
 class Basket(Parametric):
+    """Hollow, long along x, with an arched handle over its middle from -y to +y."""
+
     colour: str = one_of(TONES)
     hx: float = between(0.105, 0.125, size=LARGE)  # half extent along x
     hy: float = between(0.062, 0.078)
     height: float = between(0.06, 0.085)
     arch: float = between(0.165, 0.2)  # height of the handle's top
     grip: float = between(0.006, 0.008)  # radius of the handle
-    handle_colour: str = one_of(TONES, other_than="colour")
+    handle_colour: str = one_of(TONES, other_than="colour", says="handle")
     seed: int = texture()
 
     def arch_path(self) -> np.ndarray:
@@ -106,8 +107,7 @@ class Basket(Parametric):
                 (wound(sweep(path, self.grip, 8), path), band),
             ),
             collision=(
-                *box_collider(self.hx, self.hy, WALL / 2, (0, 0, WALL / 2)),
-                *walls_of_boxes(self.hx, self.hy, WALL, self.height),
+                *tray(self.hx, self.hy, WALL, self.height),
                 *(replace(c, weight=0.3) for c in arc_of_capsules(path, self.grip)),
             ),
             mass=0.3 * (self.hx * self.hy) / (0.095 * 0.07),
@@ -134,5 +134,60 @@ class Basket(Parametric):
             rim=mark(0, 0, self.height),
         )
 
-    def facts(self) -> dict[str, str]:
-        return super().facts() | {"handle": self.handle_colour}
+
+WALL = 0.006
+
+
+@register("bread_basket")
+@dataclass(frozen=True)
+class BreadBasket(Parametric):
+    """A shallow bread basket, hollow, without handle."""
+
+    colour: str = one_of(TONES)
+    hx: float = between(0.085, 0.115, size=LARGE)
+    hy: float = between(0.062, 0.08)
+    height: float = between(0.034, 0.05)
+    corner: float = between(0.012, 0.035)
+    cloth: str = one_of(TONES, other_than="colour")  # colour of the cloth inside
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        body = open_box(self.hx, self.hy, self.height, WALL, self.corner)
+        rim = np.column_stack(
+            [
+                rounded_rectangle(self.hx - 0.003, self.hy - 0.003, self.corner, 4),
+                np.full(20, self.height - 0.002),
+            ]
+        )
+        cloth = at(
+            box(0.94 * (self.hx - WALL), 0.94 * (self.hy - WALL), 0.0008), (0, 0, WALL + 0.0008)
+        )
+        cloth = seen_along(cloth, np.eye(2, 3), 0.05)
+        return Shape(
+            visual=(
+                (body, wrapped("wicker", self.colour, self.seed, 0.7)),
+                (
+                    wound(sweep(rim, 0.004, 6, closed=True), np.concatenate([rim, rim[:1]])),
+                    wrapped("cord", self.colour, self.seed, 0.6, 64),
+                ),
+                (cloth, fabric(self.cloth, self.seed + 1)),
+            ),
+            collision=(*tray(self.hx, self.hy, WALL, self.height),),
+            mass=0.22 * self.hx * self.hy / 0.007,
+            friction=0.7,
+        )
+
+    def frames(self) -> NamedFrames:
+        rim = [
+            g
+            for sign in (1, -1)
+            for g in box_pinches(
+                0.5 * self.hx,
+                WALL / 2,
+                self.height / 2,
+                (0, sign * (self.hy - WALL / 2), self.height / 2),
+                axes="y",
+                kind="rim",
+            )
+        ]
+        return hollow(self.height, WALL, rim)

@@ -1,0 +1,273 @@
+"""Hollow round things of a table: bowl, plate, cup, mug."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pipeline.poses import quat_rotate
+from pipeline.world.looks.materials import glaze, metal, plastic
+from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxes, vessel
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import revolve, sweep
+from pipeline.world.objects.grasping import handle_pinches, rim_pinches, side_pinches
+from pipeline.world.objects.kit import COLOURS, PASTELS, hollow, lean, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
+from pipeline.world.objects.surface import join
+from pipeline.world.shapes import Shape
+
+WALL = 0.004
+
+
+@register("bowl")
+@dataclass(frozen=True)
+class Bowl(Parametric):
+    """A bowl on a low foot."""
+
+    radius: float = between(0.052, 0.072, size=LARGE)
+    colour: str = one_of(COLOURS)
+    height: float = between(0.68, 0.88, of="radius")
+    foot: float = between(0.48, 0.6, of="radius")  # radius of the standing ring
+    # how far the wall bulges beyond a straight cone, as a share of the radius
+    belly: float = between(0.08, 0.17)
+    inside: str = one_of(PASTELS, also="colour", says="inside")
+
+    def outer(self) -> list[tuple[float, float]]:
+        """Silhouette of the wall, (radius, z) from the foot to the rim, in three straight
+        pieces."""
+        share = np.array([0, 0.3, 0.65, 1.0])
+        bulge = self.belly * self.radius * np.sin(np.pi * share)
+        r = self.foot + (self.radius - self.foot) * share + bulge
+        return [
+            (float(a), float(b))
+            for a, b in zip(r, 0.005 + (self.height - 0.005) * share, strict=True)
+        ]
+
+    def shape(self) -> Shape:
+        outer = self.outer()
+        inner = [(r - WALL, z + 0.4 * WALL) for r, z in outer[-2:0:-1]]
+        lip = [(self.radius - WALL, self.height)]
+        floor = (outer[0][0] * 0.85, 0.005 + WALL)
+        outside = revolve([(0, 0), (self.foot, 0), *outer, *lip], 32, crease=50)
+        inside = revolve([*lip, *inner, floor, (0, 0.005 + WALL)], 32, crease=50)
+        tiers = tuple(
+            c
+            for (r0, z0), (r1, z1) in pairwise(outer)
+            for c in ring_of_boxes(r0, WALL, z1 - z0, 14, z=z0, top=r1)
+        )
+        return Shape(
+            visual=((outside, glaze(self.colour)), (inside, glaze(self.inside))),
+            collision=disc(self.foot, 0.005 + WALL) + tiers,
+            mass=2300 * WALL * np.pi * (self.foot**2 + (self.foot + self.radius) * self.height),
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        (r0, z0), (r1, z1) = self.outer()[-2:]
+        flare = lean(r1 - r0, z1 - z0)
+        return hollow(
+            self.height, 0.005 + WALL, rim_pinches(self.radius, WALL, self.height, flare=flare)
+        )
+
+
+PLATE_WALL = 0.005
+
+
+@register("plate")
+@dataclass(frozen=True)
+class Plate(Parametric):
+    """A dinner plate: a flat floor with a raised rim."""
+
+    radius: float = between(0.085, 0.12, size=LARGE)
+    colour: str = one_of(PASTELS + COLOURS)
+    height: float = between(0.016, 0.024)
+    well: float = between(0.58, 0.72, of="radius")  # radius of the flat floor
+    rim_colour: str = one_of(COLOURS, also="colour", says="rim")
+
+    def shape(self) -> Shape:
+        r, h, w = self.radius, self.height, self.well
+        knee = PLATE_WALL + 0.3 * (h - PLATE_WALL)
+        under = [(0, 0), (w, 0), (0.6 * w + 0.4 * r, 0.35 * (h - PLATE_WALL)), (r, h - PLATE_WALL)]
+        inner_start = 0.985 * r
+        body = revolve(
+            [
+                *under,
+                (r, h),
+                (inner_start, h),
+                (0.6 * w + 0.4 * r, knee + 0.12 * h),
+                (w, PLATE_WALL),
+                (0, PLATE_WALL),
+            ],
+            36,
+            crease=50,
+        )
+        middle = 0.6 * w + 0.4 * r
+        fall = (inner_start - 0.92 * r) / (inner_start - middle) * (h - knee - 0.12 * h)
+        edge = [
+            (r + 0.0008, h - PLATE_WALL),
+            (r + 0.0008, h + 0.0008),
+            (inner_start, h + 0.0008),
+            (0.92 * r, h - fall + 0.0008),
+        ]
+        ring = revolve(edge, 36)
+        line = revolve(
+            [
+                (1.06 * w, PLATE_WALL + 0.04 * h + 0.0012),
+                (1.02 * w, PLATE_WALL + 0.01 * h + 0.0012),
+            ],
+            36,
+        )
+        return Shape(
+            visual=(
+                (body, glaze(self.colour)),
+                (ring, glaze(self.rim_colour)),
+                (line, glaze(self.rim_colour)),
+            ),
+            collision=vessel(w, PLATE_WALL, h, 16, r),
+            mass=2300 * np.pi * r**2 * PLATE_WALL * 1.05,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        flare = lean(self.radius - self.well, self.height)
+        grasps = rim_pinches(
+            self.radius,
+            PLATE_WALL,
+            self.height,
+            0.010,
+            pitches=(60, 75, 90),
+            flare=min(flare, 60.0),
+        )
+        return NamedFrames(
+            {
+                "base": mark(0, 0, 0),
+                "centre": mark(0, 0, PLATE_WALL),
+                "top": mark(0, 0, self.height),
+            },
+            grasps,
+        )
+
+
+CUP_WALL = 0.003
+BANDS = (0.56, 0.575), (0.62, 0.76), (0.805, 0.82)  # shares of the height
+CUP_SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": (metal, 4000.0)}
+
+
+@register("cup")
+@dataclass(frozen=True)
+class Cup(Parametric):
+    """A cup without handle: a tumbler of plastic, ceramic or metal."""
+
+    radius: float = between(0.028, 0.034, size=LARGE)  # at the rim
+    material: str = one_of(tuple(CUP_SKINS))
+    colour: str = one_of(COLOURS)
+    foot: float = between(0.74, 0.98, of="radius")  # at the base
+    height: float = between(2.4, 3.2, of="radius")
+    stripe: str = one_of(COLOURS, other_than="colour")  # colour of the band round it
+
+    def shape(self) -> Shape:
+        r, f, h = self.radius, self.foot, self.height
+        skin, density = CUP_SKINS[self.material]
+        foot = [(0, 0.002), (f - 0.006, 0.002), (f - 0.004, 0), (f - 0.0015, 0), (f, 0.002)]
+        lip = [
+            (r - 0.0002, h - 0.004),
+            (r + 0.0006, h - 0.003),
+            (r + 0.0007, h - 0.0012),
+            (r - 0.0005, h),
+        ]
+        hollow = [
+            (r - 0.0022, h - 0.0003),
+            (r - CUP_WALL, h - 0.002),
+            (f - CUP_WALL, CUP_WALL + 0.005),
+            (f - CUP_WALL - 0.005, CUP_WALL),
+            (0, CUP_WALL),
+        ]
+        body = revolve([*foot, *lip, *hollow], 26)
+        bands = [revolve([(f + (r - f) * s + 0.0004, h * s) for s in band], 26) for band in BANDS]
+        return Shape(
+            visual=((body, skin(self.colour)), (join(*bands), plastic(self.stripe))),
+            collision=vessel(f, CUP_WALL, h, 16, r),
+            mass=density * CUP_WALL * np.pi * (f**2 + (f + r) * h),
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        r, f, h = self.radius, self.foot, self.height
+        outline = [(f, 0.0), (r, h)]
+        flare = lean(r - f, h)
+        side = [
+            g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)
+        ]
+        return hollow(h, CUP_WALL, (*side, *rim_pinches(r, CUP_WALL, h, flare=flare)))
+
+
+MUG_WALL = 0.004
+
+
+@register("mug")
+@dataclass(frozen=True)
+class Mug(Parametric):
+    """A mug with an ear: hollow, the handle towards +x."""
+
+    radius: float = between(0.029, 0.034, size=LARGE)
+    colour: str = one_of(COLOURS)
+    height: float = between(2.3, 2.9, of="radius")
+    ear: float = between(0.03, 0.038)  # how far the handle stands out
+    ear_radius: float = between(0.0042, 0.0056)  # half thickness of the handle
+    inside: str = one_of(PASTELS, also="colour", says="inside")
+
+    def ear_path(self) -> np.ndarray:
+        """Axis of the handle (N,3), from its upper to its lower root."""
+        angle = np.radians(np.linspace(78, -78, 9))
+        start = self.radius - 0.012
+        x = start + (self.ear + 0.012 - self.ear_radius) * np.cos(angle) ** 0.7
+        return np.column_stack(
+            [x, np.zeros(9), 0.52 * self.height + 0.34 * self.height * np.sin(angle)]
+        )
+
+    def shape(self) -> Shape:
+        r, h = self.radius, self.height
+        outside = revolve([(0, 0), (r - 0.003, 0), (r, 0.004), (r, h), (r - MUG_WALL, h)], 28)
+        inside = revolve(
+            [
+                (r - MUG_WALL, h),
+                (r - MUG_WALL, MUG_WALL + 0.003),
+                (r - MUG_WALL - 0.003, MUG_WALL),
+                (0, MUG_WALL),
+            ],
+            28,
+        )
+        path = self.ear_path()
+        return Shape(
+            visual=(
+                (outside, glaze(self.colour)),
+                (inside, glaze(self.inside)),
+                (sweep(path, self.ear_radius, 8), glaze(self.colour)),
+            ),
+            collision=disc(r, MUG_WALL)
+            + ring_of_boxes(r, MUG_WALL, h, 16)
+            + arc_of_capsules(path[::2], self.ear_radius),
+            mass=2300 * MUG_WALL * np.pi * (r * r + 2 * r * h) * 0.9,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        r, h = self.radius, self.height
+        ear_x = r + self.ear - self.ear_radius
+        side = side_pinches(r, (0.5 * h, 0.72 * h), outline=[(r, 0.0), (r, h)])
+        clear = [
+            g
+            for g in side
+            if abs(quat_rotate(g.pose[3:], (0, 1, 0))[0]) < 0.85 and g.pose[0] < 0.005
+        ]
+        free = [g for g in rim_pinches(r, MUG_WALL, h) if g.pose[0] < 0.8 * r]
+        return hollow(
+            h,
+            MUG_WALL,
+            (
+                *clear,
+                *free,
+                *handle_pinches((ear_x, 0, 0.52 * h), (0, 0, 1), (1, 0, 0), 2 * self.ear_radius),
+            ),
+            handle_hole=mark(r + 0.45 * (self.ear - 2 * self.ear_radius), 0, 0.52 * h, (0, 1, 0)),
+        )

@@ -1,0 +1,164 @@
+"""What lies in a hand: a phone, a remote control, a computer mouse."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.world.looks.materials import plastic, print_texture, printed, rubber, wrapped
+from pipeline.world.objects.colliders import ALONG_X, convex_collider, slab
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import (
+    at,
+    cylinder,
+    decal,
+    extrude,
+    rounded_rectangle,
+    stack,
+    stacked,
+)
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, LONG, Parametric, between, one_of, texture
+from pipeline.world.shapes import Shape, seen_along
+
+SCREENS = ("navy", "sky blue", "lavender", "coral", "mint", "gold", "pink", "teal", "white")
+
+
+@register("phone")
+@dataclass(frozen=True)
+class Phone(Parametric):
+    """A phone lying on its back, screen up, its top towards +y."""
+
+    hx: float = between(0.03, 0.034)
+    height: float = between(0.125, 0.152, size=LARGE)
+    thickness: float = between(0.0145, 0.018)
+    corner: float = between(0.004, 0.01)
+    colour: str = one_of(COLOURS)
+    screen: str = one_of(SCREENS)
+    style: str = one_of(("dots", "stripes", "diamond", "panel"))
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        hx, hy, t = self.hx, self.height / 2, self.thickness
+        case = extrude(rounded_rectangle(hx, hy, self.corner, 3), t, bevel=0.002)
+        black = decal(1.88 * hx, 1.92 * hy, (0, 0, t + 0.0002))
+        glass = decal(1.78 * hx, 1.74 * hy, (0, 0, t + 0.0004))
+        accent = "white" if self.screen != "white" else "navy"
+        image = print_texture(self.screen, accent, self.style, "12:45", self.seed)
+        return Shape(
+            visual=(
+                (case, plastic(self.colour)),
+                (black, plastic("black")),
+                (glass, printed(image, 0.2)),
+            ),
+            collision=slab(hx, hy, t),
+            mass=0.19,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        hy, t = self.height / 2, self.thickness
+        return standing(
+            t,
+            box_pinches(self.hx, hy, t / 2, offsets=(0.0, 0.3, 0.55), axes="x"),
+            screen=mark(0, 0, t),
+            foot=mark(0, -hy, 0),
+        )
+
+
+@register("remote")
+@dataclass(frozen=True)
+class Remote(Parametric):
+    """A remote control lying on its back, its top towards +y."""
+
+    noun = "remote control"
+
+    hx: float = between(0.019, 0.026)
+    colour: str = one_of(COLOURS)
+    length: float = between(0.13, 0.185, size=LONG)
+    thickness: float = between(0.018, 0.025)
+    corner: float = between(0.3, 0.95, of="hx")
+    keypad: float = between(0.6, 0.85)  # share of the length covered by keys
+    keys: str = one_of(("white", "black", "gray", "cyan", "yellow", "beige"), other_than="colour")
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        hx, hy, t = self.hx, self.length / 2, self.thickness
+        body = extrude(rounded_rectangle(hx, hy, self.corner, 5), t, bevel=0.004)
+        pad = decal(1.5 * hx, 2 * self.keypad * hy, (0, (0.9 - self.keypad) * hy, t + 0.0004))
+        return Shape(
+            visual=(
+                (body, plastic(self.colour)),
+                (pad, printed(print_texture(self.colour, self.keys, "keys", "", self.seed), 0.5)),
+            ),
+            collision=slab(hx, hy, t),
+            mass=0.12,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(
+            self.thickness,
+            box_pinches(
+                self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x"
+            ),
+        )
+
+
+LEVELS = (
+    (0.0, 0.94, 0.95),
+    (0.08, 1.0, 1.0),
+    (0.5, 0.99, 0.985),
+    (0.72, 0.94, 0.92),
+    (0.9, 0.78, 0.74),
+    (1.0, 0.42, 0.42),
+)
+
+
+@register("mouse")
+@dataclass(frozen=True)
+class Mouse(Parametric):
+    """A computer mouse, its buttons towards +y."""
+
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.027, 0.032)
+    length: float = between(0.092, 0.115, size=LARGE)
+    height: float = between(0.034, 0.041)
+    pinch: float = between(0.0, 0.06)  # how much narrower the waist is, as a share
+    wheel: str = one_of(("black", "gray", "white", "red", "cyan", "lime"), other_than="colour")
+
+    def outline(self) -> np.ndarray:
+        """Outline (20,2): an oval with a waist."""
+        angle = 2 * np.pi * np.arange(20) / 20
+        c, s = np.cos(angle), np.sin(angle)
+        power = 0.62
+        x = self.hx * np.sign(c) * np.abs(c) ** power * (1 - self.pinch * (1 - s**2))
+        return np.column_stack(
+            [x / (1 - self.pinch), self.length / 2 * np.sign(s) * np.abs(s) ** 0.85]
+        ) * [1 - self.pinch, 1]
+
+    def shape(self) -> Shape:
+        h, hy = self.height, self.length / 2
+        levels = [(z * h, x, y) for z, x, y in LEVELS]
+        body = stack(self.outline(), levels, 60)
+        wheel = at(cylinder(0.009, 0.006, 14), (-0.003, 0.5 * hy, 0.8 * h), ALONG_X)
+        body = seen_along(body, np.eye(2, 3), np.ptp(self.outline(), axis=0))
+        skin = wrapped("shell", self.colour, int(1e6 * self.length), 0.42)
+        return Shape(
+            visual=((body, skin), (wheel, rubber(self.wheel))),
+            collision=convex_collider(stacked(self.outline(), levels).reshape(-1, 3)),
+            mass=0.1,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        hx = self.hx * (1 - self.pinch)
+        grasps = box_pinches(
+            hx,
+            self.length / 2,
+            self.height / 2,
+            heights=(0.014, 0.019),
+            offsets=(-0.12, 0.0, 0.12),
+            axes="x",
+        )
+        return standing(self.height, grasps)

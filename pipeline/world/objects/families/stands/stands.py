@@ -1,0 +1,266 @@
+"""What others stand, lean or hang on: a display stand, a phone stand, a mug rack."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.looks.materials import WOODS, glaze, metal, painted, plastic, srgb, wood
+from pipeline.world.objects.colliders import arc_of_capsules, box_collider, cylinder_collider, disc
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import (
+    at,
+    box,
+    cylinder,
+    extrude,
+    revolve,
+    rounded_rectangle,
+    sphere,
+    stack,
+    sweep,
+)
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import (
+    LARGE,
+    TALL,
+    WIDE,
+    Parametric,
+    between,
+    one_of,
+    texture,
+)
+from pipeline.world.shapes import Material, Shape
+
+TONES = {
+    "wood": ("oak", "walnut", "pine", "birch"),
+    "metal": ("silver", "gold", "charcoal"),
+    "painted": COLOURS,
+    "ceramic": COLOURS,
+}
+
+
+@register("display_stand")
+@dataclass(frozen=True)
+class DisplayStand(Parametric):
+    """A display stand: a plate on a column on a foot."""
+
+    radius: float = between(0.055, 0.075, size=LARGE)  # of the plate; half extent of a square one
+    material: str = one_of(tuple(TONES))
+    height: float = between(0.045, 0.085)
+    foot: float = between(0.75, 0.95, of="radius")
+    column: float = between(0.2, 0.45, of="radius")
+    plate: float = between(0.007, 0.012)  # thickness
+    form: str = one_of(("round", "square"))
+    colour: str = one_of(TONES, by="material")
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        r, h, f, c, t = self.radius, self.height, self.foot, self.column, self.plate
+        skin = {
+            "wood": wood(self.colour, self.seed),
+            "metal": metal(self.colour),
+            "ceramic": glaze(self.colour),
+        }.get(self.material)
+        skin = painted(self.colour) if skin is None else skin
+        foot = [(f - 0.001, 0.0), (f, 0.002), (f - 0.002, 0.007)]
+        bead = [(c + 0.003, 0.020), (c + 0.003, 0.023), (0.96 * c, 0.0245)]
+        column = revolve(
+            [
+                *foot,
+                (1.15 * c, 0.016),
+                *bead,
+                (0.8 * c, 0.5 * h),
+                (0.9 * c, h - t - 0.006),
+                (1.2 * c, h - t),
+            ],
+            20,
+            35,
+        )
+        under = revolve([(0, 0), (f, 0)], 20)
+        if self.form == "round":
+            plate, top_felt = (
+                revolve([(0, 0), (r - 0.003, 0), *_edge(r, t), (0, t)], 28, 35),
+                revolve([(0.88 * r, 0.0006), (0, 0.0006)], 28),
+            )
+        else:
+            square = rounded_rectangle(r, r, 0.1 * r, 3)
+            plate = stack(
+                square, [(z, x / r, x / r) for x, z in [(r - 0.003, 0), *_edge(r, t)]], 35
+            )
+            top_felt = extrude(square * 0.88, 0.0006)
+        red, green, blue = srgb(self.colour)
+        felt = Material((0.80 * red, 0.80 * green, 0.80 * blue), 0.95)
+        top = (
+            disc(r, t, h - t)
+            if self.form == "round"
+            else box_collider(r, r, t / 2, (0, 0, h - t / 2))
+        )
+        return Shape(
+            visual=(
+                (under, skin),
+                (column, skin),
+                (at(plate, (0, 0, h - t)), skin),
+                (at(top_felt, (0, 0, h)), felt),
+            ),
+            collision=disc(f, 0.012) + cylinder_collider(c, 0.01, h - t) + top,
+            mass=0.5,
+            friction=0.7,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.height, centre=mark(0, 0, self.height))
+
+
+def _edge(r: float, t: float) -> list[tuple[float, float]]:
+    """Radius and height (m) along the edge of a plate of radius `r` and thickness `t`: a round nose
+    below a step."""
+    return [(r, 0.25 * t), (r - 0.0006, 0.58 * t), (r - 0.0025, 0.64 * t), (r - 0.003, t)]
+
+
+PHONE_STAND_TONES = {
+    "plastic": COLOURS,
+    "metal": ("silver", "charcoal", "gold"),
+    "wood": ("oak", "walnut", "beech", "pine"),
+}
+
+
+@register("phone_stand")
+@dataclass(frozen=True)
+class PhoneStand(Parametric):
+    """Faces -y: a foot plate, a back rest that leans away, a level ledge and a lip at its end.
+
+    A phone that comes straight down is between lip and back rest only at the very end: a stand that
+    moves does not meet it before."""
+
+    material: str = one_of(tuple(PHONE_STAND_TONES))
+    hx: float = between(0.034, 0.045, size=WIDE)  # half extent
+    depth: float = between(0.045, 0.055)  # half extent of the foot along y
+    back: float = between(0.075, 0.1)  # length of the back rest
+    lean: float = between(np.radians(58), np.radians(68))  # rad of the back rest above horizontal
+    # depth of the level ledge in front of the back rest, up to the lip
+    ledge: float = between(0.022, 0.026)
+    colour: str = one_of(PHONE_STAND_TONES, by="material")
+    seed: int = texture()
+
+    def boxes(self) -> list[tuple[tuple[float, float, float], np.ndarray, np.ndarray]]:
+        """Half extents, centre and quaternion of foot, back rest, ledge and lip."""
+        up, out = self.directions()
+        turn = quat_about((1, 0, 0), self.lean)
+        seat = self.seat_at()
+        t = 0.0028
+        flat = quat_about((0, 0, 1), 0.0)
+        return [
+            ((self.hx, self.depth, 0.004), np.array([0, 0, 0.004]), flat),
+            (
+                (self.hx, self.back / 2 + 0.008, t),
+                seat + up * (self.back / 2 - 0.008) - out * t,
+                turn,
+            ),
+            ((self.hx, self.ledge / 2 + t, t), seat - np.array([0, self.ledge / 2 - t, t]), flat),
+            ((self.hx, t, 0.005), seat - np.array([0, self.ledge + t, -0.002]), flat),
+        ]
+
+    def directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Unit vectors up the back rest and out of it."""
+        return np.array([0, np.cos(self.lean), np.sin(self.lean)]), np.array(
+            [0, -np.sin(self.lean), np.cos(self.lean)]
+        )
+
+    def seat_at(self) -> np.ndarray:
+        """Where the lower edge of a phone's back rests (3,)."""
+        return np.array([0, -0.3 * self.depth, 0.024])
+
+    def shape(self) -> Shape:
+        skin = {
+            "plastic": plastic(self.colour),
+            "metal": metal(self.colour),
+            "wood": wood(self.colour, self.seed),
+        }[self.material]
+        return Shape(
+            visual=tuple(
+                (at(box(*half, 0.0012), centre, turn), skin) for half, centre, turn in self.boxes()
+            ),
+            collision=tuple(
+                c for half, centre, turn in self.boxes() for c in box_collider(*half, centre, turn)
+            ),
+            mass=0.3,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        up, out = self.directions()
+        top = self.seat_at() + up * self.back
+        return NamedFrames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(0, float(top[1]), float(top[2])),
+                "seat": mark(*self.seat_at(), normal=out),
+                "centre": mark(*(self.seat_at() + up * self.back / 2), normal=out),
+            }
+        )
+
+
+RACK_TONES = {"wood": tuple(WOODS), "metal": ("silver", "charcoal", "gold"), "painted": COLOURS}
+
+
+@register("rack")
+@dataclass(frozen=True)
+class Rack(Parametric):
+    """A mug rack: a post on a foot with a peg that rises towards -y, the robot."""
+
+    noun = "mug rack"
+
+    material: str = one_of(tuple(RACK_TONES))
+    height: float = between(0.22, 0.28, size=TALL)
+    foot: float = between(0.065, 0.085)  # radius of the foot
+    post: float = between(0.009, 0.013)  # radius of the post
+    peg: float = between(0.075, 0.095)  # length of the peg
+    peg_radius: float = between(0.0045, 0.006)
+    rise: float = between(18, 32)  # degrees of the peg above horizontal
+    colour: str = one_of(RACK_TONES, by="material")
+    seed: int = texture()
+
+    def peg_path(self) -> np.ndarray:
+        """Root and tip (2,3) of the peg's axis."""
+        t = np.radians(self.rise)
+        root = np.array([0, -0.5 * self.post, 0.74 * self.height])
+        return np.stack([root, root + self.peg * np.array([0, -np.cos(t), np.sin(t)])])
+
+    def shape(self) -> Shape:
+        skin = {
+            "wood": wood(self.colour, self.seed),
+            "metal": metal(self.colour),
+            "painted": painted(self.colour),
+        }[self.material]
+        root, tip = self.peg_path()
+        back = np.array([root, root + (tip - root) * [1, -1, 1]])
+        knob = at(sphere(1.25 * self.post, 6, 14), (0, 0, self.height - 1.25 * self.post))
+        ends = [at(sphere(1.35 * self.peg_radius, 5, 10), p) for p in (tip, back[1])]
+        pegs = [sweep(np.array([root, tip]), self.peg_radius, 10), sweep(back, self.peg_radius, 10)]
+        return Shape(
+            visual=tuple(
+                (m, skin)
+                for m in (
+                    cylinder(self.foot, 0.014, 32, 0.003),
+                    at(cylinder(self.post, self.height - self.post - 0.014, 14), (0, 0, 0.014)),
+                    knob,
+                    *pegs,
+                    *ends,
+                )
+            ),
+            collision=disc(self.foot, 0.014)
+            + cylinder_collider(self.post, 0.01, self.height)
+            + arc_of_capsules([root, tip], self.peg_radius)
+            + arc_of_capsules(back, self.peg_radius),
+            mass=0.9,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        root, tip = self.peg_path()
+        out = tip - root
+        return standing(
+            self.height,
+            peg=mark(*tip, normal=out),
+            peg_middle=mark(*((root + tip) / 2), normal=out),
+        )

@@ -1,0 +1,196 @@
+"""A stamp and a stapler."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.poses import quat_about, quat_from_rpy
+from pipeline.world.looks.materials import metal, plastic, print_texture, printed, rubber, wood
+from pipeline.world.objects.colliders import (
+    box_collider,
+    cylinder_collider,
+    disc,
+    prism_collider,
+    slab,
+)
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import at, band, box, cylinder, decal, revolve, side_prism
+from pipeline.world.objects.grasping import box_pinches, side_pinches
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, LONG, Parametric, between, one_of, texture
+from pipeline.world.objects.surface import join
+from pipeline.world.shapes import Shape
+
+
+@register("seal")
+@dataclass(frozen=True)
+class Seal(Parametric):
+    """A stamp standing on its face: a block with a turned handle."""
+
+    noun = "stamp"
+
+    material: str = one_of(("wood", "plastic"))
+    half: float = between(0.022, 0.03)  # of the block
+    block: float = between(0.016, 0.024)  # height of the block
+    height: float = between(0.085, 0.11, size=LARGE)
+    grip: float = between(0.012, 0.017)  # radius of the handle
+    form: str = one_of(("round", "square"))
+    colour: str = one_of(
+        {"wood": ("oak", "walnut", "beech", "mahogany", "pine"), "plastic": COLOURS}, by="material"
+    )
+    ink: str = one_of(("red", "blue", "black", "green", "purple"), says="face")
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        a, b, h, g = self.half, self.block, self.height, self.grip
+        skin = wood(self.colour, self.seed) if self.material == "wood" else plastic(self.colour)
+        foot = 0.006
+        if self.form == "round":
+            pad, block = cylinder(a, foot, 24), at(cylinder(a, b - foot, 24, 0.002), (0, 0, foot))
+        else:
+            pad = at(box(a, a, foot / 2), (0, 0, foot / 2))
+            block = at(box(a, a, (b - foot) / 2, 0.002), (0, 0, (b + foot) / 2))
+        profile = [
+            (0.7 * g, b - 0.001),
+            (0.62 * g, b + 0.15 * (h - b)),
+            (g, b + 0.42 * (h - b)),
+            (g, h - 0.6 * g),
+        ]
+        handle = revolve([*profile, (0.75 * g, h - 0.18 * g), (0.4 * g, h), (0, h)], 20, 60)
+        ring = revolve(
+            [(0.80 * g, b), (0.86 * g, b + 0.002), (0.80 * g, b + 0.004), (0.62 * g, b + 0.0045)],
+            20,
+            60,
+        )
+        text = printed(print_texture("white", self.ink, "label", "PAID"), 0.6)
+        if self.form == "round":
+            label = band(a + 0.0003, foot + 0.15 * (b - foot), b - 0.18 * (b - foot), 24, 3)
+        else:
+            front = decal(
+                1.5 * a,
+                0.62 * (b - foot),
+                (0, -a - 0.0003, (b + foot) / 2),
+                quat_about((1, 0, 0), np.pi / 2),
+            )
+            label = join(
+                *(at(front, quaternion=quat_about((0, 0, 1), k * np.pi / 2)) for k in range(4))
+            )
+        base = disc(a, b) if self.form == "round" else slab(a, a, b)
+        return Shape(
+            visual=(
+                (pad, rubber(self.ink)),
+                (block, skin),
+                (handle, skin),
+                (ring, metal("gold")),
+                (label, text),
+            ),
+            collision=base
+            + cylinder_collider(0.65 * g, b - 0.001, b + 0.3 * (h - b))
+            + cylinder_collider(g, b + 0.38 * (h - b), h - 0.3 * g)
+            + cylinder_collider(0.5 * g, h - 0.4 * g, h),
+            mass=0.12,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        a, b, h, g = self.half, self.block, self.height, self.grip
+        outline = [
+            (a, 0.0),
+            (a, b),
+            (0.65 * g, b + 0.0005),
+            (g, b + 0.4 * (h - b)),
+            (g, h - 0.5 * g),
+            (0.5 * g, h),
+        ]
+        return NamedFrames(
+            {"base": mark(0, 0, 0), "stamp": mark(0, 0, 0, (0, 0, -1)), "top": mark(0, 0, h)},
+            side_pinches(g, (b + 0.55 * (h - b), h - 0.9 * g), outline=outline, kind="handle"),
+        )
+
+
+@register("stapler")
+@dataclass(frozen=True)
+class Stapler(Parametric):
+    """A stapler, its mouth towards +x."""
+
+    colour: str = one_of(COLOURS)
+    length: float = between(0.12, 0.155, size=LONG)
+    half: float = between(0.016, 0.021)
+    height: float = between(0.05, 0.062)
+    gape: float = between(0.009, 0.015)  # height of the mouth
+    nose: float = between(0.6, 0.85)  # height of the upper arm at the mouth, as a share
+    trim: str = one_of(
+        ("black", "silver", "gray", "white", "red", "navy"), other_than="colour", says="base"
+    )
+
+    def arm(self) -> np.ndarray:
+        """Outline (K,2) of the upper arm in x and z, counter-clockwise seen from -y."""
+        a, h = self.length / 2, self.height
+        jaw = 0.012 + self.gape
+        nose = jaw + self.nose * (h - jaw)
+        under = [(-a, 0.012), (-0.7 * a, 0.014), (0.96 * a, jaw), (a, jaw + 0.004)]
+        back = [
+            (0.97 * a, nose),
+            (0.55 * a, h - 0.002),
+            (-0.45 * a, h),
+            (-0.85 * a, 0.82 * h),
+            (-a, 0.55 * h),
+        ]
+        return np.array(under + back)
+
+    def shape(self) -> Shape:
+        a, w = self.length / 2, self.half
+        base = at(box(a, w, 0.006, 0.0025), (0, 0, 0.006))
+        arm = side_prism(self.arm(), 0.92 * w, 0.004, crease=55)
+        rail = np.array(
+            [
+                (-0.6 * a, 0.015),
+                (0.93 * a, 0.009 + self.gape),
+                (0.93 * a, 0.014 + self.gape),
+                (-0.6 * a, 0.022),
+            ]
+        )
+        anvil = at(box(0.008, 0.5 * w, 0.0008), (0.86 * a, 0, 0.0126))
+        grip = at(
+            box(0.28 * a, 0.5 * w, 0.002, 0.001), (0.45 * a, 0, self._roof(0.45 * a) - 0.0008)
+        )
+        hinge = at(box(0.006, 1.0 * w, 0.008), (-0.86 * a, 0, 0.022))
+        brand = print_texture(self.colour, self.trim, "label", BRANDS[round(a * 1e5) % len(BRANDS)])
+        names = [
+            decal(
+                0.5 * a,
+                0.35 * self._roof(0),
+                (0, s * (0.92 * w + 0.0004), 0.62 * self._roof(0)),
+                quat_from_rpy(np.pi / 2, 0, turn),
+            )
+            for s, turn in ((-1, 0.0), (1, np.pi))
+        ]
+        return Shape(
+            visual=(
+                *((name, printed(brand)) for name in names),
+                (base, plastic(self.trim)),
+                (arm, plastic(self.colour)),
+                (side_prism(rail, 0.8 * w), metal()),
+                (anvil, metal()),
+                (grip, rubber(self.trim)),
+                (hinge, metal()),
+            ),
+            collision=box_collider(a, w, 0.006, (0, 0, 0.006))
+            + prism_collider(self.arm(), 0.92 * w),
+            mass=0.22,
+            friction=0.6,
+        )
+
+    def _roof(self, x: float) -> float:
+        top = self.arm()[3:8][::-1]
+        return float(np.interp(x, top[:, 0], top[:, 1]))
+
+    def frames(self) -> NamedFrames:
+        a, h = self.length / 2, self.height
+        press = mark(0.55 * a, 0, self._roof(0.55 * a))
+        grasps = box_pinches(
+            a, 0.92 * self.half, h / 2, heights=(0.55 * h,), offsets=(-0.35, -0.1, 0.15), axes="y"
+        )
+        return NamedFrames(
+            {"base": mark(0, 0, 0), "top": mark(-0.45 * a, 0, h), "press": press}, tuple(grasps)
+        )
