@@ -72,8 +72,8 @@ EDITS = [
     ("intake/catalogue/tasks.py", CODE, NONE, set()),
     ("tasks/language/sentences.py", CODE, ALL, SENTENCES),
     ("tasks/contract.py", CODE, ALL, PHYSICS),
-    ("world/objects/families/containers/plate.py", CODE, ("place_container_plate",), PHYSICS),
-    ("world/objects/families/devices/bell.py", CODE, ("click_bell", "randomized"), PHYSICS),
+    ("world/objects/families/containers/tableware.py", CODE, ("place_container_plate",), PHYSICS),
+    ("world/objects/families/devices/ringers.py", CODE, ("click_bell", "randomized"), PHYSICS),
     ("world/objects/families/containers/cabinet.py", CODE, NONE, set()),
     ("world/objects/families/goods/boxes.py", CODE, ("randomized",), PHYSICS),
     ("motion/models/planar.py", CODE, ALL, PHYSICS),
@@ -215,7 +215,7 @@ class Computed(type(TASKS["click_bell"])):
 def test_a_family_whose_name_is_computed_is_a_part_of_the_key(tmp_path, monkeypatch, package):
     monkeypatch.setitem(TASKS._items, "computed", Computed())
     for number, (family, changes) in enumerate(
-        (("containers/plate", False), ("devices/bell", True))
+        (("containers/tableware", False), ("devices/ringers", True))
     ):
         root = edited(package, tmp_path / str(number), f"world/objects/families/{family}.py", CODE)
         objects = [
@@ -380,7 +380,7 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
         ("data/cameras.py", ["renderer"]),
         ("world/drawing/shaders/raster/ADDED.frag", ["shaders"]),
         ("tasks/library/domino/press/click_bell.py", []),
-        ("world/objects/families/devices/bell.py", []),
+        ("world/objects/families/devices/ringers.py", []),
         ("assets/robots/aloha-agilex/robot.urdf", []),
         ("assets/robots/aloha-agilex/meshes/link1.glb", []),
         ("world/physics/simulation.py", []),
