@@ -20,10 +20,9 @@ from pipeline.tasks import TASKS, Draw, Placement
 from pipeline.tasks.contract import Region
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import Family
-from pipeline.world.objects.families.containers.tableware import Bowl
-from pipeline.world.objects.families.containers.tableware import Cup
-from pipeline.world.objects.families.goods.cans import Can
+from pipeline.world.objects.families.containers.tableware import Bowl, Cup
 from pipeline.world.objects.families.goods.bottles import PillBottle
+from pipeline.world.objects.families.goods.cans import Can
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots import get_embodiment
 
