@@ -46,6 +46,6 @@ def test_the_page_is_self_contained(tmp_path):
     assert text.count("<img") == len(images)
     assert "http" not in text
     decoded = cv2.imdecode(np.frombuffer(base64.b64decode(images[0]), np.uint8), cv2.IMREAD_COLOR)
-    assert decoded.shape == (48, 64, 3)
+    assert decoded.shape == (48, 64, 3)  # pyright: ignore[reportOptionalMemberAccess]
     words = FAMILIES["mug"].draw(np.random.Generator(np.random.Philox(0))).words()
     assert words.seen[-1] in text

@@ -213,7 +213,7 @@ class Computed(type(TASKS["click_bell"])):
 
 
 def test_a_family_whose_name_is_computed_is_a_part_of_the_key(tmp_path, monkeypatch, package):
-    monkeypatch.setitem(TASKS._items, "computed", Computed())
+    monkeypatch.setitem(TASKS._items, "computed", Computed())  # pyright: ignore[reportAbstractUsage]
     for number, (family, changes) in enumerate(
         (("containers/tableware", False), ("devices/ringers", True))
     ):
@@ -258,7 +258,7 @@ def test_a_family_that_the_key_does_not_name_is_refused():
         UndeclaredFamily,
         match=r"task undeclared: places a bell, .* write families = \('bell', 'plate'\)",
     ):
-        lay_out(Undeclared(), Draw(np.random.default_rng(0), np.random.default_rng(1)))
+        lay_out(Undeclared(), Draw(np.random.default_rng(0), np.random.default_rng(1)))  # pyright: ignore[reportAbstractUsage]
 
 
 def test_the_core_draws_nothing_and_looks_collide_with_nothing():
