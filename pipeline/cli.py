@@ -35,7 +35,7 @@ from pipeline.commands.export import ExportCommand, export, publish
 from pipeline.commands.inspect import doctor, status, verify
 from pipeline.commands.manage import diff, gc, merge, regenerate
 from pipeline.commands.show import show, view
-from pipeline.commands.stores import on_stores
+from pipeline.commands.stores import on_stores, pull, push
 from pipeline.data.limited import Limits, run_limited
 from pipeline.plugins import PluginError, announced_verbs, load_plugins, use_plugins
 from pipeline.plugins import directories as plugin_directories
@@ -62,6 +62,8 @@ VERBS = (
         diff,
         regenerate,
         merge,
+        pull,
+        push,
         gc,
         tasks,
         motions,

@@ -22,7 +22,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
 from pipeline.data.own_code import describe_error, line_of_error
-from pipeline.data.store.user_cache import user_cache
+from pipeline.data.user_cache import user_cache
 
 ENV = "DOMINO_PLUGINS"
 GROUPS = tuple(

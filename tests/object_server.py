@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from moto.server import ThreadedMotoServer
 
-from pipeline.data.store.urls import CACHE
+from pipeline.data.user_cache import CACHE
 
 BUCKET = "bucket"
 

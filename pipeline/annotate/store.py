@@ -18,7 +18,7 @@ from pipeline.data.annotations import CorruptAnnotation, Entry, checksum, read_e
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.keys import canonical
-from pipeline.data.store.mirror import upload
+from pipeline.data.store.place import put
 
 GZIP_LEVEL = 1
 CHUNK_BYTES = 1 << 20
@@ -62,7 +62,7 @@ def write_entry(
                     "compression_opts": GZIP_LEVEL,
                 }
             f.create_dataset(name, data=a, track_times=False, **options)
-    upload(path)
+    put(path)
     return entry
 
 
@@ -99,7 +99,7 @@ def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -
     if path.is_file() and path.read_text() == text:
         return
     write_atomic(path, text.encode())
-    upload(path)
+    put(path)
 
 
 def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:

@@ -1,17 +1,14 @@
 """diff, regenerate, merge, gc: datasets compared, proved, joined and cleaned."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Root, UsageError, print_result
+from pipeline.commands.common import AsJson, Root, print_result
 from pipeline.commands.options import Trust
 from pipeline.data.dataset import Dataset
-from pipeline.data.store.places import forget
-from pipeline.data.store.urls import url_of
 
 SHOWN = 40  # lines of a list that are printed for a person; --json prints all
 
@@ -99,13 +96,6 @@ def gc(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be removed.")
     ] = False,
-    local: Annotated[
-        bool,
-        typer.Option(
-            "--local",
-            help="For a URL: remove its local copy on this machine, and nothing on the store.",
-        ),
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and
@@ -114,9 +104,6 @@ def gc(
     Whole episodes of no slot go to DATASET/orphans."""
     from pipeline.run.gc import WHOLE, collect
 
-    if local:
-        _forget(dataset, dry_run, as_json)
-        return
     found = collect(Dataset(dataset), dry_run)
     lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
     lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
@@ -137,20 +124,3 @@ def gc(
         as_json,
         "\n".join(lines),
     )
-
-
-def _forget(dataset: Path, dry_run: bool, as_json: bool) -> None:
-    """Remove the mirrors of a URL."""
-    url = url_of(dataset)
-    if url is None:
-        raise UsageError(
-            f"--local is for the URL of a store, and {dataset} is a directory: leave it out"
-        )
-    places = forget(url, dry_run)
-    lines = [f"{place.path}: {place.size / 1e6:.1f} MB" for place in places]
-    lines.append(
-        f"{len(places)} directories with local copies of {url} {'would be' if dry_run else 'were'}"
-        " removed"
-    )
-    values = {"removed": not dry_run, "directories": [asdict(place) for place in places]}
-    print(json.dumps(values, indent=1) if as_json else "\n".join(lines))

@@ -1,78 +1,97 @@
 """URLs of object stores (s3://, gs://, hf://, ...) in place of dataset directories: which verbs
-take them where."""
+take them where; and pull, push."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pipeline.commands.common import UsageError
-from pipeline.data.store.mirror import open_url
+import typer
+
+from pipeline.commands.common import AsJson, UsageError, print_result
+from pipeline.data.names import MANIFEST
+from pipeline.data.store import place
 from pipeline.data.store.urls import url_of
 
-READS, WRITES = False, True
+READS, DRAWN, WHOLE = (place.SMALL, False), (place.ALL, False), (place.ALL, True)
+MADE = (place.REPORT, True)
 TAKEN = {
-    "build": {"out": WRITES, "like": READS},
+    "build": {"out": MADE, "like": READS},
     "plan": {"out": READS, "like": READS},
     "evaluate": {"like": READS},
     "status": {"dataset": READS},
     "verify": {"dataset": READS},
-    "render": {"dataset": READS, "out": WRITES},
-    "view": {"dataset": READS},
-    "export": {"dataset": WRITES, "out": WRITES},
-    "annotate": {"dataset": WRITES},
+    "render": {"dataset": DRAWN, "out": MADE},
+    "view": {"dataset": DRAWN},
+    "export": {
+        "dataset": (place.SMALL + r"|(episodes|failures|annotations)/.*", True),
+        "out": WHOLE,
+    },
+    "annotate": {"dataset": WHOLE},
     "diff": {"a": READS, "b": READS},
     "regenerate": {"dataset": READS},
-    "gc": {"dataset": WRITES},
+    "gc": {"dataset": WHOLE},
 }
-"""Of every verb the parameters that may be URLs, and whether it changes what is there."""
+"""Of every verb the parameters that may be URLs: what is pulled when it begins, and whether it
+changes what is there. Files that it reads besides are pulled then."""
 
 
 def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
-    """The verb, which works on mirrors (data/store/mirror.py) where URLs are given. Raises
+    """The verb, which works in directories (data/store/place.py) where URLs are given. Raises
     UsageError if it cannot."""
+    taken = TAKEN.get(verb.__name__, {})
 
     @wraps(verb)
     def run(**given: Any) -> None:
-        taken = TAKEN.get(verb.__name__, {})
         with ExitStack() as stack:
             for name, value in list(given.items()):
-                urls = [
-                    url_of(each)
-                    for each in (value if isinstance(value, list) else [value])
-                    if isinstance(each, Path)
-                ]
-                url = next(filter(None, urls), None)
-                if url is None:
-                    given[name] = _plain(value)
-                    continue
-                if name not in taken:
-                    raise UsageError(
-                        f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine"
-                        " there, no URL"
-                    )
-                if given.get("local"):  # what is asked for are the mirrors themselves
-                    continue
-                if url.startswith("memory:"):
-                    raise UsageError(
-                        f"{url}: is gone when the command ends: name a directory, or another store"
-                    )
-                if verb.__name__ == "view" and not (
-                    given["out"] or given["serve"] or given["rerun"]
-                ):
-                    raise UsageError(
-                        f"{url}: the pages are for this machine: add --out DIR, or --serve"
-                    )
-                given[name] = stack.enter_context(open_url(url, taken[name], made=name != "out"))
+                values = value if isinstance(value, list) else [value]
+                urls = [url_of(each) for each in values if isinstance(each, Path)]
+                if url := next(filter(None, urls), None):
+                    if name not in taken:
+                        raise UsageError(
+                            f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine"
+                            " there, no URL"
+                        )
+                    if verb.__name__ == "view" and not (
+                        given["out"] or given["serve"] or given["rerun"]
+                    ):
+                        raise UsageError(
+                            f"{url}: the pages are for this machine: add --out DIR, or --serve"
+                        )
+                    root = given[name] = stack.enter_context(place.open_place(url, *taken[name]))
+                    if name != "out" and not (root / MANIFEST).exists():
+                        raise UsageError(f"{url} is no dataset: it has no {MANIFEST}")
+                elif isinstance(value, Path) and value.parts and ":" in value.parts[0]:
+                    given[name] = Path.cwd() / value  # no library takes it for a URL
             verb(**given)
 
     return run
 
 
-def _plain(value: Any) -> Any:
-    """A path that no library takes for a URL: one with a colon in its first part begins at the
-    root."""
-    if isinstance(value, Path) and value.parts and ":" in value.parts[0]:
-        return Path.cwd() / value
-    return value
+Url = Annotated[str, typer.Argument(help="A place on an object store.", metavar="URL")]
+Directory = Annotated[Path, typer.Argument(help="A directory.", metavar="DIR")]
+
+
+def pull(url: Url, directory: Directory, as_json: AsJson = False) -> None:
+    """Copy what is below a URL to a directory of this machine. Files that are there already are
+    compared by size and checksum; rerun it to resume."""
+    _print_moved(*place.pull(_named(url), directory), f"fetched to {directory}", as_json)
+
+
+def push(directory: Directory, url: Url, as_json: AsJson = False) -> None:
+    """Copy the files of a directory to a URL. Files that are there already are compared by size and
+    checksum; rerun it to resume."""
+    _print_moved(*place.push(directory, _named(url)), f"put to {url}", as_json)
+
+
+def _named(url: str) -> str:
+    if found := url_of(url):
+        return found
+    raise UsageError(f"{url} is no URL of an object store, such as s3://bucket/sets/bells")
+
+
+def _print_moved(files: int, moved: int, where: str, as_json: bool) -> None:
+    text = f"{moved} of {files} files {where}; the others were there"
+    print_result({"files": files, "moved": moved}, as_json, text)

@@ -20,6 +20,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, digest
 from pipeline.data.reading import check_regular
+from pipeline.data.store.place import place_of
 
 INFLATION = 4000
 """No array is larger than this many times its file."""
@@ -56,6 +57,8 @@ class AssetStore:
                         for file in files
                         if file.name.endswith(".npz")
                     )
+        if place := place_of(self.root):
+            found.update(path.stem for path in place.files(r"assets/bodies/../.*\.npz"))
         return found
 
     def put(self, arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:

@@ -25,7 +25,7 @@ from pipeline.data.reread import ask_index
 from pipeline.data.rows import Listing, Rows
 from pipeline.data.sealed import seal_yaml
 from pipeline.data.setup import Setup
-from pipeline.data.store.mirror import upload
+from pipeline.data.store.place import place_of, put
 
 EDITED = (
     "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"
@@ -68,13 +68,14 @@ class Dataset(Paths):
                 )
             self._freeze(recipe)
             return
-        if self.root.exists() and any(self.root.iterdir()):
+        place = place_of(self.root)
+        if (self.root.exists() and any(self.root.iterdir())) or (place and place.files(".*")):
             raise DatasetError(f"{self.root} is not empty and is no dataset: choose another --out")
         self._freeze(recipe)
 
     def _freeze(self, recipe: Recipe) -> None:
         write_atomic(self.manifest, seal_yaml(recipe.to_yaml()))
-        upload(self.manifest)
+        put(self.manifest)
 
     def recipe(self) -> Recipe:
         """The frozen recipe, whose names were resolved when it was frozen. Raises DatasetError if

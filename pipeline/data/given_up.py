@@ -13,7 +13,7 @@ from pipeline.data.paths import Paths
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.records import FileFacts, SlotRecord, untimed
-from pipeline.data.store.mirror import delete_uploaded, upload
+from pipeline.data.store.place import delete, place_of, put
 
 
 def write_given_up(
@@ -26,7 +26,7 @@ def write_given_up(
     record = SlotRecord(
         keys, False, file_hash(path), tuple(map(dict, attempts)), file=FileFacts.of(path.stat())
     )
-    upload(path)
+    put(path)
     return record
 
 
@@ -46,6 +46,6 @@ def read_given_up(path: Path, slot: str) -> tuple[SlotKeys, list[dict[str, Any]]
 def remove_given_up(dataset: Paths, slot: Slot) -> None:
     """Remove the note on a slot, which has an episode now. Raises OSError."""
     path = dataset.file(slot, False)
-    if path.exists():
-        path.unlink()
-        delete_uploaded(path)
+    if path.exists() or place_of(path):
+        path.unlink(missing_ok=True)
+        delete(path)

@@ -7,8 +7,7 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
-from pipeline.data.store.mirror import fetch
-from pipeline.data.store.mirror_files import LISTED
+from pipeline.data.store.place import place_of
 
 IRREGULAR = "is no regular file; remove it"
 """What is said of a directory, pipe, socket or device in place of a file."""
@@ -18,19 +17,17 @@ def check_regular(path: Path) -> None:
     """Raise OSError for a path that is there and is no regular file, so that nothing waits for a
     pipe or reads a device.
 
-    A file of an object store whose bytes are not on this machine is fetched. Raises StoreError if
-    it cannot be.
+    A file that is not there is fetched from the store that holds its dataset, if any. Raises
+    StoreError.
     """
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        if not fetch(path):
+        if not ((place := place_of(path)) and place.fetch(path)):
             raise
         mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
         raise OSError(errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL, IRREGULAR, str(path))
-    if stat.S_IMODE(mode) == LISTED:
-        fetch(path)
 
 
 def open_regular(path: Path) -> BufferedReader:

@@ -21,6 +21,7 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.given_up import read_given_up, write_given_up
 from pipeline.data.index import DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.lock import Busy, exclusive
 from pipeline.data.paths import Paths
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
@@ -36,8 +37,7 @@ from pipeline.data.records import (
     untimed,
 )
 from pipeline.data.rows import Listing
-from pipeline.data.store.lock import Busy, exclusive
-from pipeline.data.store.mirror import free_space
+from pipeline.data.store.place import drop, place_of
 
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
 """What reading a file raises that is no whole file of its slot."""
@@ -114,6 +114,8 @@ class IndexWriter:
 
     def add(self, slot: Slot, record: SlotRecord) -> None:
         """Write a slot that ended. Raises OSError if the disk refuses."""
+        if place := place_of(self._dataset.root):
+            place.note(self._dataset.file(slot, record.accepted), record.file.size)
         self._waiting.append((slot, record))
         if time.monotonic() >= self._free_at:
             self.flush()
@@ -143,7 +145,8 @@ class IndexWriter:
         rows = self.index.rows(self._recipe, "size", "changed", "sha256")
         now = Listing(self._dataset.episodes, self._recipe).states(rows)
         known = np.stack([rows.more["size"], rows.more["changed"]], axis=1)
-        touched = (now[:, 0] >= 0) & (now != known).any(axis=1)
+        # of a file that is on a store only the size is known
+        touched = (now[:, 0] >= 0) & ((now != known) & (now != [-1, 0])).any(axis=1)
         rows, now = rows.where(touched), now[touched]
         paths = [
             self._dataset.file(slot, accepted)
@@ -179,7 +182,7 @@ def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> int:
             read = _read_episode if accepted else _read_given_up
             index.add([(slot, read(dataset, recipe, slot, tried))])
             count += 1
-        free_space(dataset.file(slot, accepted))
+        drop(dataset.file(slot, accepted))
     return count
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.recipe.cells import Cell, Slot, episode_name
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.store.place import place_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,11 @@ class Listing:
     def __init__(self, root: Path, recipe: Recipe) -> None:
         self._recipe = recipe
         self._files = [_list_files(root / cell.path) for cell in recipe.cells()]
+        if place := place_of(root):
+            on_store = place.sizes()
+            for cell, files in zip(recipe.cells(), self._files, strict=True):
+                there = on_store.get(str(root / cell.path), {})
+                files |= {name: size for name, size in there.items() if name not in files}
 
     def there(self, rows: Rows) -> NDArray[np.bool_]:
         """Of which rows (N,) the file is there."""
@@ -80,7 +86,7 @@ class Listing:
 
     def states(self, rows: Rows) -> NDArray[np.int64]:
         """Size in bytes and time of change in ns (N,2) of the file of every row, -1 if it is
-        missing. Raises OSError."""
+        missing; the time is 0 of a file that is on a store only. Raises OSError."""
         files = (
             self._files[rank].get(name)
             for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True)
@@ -132,7 +138,7 @@ def file_name(slot: Slot, accepted: bool) -> str:
     return f"{episode_name(slot.index, slot.variant)}{EPISODE if accepted else GIVEN_UP}"
 
 
-def _list_files(folder: Path) -> dict[str, os.DirEntry[str]]:
+def _list_files(folder: Path) -> dict[str, os.DirEntry[str] | int]:
     try:
         with os.scandir(folder) as found:
             return {each.name: each for each in found if each.is_file()}
@@ -140,9 +146,9 @@ def _list_files(folder: Path) -> dict[str, os.DirEntry[str]]:
         return {}
 
 
-def _state(file: os.DirEntry[str] | None) -> tuple[int, int]:
-    if file is None:
-        return -1, -1
+def _state(file: os.DirEntry[str] | int | None) -> tuple[int, int]:
+    if file is None or isinstance(file, int):
+        return (-1, -1) if file is None else (file, 0)
     try:
         state = file.stat()
     except FileNotFoundError:

@@ -12,7 +12,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.splits import VALIDATION
-from pipeline.data.store.mirror import replace_directory
+from pipeline.data.store.place import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name

@@ -23,7 +23,7 @@ from pipeline.data.reading import IRREGULAR, check_regular, read_regular
 from pipeline.data.recipe.cells import Cell, Slot
 from pipeline.data.rows import GIVEN_UP
 from pipeline.data.sealed import is_unchanged
-from pipeline.data.store.mirror import fetch_below, free_space
+from pipeline.data.store.place import drop, fetch_below
 from pipeline.export.shared.record import read_record
 
 FAULTS = (
@@ -76,7 +76,7 @@ def judge(job: FileJob) -> list[str]:
             " ".join(str(said).split())[:200].removeprefix(f"{path}: ") or type(error).__name__
         )
     if folder == "episodes":
-        free_space(path)
+        drop(path)
     return problems
 
 

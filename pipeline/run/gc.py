@@ -9,9 +9,9 @@ from pathlib import Path
 from pipeline.data.atomic import remove, sweep
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.store.lock import exclusive
-from pipeline.data.store.mirror import delete_uploaded, upload
+from pipeline.data.store.place import delete, put
 
 HALF = "half-written"
 WHOLE = "whole episode of no slot, goes to orphans/"
@@ -61,7 +61,7 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
         gone = [dataset.root / orphan.path for orphan in found if orphan.why not in (HALF, WHOLE)]
         for path in gone:
             remove(path)
-        delete_uploaded(*gone)
+        delete(*gone)
         for folder in ("episodes", "annotations", "assets/bodies"):
             _remove_empty(dataset.root / folder)
     return found
@@ -111,8 +111,8 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
     while place.exists():
         place, number = place.with_name(f"{path.stem}.{number}{path.suffix}"), number + 1
     path.rename(place)
-    upload(place)
-    delete_uploaded(path)
+    put(place)
+    delete(path)
 
 
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:

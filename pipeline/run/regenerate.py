@@ -14,6 +14,7 @@ from pipeline.data.keys import Key, file_hash
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.rows import find_slot as slot_at
+from pipeline.data.store.place import is_there
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.names import check_trust, installed_recipe
 from pipeline.run.slot.fill import Lost, SlotJob, fill_slot
@@ -50,7 +51,7 @@ def regenerate(dataset: Dataset, episode: str, trust: bool = False) -> Regenerat
         check_trust(recipe.corrections, str(dataset.root))
     slot = find_slot(dataset, recipe, episode)
     path = dataset.episode(slot)
-    if not path.exists():
+    if not is_there(path):
         raise DatasetError(f"{path}: is not there: build it first")
     with EpisodeFile(path) as file:
         held = file.meta.keys

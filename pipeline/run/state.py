@@ -15,6 +15,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import unpack_keys
 from pipeline.data.reread import IndexWriter
 from pipeline.data.rows import Listing, Rows
+from pipeline.data.store.place import is_there
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import RecipeKeys
 
@@ -117,7 +118,9 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
         if found[slot].todo in (DONE, SENTENCES):
             found[slot] = SlotState(IMAGES, (NO_ASSET,), True)
     if recipe.keep_failures != "none":
-        for slot in {slot for slot, path, _ in kept_failures(dataset, recipe) if not path.exists()}:
+        for slot in {
+            slot for slot, path, _ in kept_failures(dataset, recipe) if not is_there(path)
+        }:
             if found[slot].todo != OPEN:
                 found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     none = SlotState(OPEN)

@@ -1,6 +1,7 @@
 """`domino-data verify`: every file of a dataset judged alone, and some episodes made again."""
 
 import os
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
@@ -18,7 +19,7 @@ from pipeline.data.dataset import EDITED, Dataset
 from pipeline.data.intact import kept_failures
 from pipeline.data.reading import printable
 from pipeline.data.rows import EPISODE
-from pipeline.data.store.mirror import mirror_of
+from pipeline.data.store.place import place_of
 from pipeline.run.file_checks import AGAIN, FileJob, judge
 from pipeline.run.names import check_trust
 from pipeline.run.regenerate import is_image, other_device, regenerate
@@ -26,6 +27,7 @@ from pipeline.run.state import DONE, OPEN, states
 
 # what one file, or all attempts at a slot, may take before the worker counts as hung
 SECONDS = 3600.0
+CHECKED = r"(episodes|failures|annotations|assets/bodies|exports)/.*|(attempts|provenance)\.\w+"
 PASSING = (".tmp", ".running")  # files that come and go while a build runs
 OF_RECIPE = {"slot", "recipe"}  # parts of keys that no other version of the code changes
 
@@ -102,6 +104,10 @@ def verify(
 def _files_of(dataset: Dataset) -> Iterator[str]:
     """The files of a dataset that a check exists for, and the directory of every export."""
     root, exports = dataset.root, dataset.root / "exports"
+    if place := place_of(root):
+        names = (place.name(path) for path in place.files(CHECKED))
+        yield from sorted({re.sub("^(exports/[^/]+)/.*", r"\1", name) for name in names})
+        return
     for folder in ("episodes", "failures", "annotations", "assets/bodies"):
         for path in sorted((root / folder).rglob("*")):
             if path.suffix not in PASSING and (path.is_symlink() or not path.is_dir()):
@@ -211,7 +217,6 @@ def _each(
 
 def _touch(dataset: Dataset, paths: Iterable[str]) -> None:
     """Give damaged files another time of change, so that the next build reads them again."""
-    if mirror_of(dataset.root) is None:
-        for path in paths:
-            with suppress(OSError):
-                os.utime(dataset.root / path, follow_symlinks=False)
+    for path in paths:
+        with suppress(OSError):
+            os.utime(dataset.root / path, follow_symlinks=False)

@@ -10,11 +10,8 @@ import pytest
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.intact import intact_failures
 from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.store.files import Store
-from pipeline.data.store.lock import exclusive
-from pipeline.data.store.mirror import open_url
-from pipeline.data.store.user_cache import CACHE
 from pipeline.run.diff import diff
 from pipeline.run.gc import collect
 from pipeline.run.merge import merge
@@ -397,31 +394,3 @@ def test_an_episode_is_found_by_its_path_however_written(tmp_path):
     for text in ("3", "../x", f"{slot.path}_v1"):
         with pytest.raises(DatasetError, match="has no such slot; write it as"):
             find_slot(dataset, RECIPE, text)
-
-
-def test_what_this_machine_keeps_of_a_url_is_listed_and_removed(tmp_path, monkeypatch):
-    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
-    url = f"memory://{tmp_path.name}/set"
-    with open_url(url) as root:
-        (root / "manifest.yaml").parent.mkdir(exist_ok=True)
-        (root / "manifest.yaml").write_text("seed: 1")
-    code, out, err = inside("gc", url, "--local", "--dry-run")
-    assert (
-        (code, err) == (0, "")
-        and out.startswith(f"{root}: 0.0 MB\n")
-        and "would be removed" in out
-        and root.exists()
-    )
-    code, out, _ = inside("gc", url, "--local", "--json")
-    assert (
-        code == 0 and json.loads(out)["directories"][0]["path"] == str(root) and not root.exists()
-    )
-    assert list(Store(url).list()) == ["manifest.yaml"]
-    code, _, err = inside("gc", tmp_path, "--local")
-    assert (code, err) == (
-        2,
-        (
-            f"domino-data: --local is for the URL of a store, and {tmp_path} is a directory: leave"
-            " it out\n"
-        ),
-    )

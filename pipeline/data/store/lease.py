@@ -1,21 +1,17 @@
-"""One command at a time writes a dataset on an object store, which has no locks: an object says who
-does, and until when."""
+"""One command at a time writes a dataset on an object store: an object says who does."""
 
 import json
 import os
 import socket
 import threading
 import time
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.lock import Busy
 from pipeline.data.store.files import Store, StoreError
-from pipeline.data.store.lock import Busy
 
 LEASE = ".writing.json"
 """The object. It is no file of the dataset."""
@@ -26,30 +22,41 @@ SECONDS = 300.0
 
 @contextmanager
 def hold_lease(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
-    """Hold the lease of a store. A process that is killed leaves it behind: the next one on the
-    same machine takes it over at once, one on another machine when it has run out. The event is set
-    when that has happened to this lease: its machine slept, or the store could not be reached for
-    so long.
+    """Hold the lease of a store. One of a process that was killed is taken over at once on the same
+    machine, on another one when it has run out; the event is set when that happens to this one.
 
     Raises Busy if another process holds it, StoreError also for a store that cannot keep two
     commands apart.
     """
     if not store.conditional:
         raise StoreError(
-            f"{store.url}: can be read, not written, because two commands could write it at once: "
-            "give a directory, s3:// or gs://; `domino-data publish` uploads an export to the hub"
+            f"{store.url}: can be read, not written, because two commands could write it at once:"
+            " give a directory, s3:// or gs://; `domino-data publish` uploads an export to the hub"
         )
-    mine = {
-        "host": socket.gethostname(),
-        "process": os.getpid(),
-        "id": uuid.uuid4().hex,
-        "since": time.time(),
-    }
-    _take(store, mine, seconds)
+    mine = {"host": socket.gethostname(), "process": os.getpid(), "since": time.time()}
+
+    def encode() -> bytes:
+        return json.dumps(mine | {"until": time.time() + seconds}).encode()
+
+    def is_mine() -> bool:
+        return mine.items() <= _read(store).items()
+
+    def keep() -> None:
+        while not ended.wait(seconds / 5):
+            with suppress(StoreError):
+                if not is_mine():
+                    lost.set()
+                    return
+                store.write(LEASE, encode())
+
+    # asked first, because some servers write over an object whatever the condition
+    if held := _read(store):
+        _check_over(store, held)
+        store.delete([LEASE])
+    if not store.write(LEASE, encode(), new=True):
+        raise Busy(f"{store.url}: another command has just begun to write it: stop one of them")
     ended, lost = threading.Event(), threading.Event()
-    keeper = threading.Thread(
-        target=_keep, args=(store, _Lease(mine, seconds, lost), ended), daemon=True
-    )
+    keeper = threading.Thread(target=keep, daemon=True)
     keeper.start()
     try:
         yield lost
@@ -57,86 +64,30 @@ def hold_lease(store: Store, seconds: float = SECONDS) -> Iterator[threading.Eve
         ended.set()
         keeper.join()
         with suppress(StoreError):  # it runs out by itself
-            if (held := _read_lease(store)) and held.get("id") == mine["id"]:
+            if is_mine():
                 store.delete([LEASE])
 
 
-def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
-    said = _encode_lease(mine, seconds)
-    for again in (False, True):
-        # asked first, because some servers write over an object whatever the condition
-        held = _read_lease(store)
-        if held is not None and not _over(held):
-            if held.get("id") == mine["id"]:
-                return  # the answer to the request was lost
-            raise Busy(f"{store.url}: {_whose(held)}")
-        if held is not None or again:
-            store.delete([LEASE])
-        if store.create(LEASE, said):
-            return
-    raise Busy(
-        f"{store.url}: another command has just begun to write it: wait until that has ended, or"
-        " stop it"
-    )
-
-
-@dataclass(frozen=True)
-class _Lease:
-    """Whose lease it is, for how long, and whether it was taken over."""
-
-    mine: dict[str, Any]
-    seconds: float
-    lost: threading.Event
-
-
-def _keep(store: Store, lease: _Lease, ended: threading.Event) -> None:
-    """Renew the lease until it has ended or is another one's. A store that cannot be reached stops
-    the command elsewhere."""
-    while not ended.wait(lease.seconds / 5):
-        with suppress(StoreError, OSError):
-            if (held := _read_lease(store)) and held.get("id") != lease.mine["id"]:
-                lease.lost.set()
-                return
-            store.write(LEASE, _encode_lease(lease.mine, lease.seconds))
-
-
-def _encode_lease(mine: dict[str, Any], seconds: float) -> bytes:
-    now = time.time()
-    return json.dumps(mine | {"renewed": now, "until": now + seconds}).encode()
-
-
-def _whose(held: dict[str, Any]) -> str:
-    """The holder of the lease in words: the process, since when, and when the lease lapses if that
-    process is dead."""
-    now = time.time()
-    since, renewed = _clock(held["since"]), max(0, round(now - held["renewed"]))
-    lapse = f"at {_clock(held['until'])}, in {max(1, round(held['until'] - now))} s"
-    if held["host"] == socket.gethostname():
-        lapse = "at once, since it is on this machine"
-    who = f"process {held['process']} on {held['host']}, last renewed {renewed} s ago"
-    return (
-        f"another command is writing it since {since} ({who}): wait until that has ended, or stop"
-        f" it; should that process be dead, its lease lapses {lapse}"
-    )
-
-
-def _clock(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-
-
-def _read_lease(store: Store) -> dict[str, Any] | None:
-    """The content of the lease; None if there is none or it cannot be read."""
-    try:
-        values = json.loads(store.read(LEASE) or b"")
-        times = {name: float(values[name]) for name in ("since", "renewed", "until")}
-        for each in times.values():
-            _clock(each)  # refuses what is no time
-        return values | times | {"process": int(values["process"]), "host": str(values["host"])}
-    except (ValueError, TypeError, KeyError, OverflowError, OSError):
-        return None
-
-
-def _over(held: dict[str, Any]) -> bool:
-    """Whether a lease has run out, or its process on this machine is gone."""
+def _check_over(store: Store, held: dict[str, Any]) -> None:
+    """Raise Busy for a lease that has not run out, unless its process on this machine is gone."""
     gone = held["host"] == socket.gethostname() and not Path(f"/proc/{held['process']}").exists()
-    return gone or held["until"] < time.time()
+    left = held["until"] - time.time()
+    if not gone and left > 0:
+        raise Busy(
+            f"{store.url}: another command is writing it (process {held['process']} on"
+            f" {held['host']}): wait until that has ended, or stop it; if it was killed, it may be"
+            f" written again in {left:.0f} s"
+        )
+
+
+def _read(store: Store) -> dict[str, Any]:
+    """The content of the lease; empty if there is none. What cannot be read has run out."""
+    data = store.read(LEASE)
+    if data is None:
+        return {}
+    try:
+        values = json.loads(data)
+        numbers = {"until": float(values["until"]), "process": int(values["process"])}
+        return {"host": "", **values, **numbers}
+    except (ValueError, TypeError, KeyError):
+        return {"host": "", "until": 0.0, "process": 0}

@@ -19,8 +19,8 @@ from typing import Any
 from pipeline.data.atomic import atomic_directory, sweep
 from pipeline.data.disk import refusal
 from pipeline.data.keys import digest, file_hash
-from pipeline.data.store.lock import exclusive
-from pipeline.data.store.mirror import fetch_below, mirror_of
+from pipeline.data.lock import exclusive
+from pipeline.data.store.place import fetch_below
 from pipeline.export.shared.episodes import ExportError, source_of
 from pipeline.export.shared.record import SUMMARY, ExportRecord, entries, read_record
 
@@ -136,8 +136,6 @@ class ExportDraft:
             return None
         path.parent.mkdir(parents=True, exist_ok=True)
         _link(self.older.root / older, path)
-        if older != self._name(path) and mirror_of(self.out):
-            os.utime(path)  # an object of that name has other bytes
         self._contents[self._name(path)] = entry = dict(self.older.record.contents[older])
         return entry
 

@@ -12,7 +12,7 @@ from pipeline.data.episode.meta import FailureInfo
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.setup import Setup
-from pipeline.data.store.mirror import delete_uploaded
+from pipeline.data.store.place import place_of
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.report.contact_sheet import encode
 from pipeline.report.summary import failed_folder
@@ -80,10 +80,11 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
 def remove_failures(dataset: Dataset, slot: Slot) -> None:
     """Remove the stored failed attempts of a slot, before it is made again."""
     first = dataset.failure(slot, 0)
-    found = list(first.parent.glob(f"{first.stem.removesuffix('000')}*.hdf5"))
-    for path in found:
+    pattern = f"{first.stem.removesuffix('000')}*.hdf5"
+    for path in first.parent.glob(pattern):
         remove(path)
-    delete_uploaded(*found)
+    if place := place_of(first):
+        place.delete(p for p in place.files() if p.parent == first.parent and p.match(pattern))
 
 
 FRAMES, APART = 3, 0.5  # frames of a picture, and seconds between them

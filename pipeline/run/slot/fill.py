@@ -116,7 +116,8 @@ def fill_logged(job: SlotJob) -> Steps[SlotRecord]:
                     f" {row['reason']}: {row['detail']}"
                 )
     trim()
-    return send_slot(dataset, job.slot, record)
+    send_slot(dataset, job.slot, record)
+    return record
 
 
 def fill_slot(job: SlotJob) -> SlotRecord:

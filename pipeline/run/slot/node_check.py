@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.store.mirror import mirror_of
+from pipeline.data.store.place import place_of
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.drawing.vulkan import ensure_renderer
 
@@ -21,9 +21,8 @@ class NodeCheck:
         """What decides how images look and must be the same on all machines. Raises DatasetError,
         StoreError, NoRenderer."""
         manifest = Dataset(Path(self.root)).manifest
-        mirror = mirror_of(manifest)
-        # asked of the store and not fetched
-        if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
+        place = place_of(manifest)
+        if not (place.store.read(place.name(manifest)) if place else manifest.exists()):
             raise DatasetError(
                 f"{self.root} is not there: --out must be where all nodes of the cluster reach it"
             )

@@ -110,7 +110,9 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
         sha, known = _draw(source, out, job, attempts, keys, phases)
     except DominoError as error:
         return str(error)
-    return send_slot(out, job.slot, SlotRecord(keys, True, sha, attempts, phases.record(), known))
+    record = SlotRecord(keys, True, sha, attempts, phases.record(), known)
+    send_slot(out, job.slot, record)
+    return record
 
 
 def _draw(
