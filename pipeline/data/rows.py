@@ -86,7 +86,7 @@ class Listing:
 
     def states(self, rows: Rows) -> NDArray[np.int64]:
         """Size in bytes and time of change in ns (N,2) of the file of every row, -1 if it is
-        missing; the time is 0 of a file that is on a store only. Raises OSError."""
+        missing. The time is 0 of a file that is on a store only. Raises OSError."""
         files = (
             self._files[rank].get(name)
             for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True)

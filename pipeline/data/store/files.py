@@ -35,7 +35,7 @@ class StoreError(DominoError):
 @dataclass(frozen=True)
 class Listed:
     """An object in a listing: its length in bytes, and the MD5 of its bytes (32 hex digits) where
-    the store says it, else ""."""
+    the store states it, else ""."""
 
     size: int
     md5: str

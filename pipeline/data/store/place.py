@@ -285,7 +285,7 @@ def _get(store: Store, name: str, path: Path, size: int) -> bool:
 
 
 def _is_same(path: Path, there: Listed | None) -> bool:
-    """Whether a file has the length of an object, and its MD5 where the store says it."""
+    """Whether a file has the length of an object, and its MD5 where the store states it."""
     if there is None or not path.is_file() or path.stat().st_size != there.size:
         return False
     with open(path, "rb") as file:
