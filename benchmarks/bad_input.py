@@ -23,7 +23,7 @@ from pathlib import Path
 
 from benchmarks.bad_evaluations import EVALUATE, evaluations, plugins
 from pipeline.commands.bounded import name_of
-from pipeline.data.lock import exclusive
+from pipeline.data.store.lock import exclusive
 from tests.commands.bad_input import CASES, Case, Outcome, attempt, state_of
 from tests.commands.bad_places import furnish
 from tests.commands.hostile import refused, words_of

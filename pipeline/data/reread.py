@@ -21,7 +21,6 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.given_up import read_given_up, write_given_up
 from pipeline.data.index import DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.lock import Busy, exclusive
 from pipeline.data.paths import Paths
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
@@ -37,6 +36,7 @@ from pipeline.data.records import (
     untimed,
 )
 from pipeline.data.rows import Listing
+from pipeline.data.store.lock import Busy, exclusive
 from pipeline.data.store.place import drop, place_of
 
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)

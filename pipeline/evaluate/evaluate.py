@@ -11,9 +11,9 @@ from typing import Any
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.disk import check_directory
-from pipeline.data.lock import exclusive
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
+from pipeline.data.store.lock import exclusive
 from pipeline.evaluate.asking import introduce
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet

@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
-from pipeline.data.lock import Busy, exclusive
 from pipeline.data.recipe.model import Cell
+from pipeline.data.store.lock import Busy, exclusive
 from pipeline.evaluate.evaluate import Evaluation, evaluate
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError

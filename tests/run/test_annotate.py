@@ -16,7 +16,7 @@ from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.data.annotations import read_entry
 from pipeline.data.errors import DominoError
-from pipeline.data.lock import Busy, exclusive
+from pipeline.data.store.lock import Busy, exclusive
 from pipeline.run.annotate import Execution, annotate
 from tests.synthetic import HALF, episode_path, make_episode, square_corner
 

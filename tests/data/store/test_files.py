@@ -40,10 +40,10 @@ class Broken(MemoryFileSystem):
 
     protocol, ended = "broken", threading.Event()
 
-    def cat_file(self, path, **options):
+    def cat_file(self, path, start=None, end=None, **kwargs):
         self.ended.wait(60)
 
-    def find(self, path, **options):
+    def find(self, path, maxdepth=None, withdirs=False, detail=False, **kwargs):
         raise OSError("Forbidden: b/sets/o\nhas no storage.objects.list access")
 
 

@@ -7,12 +7,12 @@ import pytest
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys
-from pipeline.data.lock import Busy
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.reread import IndexWriter
 from pipeline.data.store import place
 from pipeline.data.store.files import Store, StoreError
+from pipeline.data.store.lock import Busy
 from pipeline.data.store.place import Place, open_place, place_of, pull, push
 from pipeline.data.store.urls import url_of, with_urls
 from pipeline.data.user_cache import CACHE
@@ -50,7 +50,7 @@ def write(root, **files):
 def test_what_a_command_writes_is_on_the_store_and_nothing_stays_here(url, tmp_path, fetched):
     with open_place(url, writes=True) as root:
         write(root, manifest=b"1", episodes__a=b"a", episodes__b=b"b")
-        assert with_urls(f"{root}/x: no") == f"{url}/x: no" and place_of(root / "x").root == root
+        assert with_urls(f"{root}/x: no") == f"{url}/x: no" and getattr(place_of(root / "x"), "root", None) == root
     assert sorted(Store(url).list()) == ["episodes/a", "episodes/b", "manifest"]
     with open_place(url, writes=True) as root:
         assert fetched == ["manifest"] and not (root / "episodes").exists()
