@@ -50,7 +50,9 @@ def write(root, **files):
 def test_what_a_command_writes_is_on_the_store_and_nothing_stays_here(url, tmp_path, fetched):
     with open_place(url, writes=True) as root:
         write(root, manifest=b"1", episodes__a=b"a", episodes__b=b"b")
-        assert with_urls(f"{root}/x: no") == f"{url}/x: no" and getattr(place_of(root / "x"), "root", None) == root
+        assert with_urls(f"{root}/x: no") == f"{url}/x: no"
+        mine = place_of(root / "x")
+        assert mine and mine.root == root and place_of(tmp_path) is None
     assert sorted(Store(url).list()) == ["episodes/a", "episodes/b", "manifest"]
     with open_place(url, writes=True) as root:
         assert fetched == ["manifest"] and not (root / "episodes").exists()
