@@ -1,9 +1,9 @@
 """Bad input: how many command lines are refused in one line, with exit code 2 and nothing changed;
 time and memory they take.
 
-Written cases, the hostile set of every option of every command, files of evaluations that hold
-something else, and, with --slow, commands in processes of their own: servers that are no Ray,
-policies and plugins that fail, a directory that another command writes.
+Written cases, files of evaluations that hold something else, and, with --slow, commands in
+processes of their own: servers that are no Ray, policies and plugins that fail, a directory that
+another command writes.
 
 python -m benchmarks.bad_input [--all] [--slow]
 """
@@ -22,11 +22,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.bad_evaluations import EVALUATE, evaluations, plugins
-from pipeline.commands.bounded import name_of
 from pipeline.data.store.lock import exclusive
 from tests.commands.bad_input import CASES, Case, Outcome, attempt, state_of
 from tests.commands.bad_places import furnish
-from tests.commands.hostile import refused, words_of
 
 HANGS = 90
 """Seconds after which a command counts as hung: asking what is no Ray cluster may take 45 s after
@@ -54,7 +52,6 @@ REMOTE = (
     "ws://[::1",
     "ws://a b:1",
     "ws://host:-1",
-    "ws://host:1_0",
     "ws://é:x",
 )
 WORDS = "evaluate --tasks click_bell --levels 0 --episodes 1 --workers 1 --quiet --out OUT --policy"
@@ -64,19 +61,6 @@ SERVERS = {
     "http2": bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]),
 }
 """What a server that is no Ray answers to every connection; None for nothing."""
-
-
-def generated() -> Iterator[Case]:
-    """The hostile set of every option."""
-    for words, param, text in refused():
-        if "\0" not in text:  # which no command line can hold
-            yield Case(
-                (
-                    *(words[1:] if words[0] == "domino-data" else words),
-                    *words_of(words, param, text),
-                ),
-                name_of(param),
-            )
 
 
 @contextmanager
@@ -162,9 +146,7 @@ def main() -> None:
         root = Path(folder)
         furnish(root)
         outcomes = (
-            (case, attempt(case, root))
-            for cases in (CASES, generated(), evaluations(root))
-            for case in cases
+            (case, attempt(case, root)) for cases in (CASES, evaluations(root)) for case in cases
         )
         for case, outcome in (*outcomes, *(slow(root) if options.slow else ())):
             fault, verb = outcome.fault(case), case.words[0]

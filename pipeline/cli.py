@@ -18,7 +18,6 @@ for _name, _value in SINGLE_THREAD.items():
     os.environ.setdefault(_name, _value)
 
 from pipeline.commands.annotate import annotate
-from pipeline.commands.bounded import BoundedCommand, run_app
 from pipeline.commands.build import build, plan, render
 from pipeline.commands.catalogue import (
     check_object,
@@ -30,6 +29,7 @@ from pipeline.commands.catalogue import (
     robots_app,
     tasks,
 )
+from pipeline.commands.command import Command, run_app
 from pipeline.commands.evaluate import compare, evaluate, paper_table, serve_policy
 from pipeline.commands.export import ExportCommand, export, publish
 from pipeline.commands.inspect import doctor, status, verify
@@ -75,7 +75,7 @@ VERBS = (
     ),
     *announced_verbs(),
 )
-CLASSES: dict[Callable[..., None], type[BoundedCommand]] = {export: ExportCommand}
+CLASSES: dict[Callable[..., None], type[Command]] = {export: ExportCommand}
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
 
@@ -102,7 +102,7 @@ def options(
 
 
 for _verb in VERBS:
-    app.command(cls=CLASSES.get(_verb, BoundedCommand))(on_stores(_verb))
+    app.command(cls=CLASSES.get(_verb, Command))(on_stores(_verb))
 app.add_typer(objects_app, name="objects")
 app.add_typer(robots_app, name="robots")
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from pipeline.commands import complete
-from pipeline.commands.bounded import BoundedCommand
+from pipeline.commands.command import Command
 from pipeline.commands.common import (
     AsJson,
     UsageError,
@@ -225,7 +225,7 @@ def objects(
     )
 
 
-@objects_app.command("add", cls=BoundedCommand)
+@objects_app.command("add", cls=Command)
 def objects_add(
     source: Annotated[
         Path,
@@ -294,7 +294,7 @@ def objects_add(
 robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
 
 
-@robots_app.command("add", cls=BoundedCommand)
+@robots_app.command("add", cls=Command)
 def robots_add(
     source: Annotated[
         Path,

@@ -21,10 +21,10 @@ from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.contract import check_contract
-from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
 from pipeline.evaluate.scenes.case import Case, blind
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion
@@ -162,14 +162,7 @@ class _Turn:
                 eyes.close()
 
     def _answer(self, eyes: Eyes | None, words: str) -> Floats:
-        simulation = self._actor.simulation
-        seen, joints = (
-            eyes.look(self._actor.recorder) if eyes else Sight(),
-            simulation.state_vector(simulation.qpos()[0]),
-        )
-        return self._asked.answer(
-            Observation(joints, words, self._trial.time, **vars(seen)), self._trial.length
-        )
+        return self._asked.answer(observe(self._trial, eyes, words), self._trial.length)
 
     def _advice(self) -> Floats:
         """The expert's command (A,): to hold still until it has seen the target move."""

@@ -15,7 +15,6 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
-    Observation,
     PolicyError,
     PolicyName,
     Start,
@@ -24,7 +23,7 @@ from pipeline.evaluate.policies.policy import (
 )
 from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
-from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
@@ -159,11 +158,8 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent: "_Spent") -> None:
     """Ask the policy and execute its answers until the trial ends. Raises what `Asked` raises."""
-    words, rng, simulation = (
-        instruction_of(trial.scene, job.split),
-        job.case.spec.rng("evaluate/latency"),
-        trial.simulation,
-    )
+    words = instruction_of(trial.scene, job.split)
+    rng = job.case.spec.rng("evaluate/latency")
     with spent("policy"):
         asked.begin(start_of(trial.scene.embodiment, job.setup, words), trial, job.case)
     if job.clock.join is not None and attribute(asked.policy, "scripted"):
@@ -174,9 +170,7 @@ def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent
 
     def ask(committed: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         with spent("render"):
-            seen = eyes.look(trial.recorder) if eyes else Sight()
-        joints = simulation.state_vector(simulation.qpos()[0])
-        observation = Observation(joints, words, trial.time, **vars(seen), committed=committed)
+            observation = observe(trial, eyes, words, committed)
         before, number = spent.seconds["policy"], asked.inferences
         with spent("policy"):
             chunk = asked.answer(observation, trial.length)

@@ -1,8 +1,10 @@
 """Whether a task from outside the package declares what a build needs, found before anything is
 written."""
 
-from collections.abc import Callable
-from typing import Any, get_args
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.episode.meta import Category
 from pipeline.data.own_code import describe_error, file_of, is_outside, line_of_class, line_of_error
@@ -15,15 +17,28 @@ from pipeline.tasks import TASKS, Task
 from pipeline.tasks.contract import Limit
 from pipeline.tasks.layout import bodies_of, families_of
 
-CATEGORIES = get_args(Category.__value__)
-MOST_STEPS = 10_000
-"""Control periods of an episode that a task may ask for."""
-
 LAYOUT_SECONDS = 20.0
 """What the trial layouts of a task, which take less than a second, may take."""
 
 ALL = "all"
 """The word that `tasks:` reads as the suite `domino`, which holds no task of anybody else."""
+
+
+class _Declared(BaseModel):
+    """What the class of a task declares."""
+
+    model_config = ConfigDict(strict=True, from_attributes=True, arbitrary_types_allowed=True)
+
+    category: Category
+    target: Annotated[str, Field(min_length=1)]
+    step_limit: Annotated[int, Field(ge=1, le=10_000)]
+    motion: str
+    suite: str
+    workspace: Workspace
+    seen: Sequence[str]
+    unseen: Sequence[str]
+    limits: Mapping[str, Limit]
+    sizes: Mapping[str, Limit]
 
 
 def check_task(task: Task) -> None:
@@ -33,10 +48,9 @@ def check_task(task: Task) -> None:
     cls = type(task)
     if not is_outside(cls):
         return
-    if fault := _fault(task):
-        raise RecipeError(
-            f"{line_of_class(cls, fault.partition(' ')[0])}: task {task.name}: {fault}"
-        )
+    if wrong := _find_wrong(task):
+        name, fault = wrong
+        raise RecipeError(f"{line_of_class(cls, name)}: task {task.name}: {name} {fault}")
     late = TimeoutError()
     try:
         with time_limit(LAYOUT_SECONDS, late):
@@ -56,33 +70,18 @@ def check_task(task: Task) -> None:
             )
 
 
-def _fault(task: Task) -> str | None:
-    """What is wrong with the attributes of a task's class; the first word is the attribute's
-    name."""
-    taken = {ALL, *TASKS, *(each.suite for each in TASKS.values() if not is_outside(type(each)))}
-    rules: dict[str, tuple[Callable[[Any], bool], str]] = {
-        "category": (CATEGORIES.__contains__, f"one of {', '.join(CATEGORIES)}"),
-        "target": (lambda value: isinstance(value, str) and value != "", "the name of a body"),
-        "step_limit": (
-            lambda value: type(value) is int and 1 <= value <= MOST_STEPS,
-            f"a whole number from 1 to {MOST_STEPS}",
-        ),
-        "motion": (
-            lambda value: isinstance(value, str) and value in MODELS,
-            f"one of {', '.join(MODELS)}",
-        ),
-        "suite": (lambda value: isinstance(value, str) and value not in taken, "a name of its own"),
-        "workspace": (lambda value: isinstance(value, Workspace), "a Workspace"),
-        "seen": (lambda value: not isinstance(value, str), "a tuple of sentences"),
-        "unseen": (lambda value: not isinstance(value, str), "a tuple of sentences"),
-        "limits": (_is_by_name, "limits by name: write them with `by_name`"),
-        "sizes": (_is_by_name, "sizes by name: write them with `by_name`"),
-    }
-    for name, (holds, kind) in rules.items():
-        if not holds(value := getattr(task, name, None)):
-            return f"{name} is {show_value(value)}, which is not {kind}"
+def _find_wrong(task: Task) -> tuple[str, str] | None:
+    """An attribute of a task's class that is wrong, and what is wrong with it."""
+    try:
+        _Declared.model_validate(task)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0])
+        fault = first["msg"].replace("Input should be", "must be")
+        return name, f"is {show_value(getattr(task, name, None))}: {fault}"
+    if task.motion not in MODELS:
+        return "motion", f"is {task.motion!r}: must be one of {', '.join(MODELS)}"
+    shipped = {each.suite for each in TASKS.values() if not is_outside(type(each))}
+    if task.suite in {ALL, *TASKS, *shipped}:
+        return "suite", f"is {task.suite!r}, which is taken: choose a name of its own"
     return None
-
-
-def _is_by_name(values: Any) -> bool:
-    return hasattr(values, "items") and all(isinstance(value, Limit) for value in values.values())

@@ -12,14 +12,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.errors import DominoError
+from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.data.records import sum_phases
 from pipeline.data.rows import Listing
 from pipeline.planning.warm import warm_up
-from pipeline.run.cost_model import bytes_of, seconds_of
+from pipeline.run.cost_model import Estimate, bytes_of, estimate, seconds_of
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
@@ -73,6 +74,11 @@ def format_size(size: float) -> str:
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
 
 
+def format_hours(hours: float) -> str:
+    """A time in words."""
+    return f"{hours:.1f} h" if hours >= 1.5 else f"{max(1, round(60 * hours))} min"
+
+
 # slots that a measurement makes, besides the first, which pays for what is loaded once
 MEASURED = 3
 JUDGED_BY = 2000  # finished episodes of a dataset whose times and sizes stand for all
@@ -98,20 +104,20 @@ class Cost:
         """Processor time of so many episodes."""
         return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
 
-    def hours(self, episodes: int, workers: int) -> float:
-        """How long so many workers take that each have a core."""
-        return episodes * self.seconds / 3600 / workers
+    def estimate(self, episodes: int, workers: int) -> Estimate:
+        """How long so many workers take."""
+        return estimate(episodes, self.seconds, self.size, workers)
 
     def describe(self, episodes: int, workers: int) -> str:
         """About how long and how much, in words."""
         if not episodes:
             return "nothing is left to make"
-        minutes = 60 * self.hours(episodes, workers)
-        time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
-        amount = format_size(episodes * self.size)
+        time = self.estimate(episodes, workers)
+        bound = f" (limited by {time.bound})" if time.bound else ""
         return (
-            f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (estimated"
-            f" from {self.source})"
+            f"{format_hours(time.hours)} to {format_hours(time.most)} on {workers}"
+            f" worker{'' if workers == 1 else 's'}{bound} and {format_size(episodes * self.size)}"
+            f" (estimated from {self.source})"
         )
 
 
@@ -230,9 +236,14 @@ def plan(
     `status` reports them (`redo`); estimated hours, core-hours, their price, and bytes.
 
     The estimate follows from a `cost`, by default the dataset's own record if it has one; `price`
-    is that of one core-hour."""
+    is that of one core-hour. Raises DatasetError for a dataset of another recipe, as `build`."""
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
+        if changed := differences(dataset.recipe(), recipe):
+            raise DatasetError(
+                f"{dataset.root} holds another recipe, which `build` refuses to change:"
+                f" {'; '.join(changed)}"
+            )
         rows = dataset.rows(recipe)
         there = Listing(dataset.episodes, recipe).there(rows)
         redo = redone(recipe, rows.where(there), there[there])
@@ -244,13 +255,16 @@ def plan(
     ]
     slots = sum(c["episodes"] for c in cells)
     left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
+    time = cost.estimate(left, workers)
     return {
         "cells": cells,
         "slots": slots,
         "finished": done.total(),
         "redo": redo_rows(redo),
         "workers": workers,
-        "estimated_hours": cost.hours(left, workers),
+        "estimated_hours": time.hours,
+        "estimated_hours_most": time.most,
+        "bound": time.bound,
         "estimated_core_hours": cost.core_hours(left),
         "estimated_cost": None if price is None else cost.core_hours(left) * price,
         "estimated_bytes": int(left * cost.size),

@@ -54,7 +54,6 @@ RECIPES = {
     "nan-lead": "lead: .nan",
     "tiny-alpha": "alpha: 1.0e-300",
     "long-task": f"tasks: {'a' * 100_000}",
-    "base-60": "episodes: 1:30",
     "tail-camera": (
         "cameras: [{name: s, link: nolink, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48,"
         " fovy: 40}]"
@@ -89,7 +88,6 @@ RECIPES = {
     "escape": 'name: "a\\e[31mb"',
     "no-name": "name: ''",
     "quoted-number": "episodes: '1_0'",
-    "underscore": "episodes: 1_0",
     "far-camera": (
         "cameras: [{name: s, pose: [1.0e+300, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]"
     ),

@@ -217,7 +217,6 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{"a": 1, "a": 2}', "twice"),
         ("[" * 20_000 + "]" * 20_000, "deeply"),
         ("{", "property name"),
     ],

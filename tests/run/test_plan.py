@@ -9,11 +9,11 @@ import pytest
 
 from pipeline.crew.progress import Bar, JsonLines, Progress
 from pipeline.data.atomic import write_atomic
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.records import FileFacts, SlotRecord
-from pipeline.run.cost_model import mean_frames
+from pipeline.run.cost_model import DISK, DRIVER, estimate, mean_frames
 from pipeline.run.plan import (
     BOUNDS,
     Cost,
@@ -65,6 +65,15 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert gone["finished"] == 0 and gone["redo"] == [] and gone["estimated_bytes"] == 20000
 
 
+def test_a_plan_refuses_what_a_build_refuses_and_names_what_draws_another_camera(tmp_path):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    other = RECIPE.override({"cameras": ["head", "observer"]})
+    for use in (lambda: plan(other, dataset, workers=1), lambda: dataset.create(other)):
+        with pytest.raises(DatasetError, match=r"cameras is .*render DATASET --cameras"):
+            use()
+
+
 def test_a_plan_of_nothing_uses_the_benchmarks():
     values, cost = plan(RECIPE, None, workers=1), typical(RECIPE)
     assert values["estimated_hours"] == pytest.approx(4 * cost.seconds / 3600)
@@ -76,7 +85,7 @@ def test_a_new_build_that_nothing_bounds_is_refused_with_what_it_would_make(tmp_
     dataset = Dataset(tmp_path / "new")
     with pytest.raises(
         Unbounded,
-        match=r"^this build would make 4 episodes, about 1 min on 1 worker and .* MB .*--yes$",
+        match=r"^this build would make 4 episodes, 1 min to .* min on 1 worker and .* MB .*--yes$",
     ):
         check_bounded(["seed", "alpha"], RECIPE, dataset, 1)
     assert not dataset.root.exists()
@@ -159,16 +168,35 @@ def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("seconds", "episodes", "workers", "said"),
+    ("seconds", "episodes", "workers", "text"),
     [
-        (60, 10, 2, "about 5 min on 2 workers and 20 MB (estimated from x)"),
-        (3600, 3, 1, "about 3.0 h on 1 worker and 6 MB (estimated from x)"),
-        (1, 1000, 10, "about 2 min on 10 workers and 2.0 GB (estimated from x)"),
+        (60, 10, 2, "5 min to 8 min on 2 workers and 20 MB (estimated from x)"),
+        (3600, 3, 1, "3.0 h to 5.1 h on 1 worker and 6 MB (estimated from x)"),
         (1, 0, 10, "nothing is left to make"),
     ],
 )
-def test_an_estimate_is_said_in_round_figures(seconds, episodes, workers, said):
-    assert Cost(seconds, 2e6, "x").describe(episodes, workers) == said
+def test_an_estimate_is_a_range_in_round_figures(seconds, episodes, workers, text, monkeypatch):
+    monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    assert Cost(seconds, 2e6, "x").describe(episodes, workers) == text
+
+
+def test_an_estimate_widens_with_the_load(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    times = []
+    for load in (0.0, 20.0):
+        monkeypatch.setattr(os, "getloadavg", lambda load=load: (load, load, load))
+        times.append(estimate(10, 60.0, 1e6, workers=2))
+    assert times[0].hours == times[1].hours == 10 * 60 / 2 / 3600
+    assert times[1].most == pytest.approx(11 * times[0].most)
+
+
+def test_many_workers_are_bounded_by_the_driver_and_the_disk():
+    driver = estimate(117_600, 3.0, 1e6, workers=3200)
+    assert 60 * driver.hours == pytest.approx(117_600 * DRIVER / 60) and "driver" in driver.bound
+    disk = estimate(117_600, 3.0, 7e6, workers=3200)
+    assert 3600 * disk.hours == pytest.approx(117_600 * 7e6 / DISK) and "disk" in disk.bound
+    assert estimate(117_600, 3.0, 1e6, workers=8).bound == ""
 
 
 def test_progress_as_json_lines_counts_what_changed():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.bounded import BoundedCommand, run_app
+from pipeline.commands.command import Command, run_app
 
 if TYPE_CHECKING:
     from training.puma.config import Config
@@ -55,7 +55,7 @@ def configuration(name: str, settings: list[str] | None, data: list[Path] | None
     return read_config(name, [*extra, *(settings or [])])
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def train(
     out: Out,
     config: Configuration = "puma-tiny",
@@ -75,7 +75,7 @@ def train(
 
 @app.command(
     name="eval",
-    cls=BoundedCommand,
+    cls=Command,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def evaluate(context: typer.Context, folder: Checkpoint) -> None:
@@ -99,7 +99,7 @@ def evaluate(context: typer.Context, folder: Checkpoint) -> None:
         raise typer.Exit(code)
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def serve(
     folder: Checkpoint,
     host: Annotated[
@@ -138,7 +138,7 @@ def serve(
     server(folder, place, Limits(clients), compiled, together, tell).run(print_address)
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def overfit(
     config: Configuration = "puma-tiny",
     data: Datasets = None,
@@ -161,7 +161,7 @@ def overfit(
         raise typer.Exit(1)
 
 
-@app.command(name="replay-check", cls=BoundedCommand)
+@app.command(name="replay-check", cls=Command)
 def replay_check(
     folder: Checkpoint,
     data: Datasets = None,
@@ -184,7 +184,7 @@ def replay_check(
         raise typer.Exit(1)
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def bench(
     config: Configuration = "puma-tiny",
     settings: Settings = None,
@@ -205,7 +205,7 @@ def bench(
     )
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def memory(
     config: Configuration = "puma-4b",
     settings: Settings = None,
@@ -226,7 +226,7 @@ def memory(
     print(json.dumps([vars(need) for need in found]) if as_json else table(found))
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def paper(
     name: Annotated[str, typer.Argument(help="An experiment of the paper, such as ablation.")],
     out: Out,
@@ -247,7 +247,7 @@ def paper(
             raise typer.Exit(code)
 
 
-@app.command(cls=BoundedCommand)
+@app.command(cls=Command)
 def configs() -> None:
     """List the configurations that come with the package."""
     from training.puma.reading import CONFIGS, names

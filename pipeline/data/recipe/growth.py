@@ -5,12 +5,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pipeline.data.recipe.model import CHOOSING, Recipe
+from pipeline.data.setup import IMAGES, option_of
 
 _LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
 
 
 def differences(held: Recipe, wanted: Recipe) -> list[str]:
     """One phrase for each key that changes what is held already; nothing if only slots are added.
+    If only images change, a phrase names `render`, which draws them.
 
     Objects of the original count by the keys of the slots: more tasks use more of them.
     """
@@ -18,11 +20,15 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
     # a policy is told by its label
     out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}
     values, others = (recipe.model_dump(mode="json", exclude=out) for recipe in (held, wanted))
-    return [
+    changed = [key for key in values if values[key] != others[key]]
+    phrases = [
         f"{key} is {_show_key(held, values, key)} there, not {_show_key(wanted, others, key)}"
-        for key in values
-        if values[key] != others[key]
+        for key in changed
     ]
+    if changed and set(changed) <= set(IMAGES):
+        options = " ".join(f"{option_of(key)} ..." for key in changed)
+        phrases.append(f"`domino-data render DATASET {options} --out NEW` draws its episodes so")
+    return phrases
 
 
 def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:

@@ -28,7 +28,7 @@ from pipeline.evaluate.environment.reward import NOTHING, Meter, Progress, Shape
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
 from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
-from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
 from pipeline.stages.scene import build_scene
@@ -235,10 +235,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return progress
 
     def _observe(self, progress: Progress) -> Any:
-        sight = (
-            self._eyes.look(self.trial.recorder) if self.setup.cameras and self._eyes else Sight()
-        )
-        return self._view.observe(self.trial, Moment(self.task_description, sight, progress))
+        eyes = self._eyes if self.setup.cameras else None
+        seen = observe(self.trial, eyes, self.task_description)
+        return self._view.observe(self.trial, Moment(seen, progress))
 
     def _draw_case(self, seed: int | None) -> Case:
         """The scene of an episode that names no case."""

@@ -3,7 +3,7 @@ vector of the true state."""
 
 import string
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import gymnasium
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
 from pipeline.evaluate.environment.reward import NOTHING, Progress
+from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import Sight
 from pipeline.tasks import Draw, Task
 from pipeline.world.cameras import setup_cameras
 from pipeline.world.drawing.pointcloud import HIGHEST, POINTS
@@ -34,10 +34,9 @@ _TEXT = string.ascii_letters + string.digits + string.punctuation + " "
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What a view is made from besides the simulation."""
+    """What a view is made from besides the simulation: what a policy sees, and the progress."""
 
-    words: str
-    sight: Sight = field(default_factory=Sight)
+    seen: Observation
     progress: Progress = NOTHING
 
 
@@ -87,15 +86,15 @@ class PolicyView:
 
     def observe(self, trial: Trial, moment: Moment) -> dict[str, Any]:
         """Measured joints, the instruction, and what the cameras see."""
+        seen = moment.seen
         out: dict[str, Any] = {
-            "agent_pos": _within(self._joints, measured(trial)),
-            "instruction": moment.words,
+            "agent_pos": _within(self._joints, seen.joints),
+            "instruction": seen.instruction,
         }
-        sight = moment.sight
-        parts = {"pixels": sight.images, "depth": sight.depth, "segmentation": sight.segmentation}
+        parts = {"pixels": seen.images, "depth": seen.depth, "segmentation": seen.segmentation}
         out |= {name: images for name, images in parts.items() if images}
-        if sight.pointcloud is not None:
-            out["pointcloud"] = sight.pointcloud
+        if seen.pointcloud is not None:
+            out["pointcloud"] = seen.pointcloud
         return out
 
 
@@ -153,11 +152,6 @@ def bodies_of(task: Task) -> tuple[str, ...]:
     first."""
     placed = [p.name for p in task.layout(Draw(np.random.default_rng(0), np.random.default_rng(0)))]
     return (task.target, *(name for name in placed if name != task.target))
-
-
-def measured(trial: Trial) -> NDArray[np.float64]:
-    """The measured joints (A,), grippers 0-1."""
-    return trial.simulation.state_vector(trial.simulation.qpos()[0])
 
 
 def _within(space: Box, values: NDArray[np.float64]) -> NDArray[np.float32]:

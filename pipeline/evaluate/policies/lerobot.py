@@ -161,7 +161,7 @@ class LerobotForm:
             policy = load(settings)
         except ModuleNotFoundError as error:
             raise PolicyError(
-                f"--policy {text} needs {error.name}: install domino-data[lerobot]"
+                f"--policy {text} needs {error.name}: run `uv sync --inexact --extra lerobot`"
             ) from error
         except (OSError, ValueError, KeyError, ImportError) as error:
             raise PolicyError(

@@ -1,4 +1,4 @@
-"""What a policy is shown besides its joints: the images of a setup's cameras, and a sentence."""
+"""What a policy is shown: measured joints, the images of a setup's cameras, and a sentence."""
 
 from dataclasses import dataclass, field
 
@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
+from pipeline.evaluate.policies.policy import Observation
+from pipeline.evaluate.scenes.trial import Trial
 from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.drawing.sensing import photograph
 from pipeline.stages.scene import Scene
@@ -17,8 +19,8 @@ from pipeline.world.physics.recorder import Recorder
 
 
 @dataclass(eq=False)
-class Sight:
-    """What a policy is shown of one moment: images (H,W,3) uint8 RGB by camera, and, where the
+class CameraViews:
+    """What cameras show of one moment: images (H,W,3) uint8 RGB by camera, and, where the
     setup has them, depth images (H,W) uint16 in mm along the viewing axis (0: nothing there) and
     the body of each pixel (H,W) uint8 by camera, and the point cloud (N,6) of the head camera."""
 
@@ -39,25 +41,34 @@ class Eyes:
         check_links(appearance.cameras, [*appearance.bodies, "table"])
         self._renderer, self._setup, self._sensing = renderer(appearance), setup, appearance.sensing
 
-    def look(self, recorder: Recorder) -> Sight:
+    def look(self, recorder: Recorder) -> CameraViews:
         """What the cameras see of the running simulation now."""
         setup, past = self._setup, recorder.past
         poses = {name: past[:, i] for i, name in enumerate(recorder.simulation.names)}
         wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
         views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, **wanted)
-        sight = Sight({view.camera.name: view.rgb[0] for view in views})
+        seen = CameraViews({view.camera.name: view.rgb[0] for view in views})
         for view in views:
             if setup.depth and view.depth is not None:
-                sight.depth[view.camera.name] = view.depth[0]
+                seen.depth[view.camera.name] = view.depth[0]
             if view.segmentation is not None:
-                sight.segmentation[view.camera.name] = view.segmentation[0]
+                seen.segmentation[view.camera.name] = view.segmentation[0]
             if setup.pointcloud and view.camera.name == HEAD:
-                sight.pointcloud = point_clouds(view)[0]
-        return sight
+                seen.pointcloud = point_clouds(view)[0]
+        return seen
 
     def close(self) -> None:
         """Free the renderer."""
         self._renderer.close()
+
+
+def observe(
+    trial: Trial, eyes: Eyes | None, words: str, committed: NDArray[np.float64] | None = None
+) -> Observation:
+    """What a policy sees of a trial now, through `eyes` or blind; see Observation."""
+    seen = eyes.look(trial.recorder) if eyes else CameraViews()
+    joints = trial.simulation.state_vector(trial.simulation.qpos()[0])
+    return Observation(joints, words, trial.time, **vars(seen), committed=committed)
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:

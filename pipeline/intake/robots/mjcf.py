@@ -49,7 +49,7 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
         import mujoco
     except ImportError as error:
         raise DominoError(
-            f"{path}: is an MJCF; to read it, `pip install domino-data[mjcf]`"
+            f"{path}: is an MJCF; to read it, run `uv sync --inexact --extra mjcf`"
         ) from error
 
     _check_files(path, folders_of(path, root).root)

@@ -91,9 +91,9 @@ def test_links_are_where_mujoco_has_them(tmp_path):
         2.5,
     )
     (look,), (solid,) = robot.links["base"].visuals, robot.links["base"].collisions
-    assert look.color == (1, 0, 0) and np.ptp(
-        trimesh.load(solid.file).vertices, axis=0
-    ) == pytest.approx([0.08] * 3, abs=1e-3)
+    corners = trimesh.load_mesh(solid.file).vertices
+    assert look.color == (1, 0, 0)
+    assert np.ptp(corners, axis=0) == pytest.approx([0.08] * 3, abs=1e-3)
 
 
 def test_what_loops_and_equalities_couple_becomes_mimic_rules(tmp_path):
@@ -208,5 +208,5 @@ def test_a_flange_is_a_link_beyond_which_nothing_moves(tmp_path):
 
 def test_without_mujoco_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(DominoError, match=r"pip install domino-data\[mjcf\]"):
+    with pytest.raises(DominoError, match=r"--extra mjcf"):
         read_mjcf(put(tmp_path, ARM), tmp_path)

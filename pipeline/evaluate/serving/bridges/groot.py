@@ -125,7 +125,7 @@ class GrootClient:
             self.ask("ping", seconds=PING_SECONDS)
         except ModuleNotFoundError as error:
             raise PolicyError(
-                f"--policy {self._text} needs pyzmq: install domino-data[gr00t]"
+                f"--policy {self._text} needs pyzmq: run `uv sync --inexact --extra gr00t`"
             ) from error
 
     def close(self) -> None:
