@@ -15,6 +15,9 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
 from pipeline.data.store.urls import with_urls
 
+LONGEST = 2000
+"""Characters of a message; it may repeat what was typed."""
+
 STOPPED = 130
 """Exit code after Ctrl-C, as of a shell."""
 
@@ -60,7 +63,7 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
     else:
         # the exit code of a verb that raised typer.Exit
         sys.exit(code if isinstance(code, int) else 0)
-    print(f"{name}: {printable(with_urls(message))}", file=sys.stderr)
+    print(f"{name}: {printable(with_urls(message))[:LONGEST]}", file=sys.stderr)
     sys.exit(2)
 
 

@@ -17,7 +17,7 @@ from tests.commands.bad_places import ODD, RECIPES, VARIABLES
 from training.puma.cli import main as puma
 
 EPISODE = "episodes/click_bell/aloha-agilex/L1/clean/episode_0000000.hdf5"
-LONGEST = 800
+LONGEST = 2020
 """Characters of a message."""
 
 
