@@ -21,10 +21,10 @@ from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.contract import check_contract
-from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyError, observe
 from pipeline.evaluate.scenes.case import Case, blind
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
+from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion

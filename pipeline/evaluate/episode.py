@@ -19,11 +19,12 @@ from pipeline.evaluate.policies.policy import (
     PolicyName,
     Start,
     attribute,
+    observe,
     policy_seed,
 )
 from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
+from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn

@@ -25,10 +25,11 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pose_action_names
 from pipeline.evaluate.environment.observation import Moment, PolicyView, StateView, View
 from pipeline.evaluate.environment.reward import NOTHING, Meter, Progress, Shaped, check_discount
+from pipeline.evaluate.policies.policy import observe
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
 from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of, observe
+from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
 from pipeline.stages.scene import build_scene

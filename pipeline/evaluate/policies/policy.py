@@ -27,6 +27,7 @@ from pipeline.evaluate.actions import ActionError, check_action
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
+from pipeline.evaluate.scenes.views import CameraViews, Eyes
 
 PROCESSES = ("evaluator", "own", "server")
 """Where a policy runs: with the simulation and its judge, in a process of its own that only
@@ -94,6 +95,15 @@ class Observation:
     segmentation: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
     pointcloud: NDArray[np.float32] | None = None
     committed: NDArray[np.float64] | None = None
+
+
+def observe(
+    trial: Trial, eyes: Eyes | None, words: str, committed: NDArray[np.float64] | None = None
+) -> Observation:
+    """What a policy sees of a trial now, through `eyes` or blind; see Observation."""
+    seen = eyes.look(trial.recorder) if eyes else CameraViews()
+    joints = trial.simulation.state_vector(trial.simulation.qpos()[0])
+    return Observation(joints, words, trial.time, **vars(seen), committed=committed)
 
 
 class Policy(Protocol):

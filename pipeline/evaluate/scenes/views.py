@@ -1,4 +1,4 @@
-"""What a policy is shown: measured joints, the images of a setup's cameras, and a sentence."""
+"""What a policy is shown besides its joints: the images of a setup's cameras, and a sentence."""
 
 from dataclasses import dataclass, field
 
@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
-from pipeline.evaluate.policies.policy import Observation
-from pipeline.evaluate.scenes.trial import Trial
 from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.drawing.sensing import photograph
 from pipeline.stages.scene import Scene
@@ -60,15 +58,6 @@ class Eyes:
     def close(self) -> None:
         """Free the renderer."""
         self._renderer.close()
-
-
-def observe(
-    trial: Trial, eyes: Eyes | None, words: str, committed: NDArray[np.float64] | None = None
-) -> Observation:
-    """What a policy sees of a trial now, through `eyes` or blind; see Observation."""
-    seen = eyes.look(trial.recorder) if eyes else CameraViews()
-    joints = trial.simulation.state_vector(trial.simulation.qpos()[0])
-    return Observation(joints, words, trial.time, **vars(seen), committed=committed)
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:
