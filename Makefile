@@ -18,9 +18,9 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build puma test slow readme lint docs bench setup clean help
+.PHONY: build puma test slow readme lint docs bench core setup clean help
 
-build: setup  ## set up, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
+build: core  ## set up the core, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
 	$(VENV)/domino-data export $(OUT) --format lerobot
 	$(VENV)/domino-data verify $(OUT)
@@ -56,8 +56,11 @@ bench: setup  ## print every table of figures
 		echo "== $$file"; $(VENV)/python -m "benchmarks.$$(basename $$file .py)" || exit 1; \
 	done
 
-setup:  ## make .venv from the lock (uv, Python 3.12, packages, a Vulkan driver)
-	@scripts/setup.sh
+core:  ## make .venv from the lock: uv, Python 3.12, what builds and exports datasets, a Vulkan driver
+	@scripts/setup.sh core
+
+setup:  ## the same with every extra and what the tests need
+	@scripts/setup.sh all
 
 clean:  ## remove the environment and caches
 	rm -rf .venv .tools dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache

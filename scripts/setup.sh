@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes a working environment in .venv on a bare Debian or Ubuntu box: uv, Python 3.12, the locked packages, a Vulkan driver.
-# Idempotent; returns at once when .venv was made from the present lock. Nothing outside the repository is touched except
+# setup.sh core: what builds, exports and shows datasets; setup.sh all: every extra and what the tests need.
+# Idempotent; returns at once when .venv was made from the present lock. `core` leaves an environment that holds all as large as it is. Nothing outside the repository is touched except
 # system packages (apt) where no Vulkan device works, and uv's own cache.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -9,7 +10,11 @@ readonly TOOLS=$PWD/.tools STAMP=.venv/.domino-setup
 say() { printf 'setup: %s\n' "$*" >&2; }
 die() { say "$*"; exit 2; }
 
-key() { sha256sum uv.lock pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1; }
+case "${1:-all}" in core | all) ;; *) die "usage: scripts/setup.sh [core|all]" ;; esac
+PROFILE=${1:-all}
+grep -qs '^all ' "$STAMP" && PROFILE=all
+
+key() { echo "$PROFILE $(sha256sum uv.lock pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1)"; }
 ready() { [ -f "$STAMP" ] && [ "$(cat "$STAMP")" = "$(key)" ] && .venv/bin/python -c '' 2>/dev/null; }
 
 as_root() {
@@ -74,10 +79,9 @@ python_by_apt() { apt-cache show python3.12 >/dev/null 2>&1 && apt_install pytho
 
 # bytecode is written here once, so that later processes start quickly where PYTHONDONTWRITEBYTECODE is set
 loads() {
-    env -u PYTHONDONTWRITEBYTECODE .venv/bin/python -W ignore -c '
-import cv2, sapien, torch, numba, scipy.optimize, scipy.spatial, h5py, pyarrow.parquet, yaml
-import ray, typer, pydantic, trimesh, tqdm
-import pytest, hypothesis, pinocchio, coal, toppra  # the dev group'
+    local modules='cv2, sapien, numba, scipy.optimize, scipy.spatial, h5py, pyarrow.parquet, yaml, typer, pydantic, trimesh, tqdm'
+    [ "$PROFILE" = core ] || modules+=', torch, ray, pytest, hypothesis, pinocchio, coal, toppra'
+    env -u PYTHONDONTWRITEBYTECODE .venv/bin/python -W ignore -c "import $modules"
 }
 renders() { .venv/bin/python -c 'import sapien; sapien.render.RenderSystem()' >/dev/null 2>&1; }
 
@@ -132,8 +136,9 @@ PYTHON=$(find_python || python_by_uv || python_by_apt) ||
 say "uv: $UV; python: $PYTHON"
 unset VIRTUAL_ENV
 export UV_PROJECT_ENVIRONMENT=$PWD/.venv UV_HTTP_TIMEOUT=${UV_HTTP_TIMEOUT:-300}
-"$UV" sync --frozen --all-extras --no-extra metrics --python "$PYTHON" ||
-    die "the packages could not be installed: see the message of uv above (about 7 GB of disk and a way to pypi.org are needed)"
+if [ "$PROFILE" = core ]; then packages=(--no-default-groups) size=1.2; else packages=(--all-extras --no-extra metrics) size=7; fi
+"$UV" sync --frozen "${packages[@]}" --python "$PYTHON" ||
+    die "the packages could not be installed: see the message of uv above (about $size GB of disk and a way to pypi.org are needed)"
 
 if ! loads 2>/dev/null; then
     say "installing the system libraries that the packages load"

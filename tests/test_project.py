@@ -130,3 +130,29 @@ def test_the_tools_of_the_hooks_are_locked():
     assert {"ruff", "pyright", "import-linter"} <= {
         re.split(r"[\[>=<]", entry)[0] for entry in group
     }
+
+
+@pytest.mark.parametrize(
+    ("stamp", "profile", "made"),
+    [("", "core", "core"), ("core", "all", "all"), ("all", "core", None), ("core", "core", None)],
+)
+def test_the_core_never_shrinks_an_environment_that_holds_all(tmp_path, stamp, profile, made):
+    """`made` is the profile that the set-up would install, None where it finds nothing to do."""
+    script = (ROOT / "scripts" / "setup.sh").read_text()
+    head, _, _ = script.partition("as_root() {")
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "setup.sh").write_text(f'{head}ready && exit 0; echo "$PROFILE"\n')
+    (tmp_path / "stamp.sh").write_text(f"{head}key > $STAMP\n".replace("/..", ""))
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    (tmp_path / ".venv" / "bin" / "python").symlink_to("/bin/true")
+    for name in ("uv.lock", "pyproject.toml"):
+        (tmp_path / name).touch()
+
+    def shell(name: str, *words: str) -> str:
+        return subprocess.run(
+            ["bash", name, *words], cwd=tmp_path, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    if stamp:
+        shell("stamp.sh", stamp)
+    assert shell("scripts/setup.sh", profile) == (made or "")

@@ -10,6 +10,7 @@ from typing import Any
 from typer import Typer, TyperException
 from typer.core import TyperCommand
 
+from pipeline.commands.extras import describe_missing
 from pipeline.data.disk import describe_error
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
@@ -56,7 +57,8 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
     except KeyboardInterrupt:
         sys.exit(STOPPED)
     except Exception as error:  # noqa: BLE001 - the one place where whatever is left ends
-        message = (
+        missing = describe_missing(error.name or "") if isinstance(error, ImportError) else ""
+        message = missing or (
             f"{' '.join(f'{type(error).__name__}: {error}'.split())[:300]}: nobody foresaw this;"
             f" please report it with {_write_traceback(error)}"
         )

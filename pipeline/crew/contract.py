@@ -1,12 +1,13 @@
 """The contract of the crew: the workers, what a job and its work are, and the two ways in which a
 job ends."""
 
-import os
 from collections import Counter
 from collections.abc import Callable, Generator, Hashable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any, Literal
 
+from pipeline.data.cores import usable_cores
 from pipeline.data.errors import DominoError
 
 EXECUTORS = ("auto", "inline", "ray")
@@ -113,8 +114,9 @@ def result_of[R](work: R | Steps[R]) -> R:
 
 
 def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
-    """The executor to use and its number of workers: `auto` is inline for one worker, else Ray."""
-    count = workers or len(os.sched_getaffinity(0))
+    """The executor to use and its number of workers: `auto` is inline for one worker and where Ray
+    is not installed, else Ray."""
+    count = workers or usable_cores()
     if name == "auto":
-        name = "inline" if count == 1 else "ray"
+        name = "ray" if count > 1 and find_spec("ray") else "inline"
     return name, 1 if name == "inline" else count

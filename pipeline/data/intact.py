@@ -1,11 +1,11 @@
 """Whether the files of a dataset have the bytes that its index names: asked before they are
 used."""
 
-import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from pipeline.data.cores import usable_cores
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.keys import file_hash
 from pipeline.data.recipe.model import Recipe, Slot
@@ -71,7 +71,7 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
     rows = dataset.present(recipe, "sha256")
     rows = rows.where(rows.accepted)
     paths = [dataset.episode(slot) for slot in rows.slots]
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+    with ThreadPoolExecutor(usable_cores()) as threads:
         try:
             hashes = list(threads.map(file_hash, paths))
         except OSError as error:

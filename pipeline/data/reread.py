@@ -2,7 +2,6 @@
 written since."""
 
 import errno
-import os
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path
+from pipeline.data.cores import usable_cores
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.given_up import read_given_up, write_given_up
@@ -152,7 +152,7 @@ class IndexWriter:
             self._dataset.file(slot, accepted)
             for slot, accepted in zip(rows.slots, rows.accepted.tolist(), strict=True)
         ]
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        with ThreadPoolExecutor(usable_cores()) as threads:
             found = list(threads.map(_hash, paths))
         same = np.array([a == b for a, b in zip(found, rows.more["sha256"], strict=True)], bool)
         self.index.update_files(np.column_stack([rows.ids, now])[same].tolist())

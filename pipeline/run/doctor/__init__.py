@@ -1,11 +1,11 @@
 """`domino-data doctor`: whether this machine has what a build, an export and an annotation need; in
 the order that is shown."""
 
-import os
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
+from pipeline.data.cores import usable_cores
 from pipeline.run.doctor import alive, machine, packages
 from pipeline.run.doctor.machine import Result
 
@@ -18,7 +18,7 @@ def diagnose(place: Path) -> Iterator[Result]:
     yield packages.check_cv2()
     yield alive.judge_ray(alive.attempt(alive.RAY))
     yield machine.check_disk(place)
-    yield machine.check_memory(machine.available_memory(), len(os.sched_getaffinity(0)))
+    yield machine.check_memory(machine.available_memory(), usable_cores())
     yield machine.check_shared_memory()
     yield packages.check_video()
     yield packages.check_torchcodec(needed=packages.is_installed("torchcodec"))
