@@ -21,10 +21,9 @@ from pathlib import Path
 from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
-from pipeline.data.own_code import describe_error, line_of_error
+from pipeline.data.own_code import ENV, describe_error, directories, line_of_error
 from pipeline.data.user_cache import user_cache
 
-ENV = "DOMINO_PLUGINS"
 GROUPS = tuple(
     f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")
 )
@@ -68,11 +67,6 @@ def load_plugins() -> None:
             from pipeline.world.objects.from_files import add_all
 
             add_all(directory / "objects")
-
-
-def directories() -> list[Path]:
-    """The directories of DOMINO_PLUGINS."""
-    return [Path(part).resolve() for part in os.environ.get(ENV, "").split(os.pathsep) if part]
 
 
 def use_plugins(wanted: Sequence[str]) -> None:

@@ -1,6 +1,8 @@
-"""Where in a user's own code an error comes from: extensions are named by file and line."""
+"""Where a user's own code is, and where in it an error comes from: extensions are named by file and
+line."""
 
 import inspect
+import os
 import sys
 import traceback
 from pathlib import Path
@@ -10,9 +12,17 @@ from pipeline.data.errors import DominoError
 PACKAGE = Path(__file__).parents[1]
 _INSTALLED = "site-packages"
 
+ENV = "DOMINO_PLUGINS"
+"""The environment variable that names directories of extensions."""
+
 
 class OwnCodeError(DominoError):
     """An error in an extension from outside the package; the message begins with FILE:LINE."""
+
+
+def directories() -> list[Path]:
+    """The directories of DOMINO_PLUGINS."""
+    return [Path(part).resolve() for part in os.environ.get(ENV, "").split(os.pathsep) if part]
 
 
 def is_outside(cls: type) -> bool:

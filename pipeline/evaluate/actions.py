@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.data.actions import ActionCodec, Representation
 from pipeline.data.errors import DominoError
-from pipeline.planning.kinematics import ik_many
+from pipeline.planning.kinematics import Chain, fk_batch, ik_many
 from pipeline.planning.planner import Planner, planner_of
-from pipeline.poses import Floats, compose
+from pipeline.poses import Floats, Pose, compose
 from pipeline.world.robots.contract import Embodiment
 
 POSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -118,3 +119,47 @@ class ToolPoses:
                 missed.append(side)
             out.append(np.append(q[0] if reached[0] else now[side][0], gripper))
         return np.concatenate(out), tuple(missed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Arm:
+    """An arm of data/actions.py by the kinematics of planning."""
+
+    base: Pose
+    chain: Chain
+
+    def poses(self, q: ArrayLike) -> Floats:
+        return fk_batch(self.chain, q)
+
+
+class Answers:
+    """Turns the answers of a policy in one episode into joint targets.
+
+    `length` is the number of numbers in an action, `unreachable` counts the poses so far that no
+    joints reach: that arm holds still for them.
+    """
+
+    def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
+        self._tools = ToolPoses(embodiment)
+        chains = planner_of(embodiment).chains
+        arms = {side: _Arm(arm.base, chains[side]) for side, arm in embodiment.arms.items()}
+        self._codec = ActionCodec(representation, embodiment.vector_names, arms)
+        self.length, self.unreachable = len(self._codec.names), 0
+
+    def joints(self, chunk: Floats, state: Floats, command: Floats) -> Floats:
+        """Joint targets (H,A) of a chunk (H,D) that was asked for when the joints (A,) were
+        measured and the command (A,) was in force. Raises ActionError for a rotation of length
+        zero."""
+        if not self._codec.representation.poses:
+            return self._codec.decode_joints(chunk, state, command)
+        try:
+            poses, grippers = self._codec.decode_tools(chunk, state, command)
+        except ValueError as error:
+            raise ActionError(f"the action cannot be read: {error}") from error
+        rows = np.concatenate([poses, grippers[..., None]], -1).reshape(len(chunk), -1)
+        out = list[Floats]()
+        for row in rows:
+            command, missed = self._tools.joints(row, command)
+            self.unreachable += len(missed)
+            out.append(command)
+        return np.stack(out)

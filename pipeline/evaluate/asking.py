@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.actions import JOINTS
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.actions import ActionError, Answers
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.names import is_built_in, make_policy
-from pipeline.evaluate.policies.contract import check_contract
+from pipeline.evaluate.policies.contract import actions_of, check_contract
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
     Observation,
@@ -84,6 +85,13 @@ class Asked:
     def __init__(self, name: PolicyName, seconds: float = ANSWER_SECONDS) -> None:
         self._name, self._seconds, self._left = name, seconds, ANSWERS * seconds
         self.policy, self.count, self.inferences = load_once(name), 0, 0
+        self._trial: Trial | None = None
+        self._answers: Answers | None = None
+
+    @property
+    def unreachable(self) -> int | None:
+        """Tool poses so far that no joints reach; None for a policy that answers with joints."""
+        return None if self._answers is None else self._answers.unreachable
 
     @property
     def sees_truth(self) -> bool:
@@ -93,8 +101,10 @@ class Asked:
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
         """Begin the episode. Raises NoAnswer if the policy fails, PolicyError if it refuses the
         episode."""
-        policy = self.policy
+        policy, self._trial = self.policy, trial
         check_contract(policy, start)
+        if (representation := actions_of(policy)) != JOINTS:
+            self._answers = Answers(representation, trial.simulation.embodiment)
         with self._in_time():
             try:
                 policy.reset(start)
@@ -107,11 +117,16 @@ class Asked:
                     policy.see(trial, case)
 
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
-        """The next chunk (H,A) of actions with `length` numbers. Raises ActionError or NoAnswer."""
+        """The next chunk (H,A) of joint targets with `length` numbers. Raises ActionError or
+        NoAnswer."""
+        answers, trial = self._answers, self._trial
         with self._in_time(), _translated():
             before = count_inferences(self.policy)
-            chunk = chunk_of(self.policy.act(observation), length)
+            answer = self.policy.act(observation)
+            chunk = chunk_of(answer, length if answers is None else answers.length)
             after = count_inferences(self.policy)
+        if answers is not None and trial is not None:
+            chunk = answers.joints(chunk, observation.joints, trial.simulation.command)
         self.inferences += self.count == 0 or after is None or after != before
         self.count += 1
         return chunk

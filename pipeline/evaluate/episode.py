@@ -154,6 +154,8 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
         "same_start": same,
         "sees_truth": asked.sees_truth,
     }
+    if asked.unreachable is not None:
+        row["unreachable"] = asked.unreachable
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 

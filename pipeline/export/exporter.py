@@ -3,12 +3,13 @@ formats up in."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from pipeline.data.actions import JOINTS
 from pipeline.data.splits import VALIDATION
-from pipeline.export.options import NoOptions
+from pipeline.export.options import NoOptions, recorded, representation_of
 from pipeline.export.shared.card import write_card
 from pipeline.export.shared.draft import ExportDraft, stage_directory
 from pipeline.export.shared.episodes import EPISODES, Progress, reading, sort_episodes
@@ -17,6 +18,9 @@ from pipeline.registry import Registry
 
 LEFT_OUT = "sensors_left_out"
 """Key of the summary: sensors that the dataset has and the export has not."""
+
+ACTION = "action"
+"""Key of the summary: what an action is, if not joint targets."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Exporter[O](ABC):
         """Write `job.out` and return its summary. It appears by rename when everything is written,
         and an older export is replaced only then. Raises ExportError as `write` and
         `stage_directory`, and for an export of another format there."""
-        options = asdict(job.options)  # pyright: ignore[reportArgumentType]
+        options, representation = recorded(job.options), representation_of(job.options)
         with stage_directory(job.out, job.dataset) as folder:
             draft = ExportDraft(folder, job.out, job.dataset, self.name, options, job.validation)
             summary = {
@@ -88,6 +92,8 @@ class Exporter[O](ABC):
             }
             for path in job.episodes:
                 draft.hash_of(path)
+            if representation != JOINTS:
+                summary[ACTION] = representation.describe()
             if job.where:
                 summary["where"] = job.where
             if job.validation != VALIDATION:

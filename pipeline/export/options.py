@@ -2,11 +2,12 @@
 on a command line as `--name`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, asdict, dataclass, field, fields
 from functools import partial
 from typing import Any
 
 from pipeline.data import parsing
+from pipeline.data.actions import ACTIONS, FRAMES, JOINTS, ROTATIONS, Representation
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import LARGEST_NUMBER, ParseError, pixels, show_value
 from pipeline.export.shared.episodes import ExportError
@@ -114,3 +115,34 @@ def camera_names_option() -> Any:
     """The option `camera_names` of every format that lets one choose: mapping from the dataset's
     names to the exported ones."""
     return option(CAMERA_NAMES_HELP, camera_names, factory=dict)
+
+
+@dataclass(frozen=True)
+class ActionOptions:
+    """What an action is (data/actions.py): options of every format that has one action a frame."""
+
+    actions: str = option(
+        f"what an action is: {', '.join(ACTIONS)}", one_of(*ACTIONS), JOINTS.actions
+    )
+    rotation: str = option(
+        f"rotations of tool poses: {', '.join(ROTATIONS)}", one_of(*ROTATIONS), JOINTS.rotation
+    )
+    frame: str = option(
+        f"frame of absolute tool poses: {', '.join(FRAMES)}", one_of(*FRAMES), JOINTS.frame
+    )
+
+    @property
+    def representation(self) -> Representation:
+        """The representation that these options choose."""
+        return Representation(self.actions, self.rotation, self.frame)
+
+
+def representation_of(options: Any) -> Representation:
+    """What an action is with these options: joints, in formats that cannot choose."""
+    return options.representation if isinstance(options, ActionOptions) else JOINTS
+
+
+def recorded(options: Any) -> dict[str, Any]:
+    """Options as export.json has them: what an action is only where it is chosen."""
+    usual = asdict(ActionOptions())
+    return {k: v for k, v in asdict(options).items() if k not in usual or v != usual[k]}

@@ -5,12 +5,13 @@ A policy says it in an attribute `setup` (a Setup, or some keys of one), in the 
 `cameras` and `size`, whose values are those of a setup, or in `contract`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from pydantic.dataclasses import dataclass
 
+from pipeline.data.actions import JOINTS, Representation
 from pipeline.data.setup import INTERFACE, RecipeError, Setup, camera_name, option_of
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Policy, PolicyError, Start, attribute
@@ -22,9 +23,10 @@ class Contract:
 
     `action_names` are the joints of state and action in their order; `image_sizes` the (height,
     width) of each camera that is needed; `rate` actions a second; `chunk` the most actions in one
-    answer. The others have one value that an evaluation accepts, GIVEN: the policy turns joints and
-    images into what its network takes and the output back, actions are joint targets, the policy
-    keeps the past observations that it needs, and each episode has a seed.
+    answer. `representation`, `rotation` and `frame` say what an action is (data/actions.py). The
+    others have one value that an evaluation accepts, GIVEN: the policy turns joints and images into
+    what its network takes and the output back, it keeps the past observations that it needs, and
+    each episode has a seed.
     """
 
     action_names: tuple[str, ...] | None = None
@@ -32,18 +34,28 @@ class Contract:
     rate: int | None = None
     chunk: int | None = None
     normalization: str = "policy"
-    representation: str = "joints"
+    representation: str = JOINTS.actions
+    rotation: str = JOINTS.rotation
+    frame: str = JOINTS.frame
     history: str = "policy"
     seeds: str = "episode"
 
+    @property
+    def actions(self) -> Representation:
+        """What an action is. Raises PolicyError for an unknown word."""
+        try:
+            return Representation(self.representation, self.rotation, self.frame)
+        except ValueError as error:
+            raise PolicyError(f"the policy's {line_of_text(str(error))}") from error
+
     def to_dict(self) -> dict[str, Any]:
-        """As plain data, without what is None."""
-        return {key: value for key, value in asdict(self).items() if value is not None}
+        """As plain data, without what is None and the words of tool poses if there are none."""
+        unused = () if self.actions.poses else ("rotation", "frame")
+        return {k: v for k, v in asdict(self).items() if v is not None and k not in unused}
 
 
 GIVEN = {
     "normalization": "policy",
-    "representation": "joints",
     "history": "policy",
     "seeds": "episode",
 }
@@ -58,10 +70,11 @@ def mismatch(wanted: Contract, start: Start) -> str:
             return (
                 f"{key}: the policy has {line_of_text(getattr(wanted, key))}, the evaluation {ours}"
             )
-    if wanted.action_names is not None and wanted.action_names != start.action_names:
+    names = wanted.actions.names(start.action_names)
+    if wanted.action_names is not None and wanted.action_names != names:
         return (
             f"action names: the policy has {_names(wanted.action_names)}, the evaluation"
-            f" {_names(start.action_names)}"
+            f" {_names(names)}"
         )
     if wanted.rate is not None and wanted.rate != start.fps:
         return (
@@ -152,6 +165,19 @@ def check_contract(policy: Policy, start: Start) -> None:
         )
     if reason or (isinstance(wanted, Contract) and (reason := mismatch(wanted, start))):
         raise PolicyError(reason)
+
+
+def actions_of(policy: Policy) -> Representation:
+    """What the actions of a policy are: joint targets unless its contract says otherwise. Raises
+    PolicyError for an unknown word."""
+    contract = attribute(policy, "contract")
+    return contract.actions if isinstance(contract, Contract) else JOINTS
+
+
+def action_length(policy: Policy, action_names: Sequence[str]) -> int:
+    """How many numbers an action of a policy has on a robot whose joints have these names. Raises
+    PolicyError as `actions_of`."""
+    return len(actions_of(policy).names(action_names))
 
 
 def _write_option(value: Any) -> str:

@@ -17,12 +17,14 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.actions import JOINTS, Representation
 from pipeline.evaluate.policies.contract import Contract, mismatch
 from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
 
-OPTIONS = ("device", "resize", "revision")
+ACTION_OPTIONS = ("actions", "rotation", "frame")
+OPTIONS = ("device", "resize", "revision", *ACTION_OPTIONS)
 IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"
 ENVIRONMENT = "observation.environment_state"
 
@@ -30,7 +32,13 @@ ENVIRONMENT = "observation.environment_state"
 class LerobotPolicy:
     """A pretrained policy with its pre- and postprocessor."""
 
-    def __init__(self, policy: Any, processors: tuple[Any, Any], resize: bool) -> None:
+    def __init__(
+        self,
+        policy: Any,
+        processors: tuple[Any, Any],
+        resize: bool,
+        actions: Representation = JOINTS,
+    ) -> None:
         self._policy, (self._before, self._after), self._resize = policy, processors, resize
         config = policy.config
         self.sees_state = ENVIRONMENT in (config.input_features or {})
@@ -52,7 +60,9 @@ class LerobotPolicy:
         for layer in policy.modules():
             if layer is not policy:
                 layer.register_forward_pre_hook(self._note_run)
-        self._wanted = Contract(image_sizes=dict(self._keys.values()), chunk=self._at_once)
+        words = (actions.actions, actions.rotation, actions.frame)
+        self.contract = Contract(None, None, None, self._at_once, "policy", *words)
+        self._wanted = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:
         """Begin an episode. Raises PolicyError if robot or cameras are not those of the policy."""
@@ -67,7 +77,7 @@ class LerobotPolicy:
                     name: sizes.get(name, size) for name, size in given.image_sizes.items()
                 },
             )
-        if reason := mismatch(self._wanted, given) or self._other_lengths(len(start.action_names)):
+        if reason := mismatch(self._wanted, given) or self._other_lengths(start):
             raise PolicyError(reason)
         torch.manual_seed(start.seed)
         self._policy.reset()
@@ -110,12 +120,14 @@ class LerobotPolicy:
             )
         return batch
 
-    def _other_lengths(self, length: int) -> str:
-        """What is wrong with the number of joints, if anything."""
+    def _other_lengths(self, start: Start) -> str:
+        """What is wrong with the number of joints or of an action's numbers, if anything."""
         features: Mapping[str, Any] = (self._policy.config.input_features or {}) | (
             self._policy.config.output_features or {}
         )
-        for key in (STATE, ACTION):
+        names = start.action_names
+        lengths = {STATE: len(names), ACTION: len(self.contract.actions.names(names))}
+        for key, length in lengths.items():
             if key in features and tuple(features[key].shape) != (length,):
                 return f"{key}: the policy has {features[key].shape[0]} numbers, the robot {length}"
         return ""
@@ -199,4 +211,5 @@ def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) ->
     processors = make_pre_post_processors(
         config, settings.path, revision, preprocessor_overrides=device
     )
-    return kind(policy, processors, bool(options.get("resize", False)))
+    words = {key: str(options[key]) for key in ACTION_OPTIONS if key in options}
+    return kind(policy, processors, bool(options.get("resize", False)), Representation(**words))

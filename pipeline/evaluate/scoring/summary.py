@@ -53,6 +53,8 @@ def numbers(rows: Sequence[Row]) -> Row:
     out["hold"] = float(np.mean(holds)) if holds else None
     failures = Counter(row["failure"] for row in rows if row["failure"])
     conditions = Counter(name for row in rows for name in row["failed"])
+    if any("unreachable" in row for row in rows):
+        out["unreachable"] = sum(row.get("unreachable", 0) for row in rows)
     return out | {
         "failures": dict(failures.most_common()),
         "failed_conditions": dict(conditions.most_common()),
@@ -149,6 +151,8 @@ def table(cells: Sequence[Row]) -> str:
     for c in cells:
         low, high = c["success_interval"]
         why = ", ".join(f"{name} {n}" for name, n in c["failures"].items())
+        if c.get("unreachable"):
+            why += f"{', ' if why else ''}unreachable poses {c['unreachable']}"
         scores = f"{c['route_completion']:6.1f} {c['manipulation_score']:6.1f}"
         hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
         lines.append(

@@ -13,6 +13,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.policies.contract import action_length
 from pipeline.evaluate.policies.fit import first_rows, pad_to_square
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
@@ -133,7 +134,8 @@ class Client:
         if not isinstance(actions, np.ndarray):
             held = line_of_text(", ".join(map(str, answer)))[:200] or "nothing"
             raise ActionError(f"{self._prefix}the answer has no array actions, but {held}")
-        return chunk_of(first_rows(actions, self._execute), len(self._start.action_names))
+        length = action_length(self, self._start.action_names)
+        return chunk_of(first_rows(actions, self._execute), length)
 
     def close(self) -> None:
         """End the connection, without waiting for anything."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.policies.contract import action_length
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
     Observation,
@@ -63,7 +64,8 @@ def ask(policy: Policy, start: Start) -> tuple[bytes, bytes]:
     policy.reset(start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
     joints = np.zeros(len(start.action_names))
-    chunk = chunk_of(policy.act(Observation(joints, start.instruction, 0.0, images)), len(joints))
+    answer = policy.act(Observation(joints, start.instruction, 0.0, images))
+    chunk = chunk_of(answer, action_length(policy, start.action_names))
     return pack(dict(attribute(policy, "metadata") or {})), chunk.tobytes()
 
 

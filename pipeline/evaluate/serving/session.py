@@ -26,7 +26,13 @@ from pipeline.data.errors import DominoError
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of, line_of_text
-from pipeline.evaluate.policies.contract import Contract, check_contract, declared, plain
+from pipeline.evaluate.policies.contract import (
+    Contract,
+    action_length,
+    check_contract,
+    declared,
+    plain,
+)
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
@@ -157,7 +163,10 @@ class Session:
         began = time.perf_counter()
         whole = "time" in message
         observation = self._observation(message) if whole else self._plain_observation(message)
-        actions = chunk_of(self._policy.act(observation), len(observation.joints))
+        length = len(observation.joints)
+        if self._start is not None:
+            length = action_length(self._policy, self._start.action_names)
+        actions = chunk_of(self._policy.act(observation), length)
         self._guessed.note(actions)
         inferences = count_inferences(self._policy)
         counted = {} if inferences is None else {"inferences": inferences}

@@ -32,11 +32,12 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
-from pipeline.export.options import camera_names_option, image_size, one_of, option
+from pipeline.export.options import ActionOptions, camera_names_option, image_size, one_of, option
 from pipeline.export.shared.episodes import (
     ExportError,
     Facts,
     by_embodiment,
+    described_action,
     exported_cameras,
     reading,
 )
@@ -44,7 +45,7 @@ from pipeline.export.shared.images import padded, reencode, resize
 
 
 @dataclass(frozen=True)
-class AlohaOptions:
+class AlohaOptions(ActionOptions):
     """Options of the ALOHA format; `size` is (height, width) in pixels."""
 
     compress: Literal["jpeg", "none"] = option(
@@ -114,6 +115,7 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
             "length": len(facts),
             "embodiment": facts.spec.embodiment,
             "names": list(facts.log.vector_names),
+            **described_action(facts),
             "cameras": names,
             "task": facts.spec.task,
             "instruction": facts.instruction,
@@ -172,7 +174,7 @@ def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
         "observations/qpos": log.state.astype(np.float32),
         "observations/qvel": joint_velocity(facts).astype(np.float32),
-        "action": log.action.astype(np.float32),
+        "action": facts.action.astype(np.float32),
         "timestamp": log.times - log.times[0],
         "target/pose": facts.target.astype(np.float32),
         "target/velocity": log.target_velocity.astype(np.float32),

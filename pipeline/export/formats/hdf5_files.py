@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import Exporter, Job
+from pipeline.export.options import representation_of
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import Facts, read_facts, reading
 from pipeline.export.shared.provenance import PROVENANCE, Provenance
@@ -99,7 +100,7 @@ def write_files(
             made_from = ["episode", draft.hash_of(episode), *also]
             kept = draft.keep(made, made_from)
             with reading(episode) as file:
-                facts = read_facts(file, job.dataset)
+                facts = read_facts(file, job.dataset, representation=representation_of(job.options))
                 rows.append(facts)
                 if not kept:
                     made.parent.mkdir(parents=True, exist_ok=True)

@@ -19,9 +19,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from pipeline.data.actions import JOINTS, Representation
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.parquet_table import CONSTANTS, Plan, episode_table
-from pipeline.export.options import camera_names_option, option, whole
+from pipeline.export.options import ActionOptions, camera_names_option, option, whole
 from pipeline.export.shared.annotations import Joined, joined_of
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
@@ -43,7 +44,7 @@ GROUP_BYTES = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True)
-class ParquetOptions:
+class ParquetOptions(ActionOptions):
     """Options of the Parquet format: a new file begins when one has reached `file_bytes`."""
 
     file_bytes: int = option("bytes after which another file begins", whole(1), FILE_BYTES)
@@ -65,7 +66,7 @@ class Parquet(Exporter[ParquetOptions]):
 
     def write(self, job: Job[ParquetOptions], draft: ExportDraft) -> dict[str, Any]:
         paths = sort_episodes(job.episodes)
-        firsts = _firsts(paths, job.dataset)
+        firsts = _firsts(paths, job.dataset, job.options.representation)
         joined = joined_of(job.dataset, job.options.annotations, job.options.camera_names)
         plan = _plan(firsts, job.options, _sensors(paths), joined)
         files, rows = (
@@ -79,7 +80,7 @@ class Parquet(Exporter[ParquetOptions]):
                 if index >= kept:
                     kept = index + files.keep(items, index)
                 with reading(path) as file:
-                    facts = read_facts(file, job.dataset)
+                    facts = read_facts(file, job.dataset, representation=job.options.representation)
                     rows.append(facts)
                     if index >= kept:
                         files.write(
@@ -123,8 +124,12 @@ def _plan(
     reference = next(iter(firsts.values()))
     names = {name: list(f.log.vector_names) for name, f in firsts.items()}
     cameras = exported_cameras(reference, options.camera_names)
+    actions = {
+        name: facts.action_names for name, facts in firsts.items() if facts.representation != JOINTS
+    }
     return Plan(
-        reference.fps, cameras, names, sensors, joined, reference.corrected, reference.spins
+        *(reference.fps, cameras, names, sensors, joined),
+        *(reference.corrected, reference.spins, actions),
     )
 
 
@@ -197,14 +202,18 @@ class _Files:
             self.count, self._items = self.count + 1, []
 
 
-def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
+def _firsts(
+    paths: Sequence[Path], dataset: Path, representation: Representation
+) -> dict[str, Facts]:
     """Embodiment -> its first episode; raises ExportError where two of these differ in fps, cameras
     or in what they hold."""
     firsts: dict[str, Facts] = {}
     for path in paths:
         with reading(path) as file:
             if file.spec.embodiment not in firsts:
-                firsts[file.spec.embodiment] = read_facts(file, dataset)
+                firsts[file.spec.embodiment] = read_facts(
+                    file, dataset, representation=representation
+                )
     reference, *others = firsts.values()
     for other in others:
         for name in ("fps", "cameras", "spins"):

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,8 @@ class Plan:
 
     They follow from the fps, exported names by camera, joint names by embodiment, sensors that any
     episode stores, annotations to join, whether a policy acts before the expert does, and whether
-    the files hold the target's angular velocity.
+    the files hold the target's angular velocity. `actions` are the names of an action's numbers by
+    embodiment, if they are not the joints.
     """
 
     fps: int
@@ -62,6 +63,7 @@ class Plan:
     joined: Sequence[Joined]
     corrected: bool = False
     spins: bool = False
+    actions: Mapping[str, list[str]] = field(default_factory=dict[str, list[str]])
 
     @property
     def images(self) -> dict[str, str]:
@@ -111,6 +113,8 @@ class Plan:
             "cameras": list(self.images.values()),
             "names": dict(self.names),
         }
+        if self.actions:
+            described["action_names"] = dict(self.actions)
         described["annotations"] = {
             j.directory: {
                 "stage": j.stage,
@@ -158,7 +162,7 @@ def episode_table(
     columns["episode_index"] = np.full(frames, index)
     columns["frame_index"] = np.arange(frames)
     columns["timestamp"] = log.times - log.times[0]
-    values = (log.state, log.action, facts.target, log.target_velocity)
+    values = (log.state, facts.action, facts.target, log.target_velocity)
     for name, value in zip(VECTORS, values, strict=True):
         columns[name] = _lists(value)
     if plan.spins:
@@ -182,7 +186,7 @@ def episode_table(
     if plan.corrected:
         columns["intervention"], columns["expert_action"] = (
             log.intervention,
-            _lists(np.array(log.expert_action)),
+            _lists(facts.written(np.array(log.expert_action), facts.representation)),
         )
     columns["sim_step"] = derived.steps
     flags = (

@@ -28,7 +28,7 @@ import numpy as np
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.tfrecord import Value, example, write_records
-from pipeline.export.options import camera_names_option, image_size, option, whole
+from pipeline.export.options import ActionOptions, camera_names_option, image_size, option, whole
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     FAILURES,
@@ -52,7 +52,7 @@ NUMBERS: dict[type, Any] = {int: np.int64, float: np.float32}
 
 
 @dataclass(frozen=True)
-class RldsOptions:
+class RldsOptions(ActionOptions):
     """Options of the format; `size` is (height, width) in pixels."""
 
     size: tuple[int, int] | None = option(
@@ -79,7 +79,9 @@ class Rlds(Exporter[RldsOptions]):
             with closing(Provenance(directory / PROVENANCE, draft.validation)) as rows:
                 for path in paths:
                     with reading(path) as file:
-                        facts = read_facts(file, job.dataset)
+                        facts = read_facts(
+                            file, job.dataset, representation=job.options.representation
+                        )
                         described = features_of(file, facts, job.options)
                     if first is not None and described != features:
                         raise ExportError(
@@ -146,7 +148,8 @@ def _write_shards(
 def _messages(dataset: Path, shard: Sequence[Path], options: RldsOptions) -> Iterator[bytes]:
     for path in shard:
         with reading(path) as file:
-            yield example(episode_features(file, read_facts(file, dataset), options))
+            facts = read_facts(file, dataset, representation=options.representation)
+            yield example(episode_features(file, facts, options))
 
 
 def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Value]:
@@ -155,7 +158,7 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
     last, success = frames == count - 1, facts.meta.failure is None
     values: dict[str, Value] = {
         "steps/observation/state": facts.log.state.astype(np.float32).ravel(),
-        "steps/action": facts.log.action.astype(np.float32).ravel(),
+        "steps/action": facts.action.astype(np.float32).ravel(),
         "steps/language_instruction": [facts.instruction.encode()] * count,
         "steps/reward": (last & success).astype(np.float32),
         "steps/discount": np.ones(count, np.float32),
@@ -189,7 +192,7 @@ def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[s
             observation[f"depth_{name}"] = _image((*facts.size, 1), "uint16", "png")
     step = {
         "observation": _group(observation),
-        "action": _tensor("float32", width),
+        "action": _tensor("float32", len(facts.action_names)),
         "language_instruction": _text(),
         **{name: _tensor("float32") for name in ("reward", "discount")},
         **{name: _tensor("bool") for name in ("is_first", "is_last", "is_terminal")},

@@ -21,7 +21,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +35,13 @@ from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.data.splits import VALIDATION
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
-from pipeline.export.options import camera_names_option, image_size, option
-from pipeline.export.shared.episodes import Facts, by_embodiment, exported_cameras
+from pipeline.export.options import ActionOptions, camera_names_option, image_size, option
+from pipeline.export.shared.episodes import (
+    Facts,
+    by_embodiment,
+    described_action,
+    exported_cameras,
+)
 from pipeline.export.shared.images import resize
 from pipeline.export.shared.provenance import PROVENANCE
 
@@ -49,7 +54,7 @@ HELD_OUT = 10
 
 
 @dataclass(frozen=True)
-class RobomimicOptions:
+class RobomimicOptions(ActionOptions):
     """Options of the format; `size` is (height, width) in pixels."""
 
     size: tuple[int, int] | None = option(
@@ -98,18 +103,22 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
                     [_nearest(image, options.size) for image in depth]
                 )[..., None]
         values = {
-            "actions": log.action.astype(np.float32),
+            "actions": facts.action.astype(np.float32),
             "rewards": (last & (facts.meta.failure is None)).astype(np.float32),
             "dones": last.astype(np.int64),
             "states": np.zeros((len(facts), 0), np.float32),
             **obs,
         }
+        if facts.representation.reference != "absolute":
+            target = replace(facts.representation, actions=facts.representation.kind)
+            values["abs_actions"] = facts.written(log.action, target).astype(np.float32)
         attributes = {
             "num_samples": len(facts),
             "task": facts.spec.task,
             "embodiment": facts.spec.embodiment,
             "instruction": facts.instruction,
             "names": list(log.vector_names),
+            **described_action(facts),
             "fps": facts.fps,
             "spec": facts.spec.to_json(),
         }

@@ -27,7 +27,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.zarr_files import ZarrArray, begin_group
-from pipeline.export.options import camera_names, image_size, one_of, option, whole
+from pipeline.export.options import ActionOptions, camera_names, image_size, one_of, option, whole
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     ExportError,
@@ -44,7 +44,7 @@ BUFFER = "replay_buffer.zarr"
 
 
 @dataclass(frozen=True)
-class ZarrOptions:
+class ZarrOptions(ActionOptions):
     """Options of the format; `size` is (height, width) in pixels."""
 
     size: tuple[int, int] | None = option(
@@ -129,7 +129,11 @@ class Buffer:
         arrays than the first episode."""
         if self.last is None or self.last[0] != path:
             with reading(path) as file:
-                values = episode_values(file, read_facts(file, self.dataset), self.options)
+                values = episode_values(
+                    file,
+                    read_facts(file, self.dataset, representation=self.options.representation),
+                    self.options,
+                )
             kinds = {key: (value.dtype, value.shape[1:]) for key, value in values.items()}
             if self.last is not None and kinds != self.kinds:
                 odd = sorted(
@@ -150,7 +154,7 @@ def episode_values(
     not fit."""
     values: dict[str, NDArray[Any]] = {
         "state": facts.log.state.astype(np.float32),
-        "action": facts.log.action.astype(np.float32),
+        "action": facts.action.astype(np.float32),
     }
     for camera, name in cameras_of(facts, options).items():
         images = np.stack([resize(image, options.size) for image in file.frames(camera)])

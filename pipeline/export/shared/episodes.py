@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.actions import JOINTS, ActionCodec, Representation, pad_arms
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
-from pipeline.data.names import exported_names
+from pipeline.data.names import SIDES, exported_names
+from pipeline.data.own_code import directories
 from pipeline.data.select import fields_of, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.splits import VALIDATION
+from pipeline.poses import compose, inverse
 
 EPISODES, FAILURES = "episodes", "failures"
 """Splits of a dataset: what is exported where nothing else is said, and the failed attempts that
 are kept."""
 
 CLOCK_TOLERANCE = 1e-6  # s
+TOOL_TOLERANCE = 1e-3  # m and rad
 Progress = Callable[[int], object] | None
+
+PAD = "pad_"
+"""The first part of the names of numbers in the place of an arm that is missing."""
 
 
 class ExportError(DominoError):
@@ -56,6 +64,7 @@ class Facts:
     # the group of that name
     interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
     kept: int = 0  # frames that are exported, from the first one on
+    representation: Representation = JOINTS
 
     def __len__(self) -> int:
         return len(self.log)
@@ -67,9 +76,73 @@ class Facts:
         return self.log.target_angular_velocity is not None
 
     @property
+    def action_names(self) -> list[str]:
+        """The name of each number of an action."""
+        return self.names_in(self.representation)
+
+    def names_in(self, representation: Representation) -> list[str]:
+        """The name of each number of an action in a representation, those of a missing arm if
+        vectors are padded."""
+        log, names = self.log, list(representation.names(self.log.vector_names))
+        if not representation.poses or not self.padded:
+            return names
+        pads = [f"{PAD}{i}" for i in range(len(names))]
+        return names + pads if log.sides == SIDES[:1] else pads + names
+
+    @property
+    def padded(self) -> bool:
+        """Whether vectors have numbers in the place of an arm that is missing."""
+        return len(self.log.sides) < len(SIDES) and any(
+            name.startswith(PAD) for name in self.log.vector_names
+        )
+
+    @property
+    def action(self) -> NDArray[np.float64]:
+        """(T, D) the commands for the interval after each frame."""
+        return self.written(self.log.action, self.representation)
+
+    def written(
+        self, commanded: NDArray[np.float64], representation: Representation
+    ) -> NDArray[np.float64]:
+        """Joint targets (T, A) in a representation (T, D). Raises ExportError if the tools of the
+        installed robot are not where those of the episode are."""
+        codec = self._codec if representation.poses else ActionCodec(JOINTS, self.log.vector_names)
+        codec = replace(codec, representation=representation)
+        actions = codec.encode(commanded, codec.references(self.log.action, self.log.state))
+        if representation.poses and self.padded:
+            return pad_arms(actions, representation, self.log.vector_names)
+        return actions
+
+    @cached_property
+    def _codec(self) -> ActionCodec:
+        from pipeline.data.chains import read_chains  # most exports need no kinematics
+
+        folders = [directory / "robots" for directory in directories()]
+        arms = read_chains(self.spec.embodiment, self.meta.layout, self.meta.table_drop, folders)
+        codec = ActionCodec(JOINTS, self.log.vector_names, arms)
+        tools = codec.tools(self.log.state)[0]
+        apart = compose(inverse(tools), self.log.tcp)
+        if np.abs(apart[..., :3]).max() > TOOL_TOLERANCE or (
+            np.abs(apart[..., 4:]).max() > TOOL_TOLERANCE
+        ):
+            raise ExportError(
+                f"{self.source}: was recorded with another {self.spec.embodiment} than the one"
+                " installed, so that its commanded tool poses are not known: export --actions"
+                " joints"
+            )
+        return codec
+
+    @property
     def corrected(self) -> bool:
         """Whether a policy acts before the expert does."""
         return self.log.intervention is not None
+
+
+def described_action(facts: Facts) -> dict[str, Any]:
+    """What a file says about its actions: nothing if they are joint targets, whose names it has."""
+    if facts.representation == JOINTS:
+        return {}
+    return {"action": facts.representation.describe(), "action_names": facts.action_names}
 
 
 def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
@@ -133,9 +206,14 @@ def reading(path: Path) -> Iterator[EpisodeFile]:
         ) from error
 
 
-def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = None) -> Facts:
+def read_facts(
+    file: EpisodeFile,
+    dataset: Path,
+    after_success: float | None = None,
+    representation: Representation = JOINTS,
+) -> Facts:
     """Everything but the images of an open episode, which is exported until `after_success` seconds
-    after its success, if given.
+    after its success, if given, with actions in a representation.
 
     Raises ExportError for an episode that breaks its own promises: frames off the fps grid, arrays
     of different lengths, values that are not finite, no instruction, cameras of different sizes.
@@ -195,6 +273,7 @@ def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = N
         camera_poses=camera_poses,
         interception=episode.interception,
         kept=frames if after_success is None else log.frames_until("success", after_success),
+        representation=representation,
     )
 
 

@@ -119,14 +119,17 @@ def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
             what += "a scripted expert labels every frame, takes over and finishes"
     return (
         f"{began}: {what}. Levels of motion: {levels}. Format: {code_span(summary['format'])}."
-        f" {_timing(summary['format'])} Poses are x y z qw qx qy qz in the world frame (m): x to"
+        f" {_timing(summary)} Poses are x y z qw qx qy qz in the world frame (m): x to"
         " the robot's right, y away from it, z up, table top at z = 0.74. `croissant.json` has"
         " files, records and responsible use in the vocabulary of MLCommons Croissant."
     )
 
 
-def _timing(format: str) -> str:
-    """When states and actions of a format hold."""
+def _timing(summary: Mapping[str, Any]) -> str:
+    """When states and actions of an export hold."""
+    format = summary["format"]
+    if action := summary.get("action"):
+        return f"`state` is measured at a frame. `action`: {action}."
     if format in ("robotwin", "dynamicwam"):
         return (
             "`joint_action[t]` is the joint target in force at frame t, `joint_action[t + 1]` that"

@@ -10,7 +10,7 @@ features of their own, outside of `observation.`: policies take what starts with
 and a robot does not know the pose of the target.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,10 +18,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pipeline.data.actions import JOINTS, Representation
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
 from pipeline.export.shared.derived import contact_flags, trace_of
-from pipeline.export.shared.episodes import FAILURES, Facts
+from pipeline.export.shared.episodes import FAILURES, PAD, Facts
 from pipeline.export.shared.provenance import SCALAR_TYPES
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats
@@ -33,9 +34,6 @@ DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 TEXT_FEATURES = ("subtask", "skill", "stage")
 """One text a frame: script.Script has them."""
-
-PAD = "pad_"
-"""The first part of the names of columns that `widen` adds."""
 
 CLOCK_FEATURES = {
     "timestamp": "float32",
@@ -113,11 +111,11 @@ def widen(facts: Facts, width: int) -> Facts:
 def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]:
     """Names of the parts of every feature that is a vector of numbers; paths and traces reach one
     second ahead."""
-    joints = list(facts.log.vector_names)
+    joints, actions = list(facts.log.vector_names), facts.action_names
     later = range(1, facts.fps + 1)
     return {
         "observation.state": joints,
-        "action": joints,
+        "action": actions,
         "target.pose": POSE_NAMES,
         "target.velocity": ["vx", "vy", "vz"],
         **({"target.angular_velocity": ["wx", "wy", "wz"]} if facts.spins else {}),
@@ -130,7 +128,7 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
             f"trace.{names[camera]}": [f"{part}{k}" for k in later for part in ("u", "v", "depth")]
             for camera in facts.cameras
         },
-        **({"intervention": ["expert"], "expert_action": joints} if facts.corrected else {}),
+        **({"intervention": ["expert"], "expert_action": actions} if facts.corrected else {}),
     }
 
 
@@ -177,7 +175,7 @@ def data_columns(
     length, log = len(facts), facts.log
     vectors = {
         "observation.state": log.state,
-        "action": log.action,
+        "action": facts.action,
         "target.pose": facts.target,
         "target.velocity": log.target_velocity,
         **(
@@ -198,7 +196,7 @@ def data_columns(
     if facts.corrected:
         vectors |= {
             "intervention": np.array(log.intervention),
-            "expert_action": np.array(log.expert_action),
+            "expert_action": facts.written(np.array(log.expert_action), facts.representation),
         }
     script = script_of(facts)
     texts = {name: np.array(getattr(script, name), object) for name in TEXT_FEATURES}
@@ -248,23 +246,36 @@ def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
 def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
     """meta/modality.json as GR00T and StarVLA read it: slices of the vectors, names of the videos
     and of the instruction."""
-    parts: dict[str, dict[str, int]] = {}
-    for i, name in enumerate(facts.log.vector_names):
-        if name.startswith(PAD):
-            continue
-        side = name.split("_")[0]
-        part = f"{side}_gripper" if name == f"{side}_gripper" else f"{side}_joints"
-        parts.setdefault(part, {"start": i, "end": i})["end"] = i + 1
-    keys = {"state": "observation.state", "action": "action"}
-    vectors = {
-        kind: {part: {**at, "original_key": key} for part, at in parts.items()}
-        for kind, key in keys.items()
-    }
+    action = facts.representation
     return {
-        **vectors,
+        "state": _slices(facts.log.vector_names, "observation.state", JOINTS),
+        "action": _slices(facts.action_names, "action", action),
         "video": {name: {"original_key": image_key(name)} for name in names.values()},
         "annotation": {"human.action.task_description": {"original_key": "task_index"}},
     }
+
+
+def _slices(
+    names: Sequence[str], key: str, representation: Representation
+) -> dict[str, dict[str, Any]]:
+    """Slices of a vector by side and part; those of tool poses and differences state what they are.
+    GR00T's own 6-D rotations have rows of the matrix where ours have columns, so that no type names
+    them."""
+    parts: dict[str, dict[str, Any]] = {}
+    for i, name in enumerate(names):
+        if name.startswith(PAD):
+            continue
+        side, _, number = name.partition("_")
+        kind = "gripper" if number == "gripper" else "joints"
+        if representation.poses and kind == "joints":
+            kind = "position" if number in ("x", "y", "z") else "rotation"
+        part = parts.setdefault(f"{side}_{kind}", {"start": i, "end": i})
+        part["end"] = i + 1
+        if representation != JOINTS:
+            part["absolute"] = kind == "gripper" or representation.reference == "absolute"
+        if kind == "rotation" and representation.rotation != "6d":
+            part["rotation_type"] = representation.rotation.replace("-", "_")
+    return {name: {**part, "original_key": key} for name, part in parts.items()}
 
 
 def described_cameras(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
@@ -289,10 +300,13 @@ def split_of(first: Facts) -> str:
 
 def description(summary: dict[str, Any], first: Facts) -> str:
     """A paragraph on the content of a dataset, for its card."""
+    action = "the joint target commanded for the interval after it"
+    if first.representation != JOINTS:
+        action = first.representation.describe()
     return (
         f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']}"
         f" Hz) of {first.spec.embodiment} handling moving objects. `observation.state` is measured"
-        " at the frame, `action` is the joint target commanded for the interval after it. Poses"
+        f" at the frame, `action` is {action}. Poses"
         " are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the"
         " task, level, speed and motion of every episode."
     )

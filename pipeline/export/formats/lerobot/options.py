@@ -10,7 +10,7 @@ from typing import Any
 from pipeline.data.parsing import real
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.options import camera_names_option, one_of, option, whole
+from pipeline.export.options import ActionOptions, camera_names_option, one_of, option, whole
 from pipeline.export.shared.episodes import by_embodiment, group_episodes
 from pipeline.export.shared.video import CODECS, Codec
 
@@ -24,7 +24,7 @@ seconds = partial(real, low=-3600, high=3600)
 
 
 @dataclass(frozen=True)
-class LerobotOptions:
+class LerobotOptions(ActionOptions):
     """Options of the LeRobot formats; those of the encoder that are None are what `Codec` says."""
 
     codec: str = option(f"video encoder: {', '.join(CODECS)}", one_of(*CODECS), Codec.name)

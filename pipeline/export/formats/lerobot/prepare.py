@@ -49,7 +49,7 @@ def prepare(source: Source, dataset: Path, options: LerobotOptions, depth: bool)
     """
     path = source.path
     with reading(path) as file:
-        facts = read_facts(file, dataset, options.after_success)
+        facts = read_facts(file, dataset, options.after_success, options.representation)
         if facts.size[0] % 2 or facts.size[1] % 2:
             raise ExportError(
                 f"{path}: images of {facts.size} cannot become video; height and width must be even"

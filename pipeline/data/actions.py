@@ -1,0 +1,298 @@
+"""How an action is written: joints or tool poses; absolute, relative or delta; and conversions both
+ways in pure numpy.
+
+*Absolute*: the target itself. *Relative*: against the measured state at the moment of prediction,
+which is one reference for a whole chunk. *Delta*: against the action before. Grippers (0 closed, 1
+open) are absolute in every representation, as LeRobot and UMI have them.
+
+A tool pose is that of the tcp frame of robot.toml. Relative and delta tool poses are
+inverse(reference) * pose, in the frame of the reference tool, as UMI has them; those of joints are
+differences.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.names import SIDES, sides_of
+from pipeline.poses import Floats, Pose, compose, inverse, quat_to_matrix
+
+ACTIONS = ("joints", "ee", "ee-relative", "ee-delta", "joints-relative", "joints-delta")
+ROTATIONS = {
+    "quaternion": ("qw", "qx", "qy", "qz"),
+    "axis-angle": ("rx", "ry", "rz"),
+    "6d": ("r00", "r10", "r20", "r01", "r11", "r21"),
+}
+"""Names of a rotation's numbers. `6d` is the first column of the matrix, then the second one."""
+FRAMES = ("world", "base")
+SMALLEST = 1e-6
+"""Rotations of a policy that are shorter than this have no direction."""
+
+
+class Arm(Protocol):
+    """What conversions need of an arm: the world pose (7,) of its base and its tool's poses."""
+
+    @property
+    def base(self) -> Pose: ...
+
+    def poses(self, q: ArrayLike) -> Floats:
+        """World poses (T,7) of the tool frame for joints (T,n)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Representation:
+    """How actions are written. `rotation` and `frame` are those of tool poses; the numbers of
+    relative and delta poses do not depend on `frame`. Raises ValueError for an unknown word."""
+
+    actions: str = "joints"
+    rotation: str = "quaternion"
+    frame: str = "world"
+
+    def __post_init__(self) -> None:
+        for name, words in (("actions", ACTIONS), ("rotation", ROTATIONS), ("frame", FRAMES)):
+            if (word := getattr(self, name)) not in words:
+                raise ValueError(f"{name} {word!r} is unknown: choose {', '.join(words)}")
+
+    @property
+    def kind(self) -> str:
+        """What is written: joints, or the pose of the end effector (ee)."""
+        return self.actions.partition("-")[0]
+
+    @property
+    def poses(self) -> bool:
+        """Whether actions are tool poses."""
+        return self.kind == "ee"
+
+    @property
+    def reference(self) -> str:
+        """What actions are against: absolute, relative or delta."""
+        return self.actions.partition("-")[2] or "absolute"
+
+    def names(self, vector_names: Sequence[str]) -> tuple[str, ...]:
+        """The name of each number of an action, from those of the joint vector."""
+        if not self.poses:
+            return tuple(vector_names)
+        parts = ("x", "y", "z", *ROTATIONS[self.rotation], "gripper")
+        return tuple(f"{side}_{part}" for side in sides_of(vector_names) for part in parts)
+
+    def describe(self) -> str:
+        """What an action is, in one sentence."""
+        against = {
+            "absolute": "",
+            "relative": " relative to the measured state at the moment of prediction",
+            "delta": " relative to the action before",
+        }[self.reference]
+        if not self.poses:
+            return (
+                f"joint targets{against} (rad, grippers 0-1 absolute) for the interval after the"
+                " frame"
+            )
+        rotation = {
+            "quaternion": "quaternion w x y z",
+            "axis-angle": "rotation vector (rad)",
+            "6d": "first two columns of the rotation matrix, one after the other",
+        }[self.rotation]
+        frame = {"world": "world frame", "base": "frame of the arm's base"}[self.frame]
+        where = frame if self.reference == "absolute" else "frame of the reference tool"
+        return (
+            f"tool poses{against} for the interval after the frame: per arm x y z (m), {rotation},"
+            f" in the {where}, and gripper (0-1, absolute)"
+        )
+
+
+JOINTS = Representation()
+
+
+@dataclass(frozen=True, eq=False)
+class ActionCodec:
+    """Conversions for one robot. `vector_names` are those of the joint vector (A,); `arms` by side
+    are needed for tool poses only."""
+
+    representation: Representation
+    vector_names: tuple[str, ...]
+    arms: Mapping[str, Arm] = field(default_factory=dict[str, Arm])
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The name of each of the D numbers of an action."""
+        return self.representation.names(self.vector_names)
+
+    @cached_property
+    def _relative(self) -> Floats:
+        """(A,) 1 where differences are taken: not of grippers."""
+        return np.array([float(not name.endswith("_gripper")) for name in self.vector_names])
+
+    def references(self, commanded: Floats, measured: Floats) -> Floats:
+        """What each action of an episode (T,A) is written against, in joints (T,A): the measured
+        joints of its frame, or the action before (of the first one: the joints measured there)."""
+        if self.representation.reference == "delta":
+            return np.vstack([measured[:1], commanded[:-1]])
+        return measured
+
+    def encode(self, commanded: Floats, references: Floats) -> Floats:
+        """Joint targets (T,A) as actions (T,D), against references (T,A). The signs of absolute
+        quaternions are continuous along T; others have w >= 0."""
+        representation = self.representation
+        if not representation.poses:
+            if representation.reference == "absolute":
+                return commanded
+            return commanded - references * self._relative
+        poses, grippers = self.tools(commanded)
+        if representation.reference == "absolute":
+            poses = self._moved(poses, to_world=False)
+        else:
+            poses = compose(inverse(self.tools(references)[0]), poses)
+        poses[..., 3:] = continuous_signs(poses[..., 3:], representation.reference == "absolute")
+        return self._written(poses, grippers)
+
+    def decode_joints(self, actions: Floats, state: Floats, before: Floats) -> Floats:
+        """Joint targets (H,A) of a chunk (H,A) of a representation of joints. `state` (A,) was
+        measured when the chunk was asked for, `before` (A,) is the command in force then."""
+        reference = self.representation.reference
+        if reference == "absolute":
+            return actions
+        if reference == "relative":
+            return actions + state * self._relative
+        summed = before + np.cumsum(actions, axis=0)
+        return np.where(self._relative > 0, summed, actions)
+
+    def decode_tools(self, actions: Floats, state: Floats, before: Floats) -> tuple[Floats, Floats]:
+        """World poses (H,S,7) of the tools and gripper values (H,S) of a chunk (H,D) of tool poses;
+        `state` and `before` as in `decode_joints`. Raises ValueError for a rotation of length
+        zero."""
+        sides, width = len(sides_of(self.vector_names)), len(self.names)
+        rows = np.asarray(actions, float).reshape(len(actions), sides, width // sides)
+        grippers = rows[..., -1]
+        poses = np.empty((len(rows), sides, 7))
+        poses[..., :3] = rows[..., :3]
+        poses[..., 3:] = quaternions_of(rows[..., 3:-1], self.representation.rotation)
+        reference = self.representation.reference
+        if reference == "absolute":
+            return self._moved(poses, to_world=True), grippers
+        at = self.tools((state if reference == "relative" else before)[None])[0][0]
+        if reference == "relative":
+            return compose(at, poses), grippers
+        for row in poses:
+            row[:] = at = compose(at, row)
+            row[:, 3:] /= np.linalg.norm(row[:, 3:], axis=-1, keepdims=True)
+        return poses, grippers
+
+    def tools(self, joints: Floats) -> tuple[Floats, Floats]:
+        """World poses (T,S,7) of the tools and gripper values (T,S) of joint vectors (T,A)."""
+        poses, grippers = [], []
+        for side in sides_of(self.vector_names):
+            at = [i for i, name in enumerate(self.vector_names) if name.startswith(f"{side}_")]
+            gripper = self.vector_names.index(f"{side}_gripper")
+            poses.append(self.arms[side].poses(joints[:, [i for i in at if i != gripper]]))
+            grippers.append(joints[:, gripper])
+        return np.stack(poses, 1), np.stack(grippers, 1)
+
+    def _moved(self, poses: Floats, to_world: bool) -> Floats:
+        """World poses (T,S,7) in the representation's frame, or back."""
+        if self.representation.frame == "world":
+            return poses
+        bases = np.stack([self.arms[side].base for side in sides_of(self.vector_names)])
+        return compose(bases if to_world else inverse(bases), poses)
+
+    def _written(self, poses: Floats, grippers: Floats) -> Floats:
+        rotations = rotations_of(poses[..., 3:], self.representation.rotation)
+        rows = np.concatenate([poses[..., :3], rotations, grippers[..., None]], -1)
+        return rows.reshape(len(rows), -1)
+
+
+def pad_arms(
+    actions: Floats, representation: Representation, vector_names: Sequence[str]
+) -> Floats:
+    """Actions (T,D) of tool poses of one arm as those of two (T,2D): the missing arm has position
+    zero, no rotation and a closed gripper. Those of two arms stay."""
+    sides = sides_of(vector_names)
+    if len(sides) == len(SIDES):
+        return actions
+    missing = np.zeros_like(actions)
+    still = rotations_of(np.array([1.0, 0.0, 0.0, 0.0]), representation.rotation)
+    missing[:, 3:-1] = still
+    return np.hstack([actions, missing] if sides == SIDES[:1] else [missing, actions])
+
+
+def rotations_of(q: ArrayLike, rotation: str) -> Floats:
+    """Unit quaternions wxyz (...,4) as rotations (...,4), (...,3) or (...,6) of a name of
+    ROTATIONS. Rotation vectors go the short way round."""
+    q = np.asarray(q, float)
+    if rotation == "quaternion":
+        return q
+    if rotation == "6d":
+        matrix = quat_to_matrix(q)
+        return np.concatenate([matrix[..., 0], matrix[..., 1]], -1)
+    q = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    small = sine < 1e-12
+    return q[..., 1:] * np.where(small, 2.0, angle / np.where(small, 1.0, sine))
+
+
+def quaternions_of(values: ArrayLike, rotation: str) -> Floats:
+    """The inverse of `rotations_of`: unit quaternions wxyz (...,4). Quaternions need not be
+    normalised, nor the columns of `6d` be orthonormal (Gram-Schmidt). Raises ValueError for a
+    rotation without a direction."""
+    values = np.asarray(values, float)
+    if rotation == "axis-angle":
+        angle = np.linalg.norm(values, axis=-1, keepdims=True)
+        # sin(a/2)/a is 1/2 at zero
+        share = np.sinc(angle / (2 * np.pi)) / 2
+        return np.concatenate([np.cos(angle / 2), values * share], -1)
+    if rotation == "quaternion":
+        return _unit(values)
+    x = _unit(values[..., :3])
+    y = values[..., 3:] - x * np.sum(x * values[..., 3:], -1, keepdims=True)
+    y = _unit(y)
+    return _quaternions(np.stack([x, y, np.cross(x, y)], -1))
+
+
+def continuous_signs(q: Floats, along_time: bool = True) -> Floats:
+    """Quaternions (T,...,4) with w >= 0; along time only the first ones, and the others on the side
+    of the one before."""
+    q = np.where(q[..., :1] < 0, -q, q)
+    if not along_time or len(q) < 2:
+        return q
+    flips = np.where(np.sum(q[1:] * q[:-1], -1, keepdims=True) < 0, -1.0, 1.0)
+    return np.concatenate([q[:1], q[1:] * np.cumprod(flips, axis=0)])
+
+
+def _unit(values: NDArray[Any]) -> Floats:
+    length = np.linalg.norm(values, axis=-1, keepdims=True)
+    if (length < SMALLEST).any():
+        raise ValueError("a rotation has the length zero")
+    return values / length
+
+
+def _quaternions(m: NDArray[Any]) -> Floats:
+    """Quaternions wxyz (...,4), w >= 0, of rotation matrices (...,3,3): the largest of the four
+    candidates of Shepperd's method."""
+    a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    x, y, z = (
+        m[..., 2, 1] - m[..., 1, 2],
+        m[..., 0, 2] - m[..., 2, 0],
+        m[..., 1, 0] - m[..., 0, 1],
+    )
+    xy, yz, zx = (
+        m[..., 0, 1] + m[..., 1, 0],
+        m[..., 1, 2] + m[..., 2, 1],
+        m[..., 2, 0] + m[..., 0, 2],
+    )
+    candidates = np.stack(
+        [
+            np.stack([1 + a + b + c, x, y, z], -1),
+            np.stack([x, 1 + a - b - c, xy, zx], -1),
+            np.stack([y, xy, 1 - a + b - c, yz], -1),
+            np.stack([z, zx, yz, 1 - a - b + c], -1),
+        ],
+        -2,
+    )
+    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), -1)
+    q = np.take_along_axis(candidates, best[..., None, None], -2)[..., 0, :]
+    return continuous_signs(q / np.linalg.norm(q, axis=-1, keepdims=True), along_time=False)
