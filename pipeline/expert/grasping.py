@@ -190,7 +190,7 @@ def search_of(
         arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, [])
     )
     touched = [name] if options.leading or name in arm.scene.obstacles else []
-    near = [(arm.side, other) for other in ("table", *touched)]
+    near = [(arm.side, "table"), *((f"{arm.side}_fingers", other) for other in touched)]
     hands = MARGINS.hands if name in arm.scene.carried else MARGINS.arms
     checks = {jaws: _checks(arm, near, jaws, hands) for jaws in GRASP.openings}
     return GraspChoice(

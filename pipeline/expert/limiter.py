@@ -1,5 +1,7 @@
 """Joint commands that go after a moving goal within limits of velocity, acceleration and jerk."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
@@ -19,18 +21,24 @@ STIFFNESS = 40.0
 BRAKING = 0.35
 """Share of the acceleration limit that is counted on for coming to rest."""
 
+TINY = 1e-12
+"""Keeps quotients finite."""
+
 
 class Limiter:
     """Commands of some columns at the physics rate, LAG later than their goal. It begins at rest at
     `start` (A,).
 
     `speed` and `acceleration` (A,) limit the differences of the commands, in units per s and s2;
-    LIMITS.jerk those of the accelerations.
+    LIMITS.jerk those of the accelerations. The columns of each of `arms` close their distances in
+    proportion: if each went as fast as it can, a hand that swings aside would dip on its way.
     """
 
-    def __init__(self, start: Floats, speed: Floats, acceleration: Floats) -> None:
+    def __init__(
+        self, start: Floats, speed: Floats, acceleration: Floats, arms: Sequence[slice] = ()
+    ) -> None:
         self.at, self.velocity = start.copy(), np.zeros(len(start))
-        self.speed, self._acceleration = speed, acceleration
+        self.speed, self._acceleration, self._arms = speed, acceleration, arms
         self._rows = np.repeat(start[None], WINDOW, axis=0)
 
     @property
@@ -43,14 +51,20 @@ class Limiter:
         and moves with `velocity`."""
         dt = 1.0 / PHYSICS_HZ
         gap = goal - self.at - velocity * dt
-        closing = np.minimum(
-            STIFFNESS * np.abs(gap), np.sqrt(2 * BRAKING * self._acceleration * np.abs(gap))
-        )
-        wanted = np.clip(velocity + np.sign(gap) * closing, -self.speed, self.speed)
-        step = self._acceleration * dt
-        self.velocity = self.velocity + np.clip(wanted - self.velocity, -step, step)
+        size, room = np.abs(gap) + TINY, self.speed - np.sign(gap) * velocity
+        rate = np.minimum(STIFFNESS, np.sqrt(2 * BRAKING * self._acceleration / size))
+        rate = self._least(np.clip(room / size, 0.0, rate))
+        change = np.clip(velocity + rate * gap, -self.speed, self.speed) - self.velocity
+        share = self._least(np.minimum(1.0, self._acceleration * dt / (np.abs(change) + TINY)))
+        self.velocity = self.velocity + share * change
         self.at = self.at + self.velocity * dt
         before = self._rows.mean(axis=0)
         self._rows = np.concatenate([self._rows[1:], self.at[None]])
         after = self._rows.mean(axis=0)
         return after, (after - before) * PHYSICS_HZ
+
+    def _least(self, values: Floats) -> Floats:
+        """Values (A,) of which those of an arm are its least one."""
+        for arm in self._arms:
+            values[arm] = values[arm].min()
+        return values

@@ -8,11 +8,13 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
+from pipeline.data.names import SIDES
 from pipeline.expert.limiter import WINDOW, Limiter
 from pipeline.expert.reactive.controller import CLOSE, SAME_BRANCH, part_of
+from pipeline.planning.budgets import LIMITS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
-from pipeline.planning.planner import Planner
+from pipeline.planning.planner import NO_ARM, Planner
 from pipeline.poses import Floats, Pose, compose
 
 TRACK = "track"
@@ -52,23 +54,23 @@ def carried_along(
     after the plan's if need be. The commands keep the limits of velocity, acceleration and jerk:
     where the target's motion asks for more, the hand is late. Raises
     PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at
-    the meeting by more than CLOSE.
+    the meeting by more than CLOSE, and PlanFailure("arms_collide").
     """
     commands, velocities = plan
-    goals, column, hands = commands.copy(), 0, list[tuple[str, slice]]()
+    goals, column, arms = commands.copy(), 0, dict[str, slice]()
     for side in planner.embodiment.sides:
-        joints = slice(column, column + len(planner.home(side)))
+        joints = arms[side] = slice(column, column + len(planner.home(side)))
         if side in run.arms:
             near = _approach_begins(velocities[:, joints], run.start, met)
             goals[run.start :, joints] += _shifts(
                 planner, side, commands[:, joints], (run.start, near, met), target
             )
-            hands.append((side, joints))
         column = joints.stop + 1
     moved, speeds = _limited(planner, goals, run.start)
     more = ((0, len(moved) - len(commands)), (0, 0))
     found, found_speeds = np.pad(commands, more, mode="edge"), np.pad(velocities, more)
-    for side, joints in hands:
+    for side in run.arms:
+        joints = arms[side]
         off = planner.fk(side, moved[met, joints])[:3] - planner.fk(side, goals[met, joints])[:3]
         if np.linalg.norm(off) > CLOSE:
             late = (
@@ -78,6 +80,10 @@ def carried_along(
                 "track_unreachable", f"{late}: the target turns too sharply before it"
             )
         found[:, joints], found_speeds[:, joints] = moved[:, joints], speeds[:, joints]
+    rows = found[run.start :: LIMITS.checked_every]
+    left, right = (rows[:, arms[side]] if side in arms else NO_ARM for side in SIDES)
+    if planner.world.between_arms({}).first_blocked(left, right) is not None:
+        raise PlanFailure("arms_collide", "the hand that tracks would touch the other arm")
     return found, found_speeds
 
 

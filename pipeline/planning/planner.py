@@ -77,15 +77,17 @@ class Planner:
         """Home joints (n,) of a side."""
         return np.array(self.embodiment.arms[side].home)
 
-    def command_limits(self) -> tuple[Floats, Floats]:
-        """Speed (A,) and acceleration (A,) of all commands, jaws included, per s and s2."""
-        speeds, accelerations = list[Floats](), list[Floats]()
+    def command_limits(self) -> tuple[Floats, Floats, list[slice]]:
+        """Speed (A,) and acceleration (A,) of all commands, jaws included, per s and s2, and the
+        columns of each arm's joints."""
+        speeds, accelerations, arms = list[Floats](), list[Floats](), list[slice]()
         for side, arm in self.embodiment.arms.items():
-            gripper, limits = arm.gripper, self.limits[side]
+            gripper, limits, first = arm.gripper, self.limits[side], sum(map(len, speeds))
             travel = abs(gripper.opened[0] - gripper.closed[0])
             speeds.append(np.append(limits.speed, gripper.speed / travel))
             accelerations.append(np.append(limits.acceleration, LIMITS.acceleration / travel))
-        return np.concatenate(speeds), np.concatenate(accelerations)
+            arms.append(slice(first, first + len(limits.speed)))
+        return np.concatenate(speeds), np.concatenate(accelerations), arms
 
     def apart(self, scene: PlanningScene) -> Apart:
         """The test for arms with what they carry in a scene. One row may stand for all of the other

@@ -82,3 +82,19 @@ def test_a_target_that_turns_just_before_the_meeting_is_refused(plan):
     planner, commands, velocities, _ = plan
     with pytest.raises(PlanFailure, match="late at the meeting"):
         carried_along(planner, (commands, velocities), RUN, target(0.4, -0.4), 250)
+
+
+def test_a_hand_that_would_follow_the_target_into_the_other_arm_is_refused(plan):
+    planner, commands, velocities, n = plan
+    apart = planner.world.between_arms({})
+    beside = commands.copy()
+    beside[:, 0] -= 0.5  # over the middle of the table, where the other arm comes near
+    for turn in np.linspace(0.0, 1.0, 60):
+        nearer = [turn, *REACHING[1:]]
+        if apart.first_blocked(beside[:, :n], np.array([nearer])) is not None:
+            break
+        beside[:, n + 1 : -1] = nearer
+    carried_along(planner, (beside, velocities), RUN, target(0.0), 359)
+    motion = target(-0.1)
+    with pytest.raises(PlanFailure, match="arms_collide"):
+        carried_along(planner, (beside, velocities), RUN, motion, 359)

@@ -20,7 +20,7 @@ from pipeline.tasks.contract import Draw, Placement
 from pipeline.tasks.library.domino.press.beat_block_hammer import BeatBlockHammer
 
 BLOCKED = EpisodeSpec(
-    "move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876
+    "move_can_pot", "franka-panda", 1, 0.1, "clean", 9, 3077363216261643159, 2151966414097633330
 )
 """A can in the corner of its workspace: the hand that comes in level stands where it would have to
 come from."""

@@ -13,10 +13,9 @@ from pipeline.data.names import SIDES
 from pipeline.data.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
-from pipeline.expert.reactive.imagination import Plan, Script, imagine
+from pipeline.expert.reactive.imagination import PACE, Plan, Script, imagine
 from pipeline.expert.reactive.prediction import Track
 from pipeline.motion.workspace import Workspace
-from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM
@@ -51,6 +50,11 @@ hand on its way plans again."""
 
 RENEWED = 0.5
 """Seconds between two plans of a hand on its way, at least."""
+
+GAPS = (((0.0, 0.006), (0.0, 0.012)), ((0.008, 0.006), (0.012, 0.012)))
+"""Pairs of gaps (m) to the table and to bodies, and between the hands: the target does not lead the
+arms below the first two where the plan keeps the last two. Commands overshoot by some mm, and a
+plan may keep no more than its margin."""
 
 GONE = 0.05
 """Distance (m) from its workspace at which the target is given up."""
@@ -216,19 +220,19 @@ class ReactiveActor(Actor):
 
         Returns the plan with which the target was touched, None if it was not. Raises
         PlanFailure("early_meeting")."""
-        free = self._checker()
-        expert.follow(plan, free)
+        bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
+        expert.follow(plan, bars)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
         while not expert.done and (self.simulation.released or not expert.hindered):
             if not expert.near and self.simulation.time >= renew:
                 renew = self.simulation.time + RENEWED
-                left = (plan.met - expert.row) / PHYSICS_HZ
+                left = (plan.met - expert.row) / (PACE * PHYSICS_HZ)
                 if np.linalg.norm(self._expected(left)[:2] - plan.aim[:2]) > ELSEWHERE and (
                     newer := self._newer(script)
                 ):
                     self._note(plan, passed)
                     plan = newer
-                    expert.follow(plan, free)
+                    expert.follow(plan, bars)
                     passed = [(expert.row, self.simulation.steps)]
             self._run(
                 expert.act(self.track, self.simulation.time, touched=self.simulation.released)
@@ -245,16 +249,16 @@ class ReactiveActor(Actor):
         self._note(plan, passed)
         return plan if met else None
 
-    def _checker(self) -> IsFree:
-        """A test whether a command (A,) is free: the arms keep apart and touch neither the table
-        nor bodies as they stand now.
+    def _checker(self, margin: float, hands: float) -> IsFree:
+        """A test whether a command (A,) is free: the arms keep apart, their hands by `hands` (m),
+        and both `margin` (m) from the table and bodies as they stand now.
 
         The target does not count, nor what held bodies touch but the other arm."""
         now = self.planning_scene()
         others = {n: o for n, o in now.obstacles.items() if n != self.simulation.target}
         held = [(name, other) for name in now.carried for other in (*others, "table", "furniture")]
         scene = self.planner.world.with_objects(
-            others, now.carried, ignore=held, margin=MARGINS.contact
+            others, now.carried, ignore=held, margin=margin, hands=hands
         )
 
         def free(command: ArrayLike) -> bool:

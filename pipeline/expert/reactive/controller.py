@@ -1,13 +1,13 @@
 """The reactive expert as a controller: a plan for a still target, carried along with the one that
 moves."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.limiter import LAG, Limiter
-from pipeline.expert.reactive.imagination import Plan
+from pipeline.expert.reactive.imagination import PACE, Plan
 from pipeline.expert.reactive.prediction import Track
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.kinematics import ik_many
@@ -54,6 +54,10 @@ PATIENCE, BEYOND = 1.6, 0.3
 """Seconds near the target for which the hand may be kept from going nearer, and for which it may be
 unable to follow the target."""
 
+LINGER = 4
+"""Control periods at the end of the plan in which a hand that has touched nothing yet may catch up
+with its commands."""
+
 SAME_BRANCH = IkBudget(restarts=0)
 
 
@@ -71,23 +75,24 @@ class ReactiveExpert:
     def __init__(self, planner: Planner, command: Floats) -> None:
         self._planner = planner
         self.limiter = Limiter(command, *planner.command_limits())
-        self.stalled, self.beyond = 0, 0
-        """Control periods near the target in which the hand did not go nearer, and the last ones in
-        a row in which it could not follow the target."""
+        self.stalled, self.beyond, self.ended = 0, 0, 0
+        """Control periods near the target in which the hand did not go nearer, the last ones in a
+        row in which it could not follow the target, and those at the end of the plan."""
 
-    def follow(self, plan: Plan, free: IsFree = lambda command: True) -> None:
-        """Begin the last skill of a plan, made from the command as it is. `free` judges commands
-        (A,): the hand waits where the target has led it to one that is not free, unless the plan
-        itself is not free there."""
-        self._free = free
-        self.plan, self.row, self.stalled, self.beyond = plan, float(plan.last), 0, 0
+    def follow(self, plan: Plan, bars: Sequence[tuple[IsFree, IsFree]] = ()) -> None:
+        """Begin the last skill of a plan, made from the command as it is. `bars` are tests of
+        commands (A,): the hand waits where the target has led it to one that fails the first test
+        of a pair, and the plan passes the second one there."""
+        self._bars = bars
+        self.plan, self.row = plan, float(plan.last)
+        self.stalled, self.beyond, self.ended = 0, 0, 0
         self._shift = {side: np.zeros_like(self._planner.home(side)) for side in plan.sides}
         self._error, self._touched, self._pace, self._startled = 0.0, False, 1.0, False
 
     @property
     def done(self) -> bool:
         """Whether the plan has been gone through."""
-        return self.row >= len(self.plan.commands) - 1
+        return self.ended > (0 if self._touched else LINGER)
 
     @property
     def hindered(self) -> bool:
@@ -114,7 +119,8 @@ class ReactiveExpert:
             if self.near
             else (self.row, self.plan.near)
         )
-        end = float(np.clip(self.row + self._pace * PERIOD, first, last))
+        end = float(np.clip(self.row + PACE * self._pace * PERIOD, first, last))
+        self.ended += end >= len(self.plan.commands) - 1
         if not touched:
             self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
         elif not self._touched:
@@ -146,7 +152,7 @@ class ReactiveExpert:
     def back(self, track: Track, time: float) -> Iterator[Command]:
         """As `act`, the way back to where the hand was first near the target."""
         self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
-        return self._move(max(self.row - PERIOD, min(self.row, self.plan.near)))
+        return self._move(max(self.row - PACE * PERIOD, min(self.row, self.plan.near)))
 
     def rest(self) -> Iterator[Command]:
         """Commands of a control period that come to rest as soon as the limits allow."""
@@ -188,8 +194,10 @@ class ReactiveExpert:
         return self._goal(row, self._shift)
 
     def _leads_astray(self, row: float, shift: Mapping[str, Floats]) -> bool:
-        """Whether the arms touch something off the plan by `shift` that they do not touch on it."""
-        return not self._free(self._goal(row, shift)) and self._free(_at(self.plan.commands, row))
+        """Whether the arms come near to something off the plan by `shift` that they keep clear of
+        on it."""
+        goal, planned = self._goal(row, shift), _at(self.plan.commands, row)
+        return any(not free(goal) and clear(planned) for free, clear in self._bars)
 
     def _goal(self, row: float, shift: Mapping[str, Floats]) -> Floats:
         """The command (A,) at a row of the plan with the joints off it by `shift`."""

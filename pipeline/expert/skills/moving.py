@@ -36,23 +36,22 @@ def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
 
 
 @skill()
-def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0) -> Skill:
+def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Skill:
     """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached
     without touching anything.
 
-    Poses from which the hand could not draw back by `room` m are passed over where others are left.
     `speed` multiplies the joint speed limits.
     """
 
     def act(a: Actor) -> Iterator[MotionStep]:
         hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
-        yield {side: reach(a.arm_planner(side), hands, speed_scale=speed, room=room)}
+        yield {side: reach(a.arm_planner(side), hands, speed_scale=speed)}
 
     return act
 
 
 def reach(
-    arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1.0, room: float = 0.0
+    arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1.0
 ) -> ArmTrajectory:
     """A free motion to the first tcp pose of (N,7) that can be had. Raises PlanFailure:
     pose_unreachable or path_blocked."""
@@ -66,8 +65,6 @@ def reach(
         )
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
-    if room > 0:
-        found.sort(key=lambda i: arm.line(q[i], backed_off(poses[i], room)) is None)
     for i in found[: MOVE.tries]:
         try:
             return arm.free_trajectory(q[i], free, speed_scale=speed_scale)

@@ -40,8 +40,6 @@ class Forces:
 
 FORCES = Forces()
 
-FINGERS_EVERY = 4
-
 
 class Overload(NamedTuple):
     """A contact stronger than allowed: the names of both parts and the force in N."""
@@ -75,11 +73,7 @@ class ContactKinds:
 
 class ForceWatch:
     """Finds contacts of a running scene that are stronger than allowed. `names` maps its components
-    to their names.
-
-    Contacts of fingers with bodies, of which there are many all the time, are looked at in every
-    FINGERS_EVERY-th step.
-    """
+    to their names."""
 
     def __init__(
         self, embodiment: Embodiment, names: Mapping[Any, str], allowed: Forces = FORCES
@@ -88,29 +82,23 @@ class ForceWatch:
         found = {(a, b): kinds.of(names[a], names[b]) for a in names for b in names if a is not b}
         self._names = names
         self._limits = {pair: most[kind] / PHYSICS_HZ for pair, kind in found.items() if kind}
-        self._rare = {
-            pair: limit for pair, limit in self._limits.items() if found[pair] != "finger"
-        }
 
-    def overloads(self, contacts: Iterable[Any], step: int, rigid: str = "") -> list[Overload]:
+    def overloads(self, contacts: Iterable[Any], rigid: str = "") -> list[Overload]:
         """The contacts of a step that exceed their limits, sorted: SAPIEN lists contacts in no
         fixed order.
 
         The part `rigid` is left out: a target that is touched in this step, kinematic, does not
         give way before the next one.
         """
-        limits = self._rare if step % FINGERS_EVERY else self._limits
         found = list[Overload]()
         for contact in contacts:
-            pair = tuple(contact.bodies)
-            limit = limits.get(pair)
+            limit = self._limits.get(tuple(contact.bodies))
             if limit is None:
                 continue
-            impulse = math.hypot(
-                *map(math.fsum, zip(*(p.impulse.tolist() for p in contact.points), strict=True))
-            )
+            pushes = [p.impulse.tolist() for p in contact.points]
+            impulse = math.hypot(*map(math.fsum, zip(*pushes, strict=True)))
             if impulse > limit:
-                one, other = sorted(self._names[part] for part in pair)
+                one, other = sorted(self._names[part] for part in contact.bodies)
                 if rigid not in (one, other):
                     found.append(Overload(one, other, impulse * PHYSICS_HZ))
         return sorted(found)

@@ -438,7 +438,7 @@ class Simulation:
         """Contacts of the robot in the last step that are stronger than the contract of forces.py
         allows."""
         rigid = self.target if self.steps == self.touched_at else ""
-        return self._forces.overloads(self._scene.get_contacts(), self.steps, rigid)
+        return self._forces.overloads(self._scene.get_contacts(), rigid)
 
     def contacts(self) -> list[Pair]:
         """Touching pairs now, the floor left out, in the order of `names`."""

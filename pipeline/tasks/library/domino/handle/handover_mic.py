@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import carry, grasp, lift, open_, retreat
+from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
 from pipeline.poses import yawed
 from pipeline.tasks.contract import (
     INTERCEPTION,
@@ -64,8 +64,7 @@ class HandoverMic(Task):
     def finish(self, a: Actor) -> Iterator[Skill]:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
-        yield carry(giver, self._exchange(giver), room=0.08)
-        yield grasp(receiver, "microphone", kinds=("neck",), pitch=0.6)
+        yield hand_over(giver, receiver, self._exchange(giver), kinds=("neck",))
         yield open_(giver)
         yield retreat(giver, 0.10)
         missing = TABLE_TOP + HELD_UP - a.frame("microphone", "head")[2]
