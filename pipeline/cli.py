@@ -6,8 +6,8 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
-from importlib.metadata import version
-from typing import Annotated
+from importlib.metadata import entry_points, version
+from typing import Annotated, Any
 
 import typer
 
@@ -17,66 +17,59 @@ from pipeline.crew.contract import SINGLE_THREAD
 for _name, _value in SINGLE_THREAD.items():
     os.environ.setdefault(_name, _value)
 
-from pipeline.commands.annotate import annotate
-from pipeline.commands.build import build, plan, render
-from pipeline.commands.catalogue import (
-    check_object,
-    check_robot,
-    check_task,
-    embodiments,
-    motions,
-    objects_app,
-    robots_app,
-    tasks,
-)
 from pipeline.commands.command import Command, run_app
-from pipeline.commands.evaluate import compare, evaluate, paper_table, serve_policy
-from pipeline.commands.export import ExportCommand, export, publish
-from pipeline.commands.inspect import doctor, status, verify
-from pipeline.commands.manage import diff, gc, merge, regenerate
-from pipeline.commands.show import show, view
-from pipeline.commands.stores import on_stores, pull, push
-from pipeline.data.limited import Limits, run_limited
-from pipeline.plugins import PluginError, announced_verbs, load_plugins, use_plugins
-from pipeline.plugins import directories as plugin_directories
+from pipeline.commands.lazy import LazyGroup
 
-CHECK_LIMITS = Limits(memory=6 << 30, processor=3600, wall=7200.0)
-VERBS = (
-    *(
-        build,
-        plan,
-        status,
-        show,
-        verify,
-        render,
-        view,
-        export,
-        publish,
-        annotate,
-        evaluate,
-        compare,
-        paper_table,
-        serve_policy,
+ANNOUNCED = "domino_data.commands"
+"""Entry points that name functions, each a command of its own."""
+
+MODULES = {
+    "build": ("build", "plan", "render"),
+    "inspect": ("status", "verify", "doctor"),
+    "show": ("show", "view"),
+    "export": ("export", "publish"),
+    "annotate": ("annotate",),
+    "evaluate": ("evaluate", "compare", "paper_table", "serve_policy"),
+    "manage": ("diff", "regenerate", "merge", "gc"),
+    "stores": ("pull", "push"),
+    "catalogue": (
+        *("tasks", "motions", "embodiments", "check_task", "check_object", "check_robot"),
+        *("objects", "robots"),
     ),
-    *(
-        diff,
-        regenerate,
-        merge,
-        pull,
-        push,
-        gc,
-        tasks,
-        motions,
-        embodiments,
-        check_task,
-        check_object,
-        check_robot,
-        doctor,
-    ),
-    *announced_verbs(),
-)
-CLASSES: dict[Callable[..., None], type[Command]] = {export: ExportCommand}
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+}
+"""The verbs by the module of pipeline.commands that has them."""
+
+APPS = ("objects", "robots")
+PLACES = {
+    verb.replace("_", "-"): f"pipeline.commands.{module}:{verb}{'_app' if verb in APPS else ''}"
+    for module, verbs in MODULES.items()
+    for verb in verbs
+}
+POINTS = {point.name: point for point in entry_points(group=ANNOUNCED)}
+
+
+class Verbs(LazyGroup):
+    """All verbs, and those of plugins."""
+
+    places = PLACES | {name: point.value for name, point in POINTS.items()}
+
+    def find(self, name: str) -> Any:
+        if name not in POINTS:
+            return super().find(name)
+        from pipeline.plugins import load_verb
+
+        return load_verb(POINTS[name])
+
+    def typer_of(self, verb: Callable[..., None]) -> typer.Typer:
+        from pipeline.commands.export import ExportCommand, export
+        from pipeline.commands.stores import on_stores
+
+        app = typer.Typer(add_completion=False)
+        app.command(cls=ExportCommand if verb is export else Command)(on_stores(verb))
+        return app
+
+
+app = typer.Typer(cls=Verbs, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def _print_version(wanted: bool) -> None:
@@ -101,15 +94,11 @@ def options(
     """
 
 
-for _verb in VERBS:
-    app.command(cls=CLASSES.get(_verb, Command))(on_stores(_verb))
-app.add_typer(objects_app, name="objects")
-app.add_typer(robots_app, name="robots")
-
-
 def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
     """The words of a command line without --plugins DIR, wherever it is, and the directories.
     Raises PluginError for one that has none."""
+    from pipeline.plugins import PluginError
+
     left: list[str] = []
     directories: list[str] = []
     rest = iter(words)
@@ -129,11 +118,19 @@ def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
 def words_after_plugins() -> list[str]:
     """The words of this process's command line, once the plugins that they name are loaded. Raises
     PluginError."""
+    if sys.argv[1:] in (["--help"], ["--version"]):
+        return sys.argv[1:]
+    from pipeline.plugins import directories as plugin_directories
+    from pipeline.plugins import load_plugins, use_plugins
+
     words, directories = split_plugins(sys.argv[1:])
     use_plugins(directories)
     if words[:1] == ["check-task"] and plugin_directories():
+        from pipeline.data.limited import Limits, run_limited
+
         # the code that is checked may end its process, but not this one
-        code, out, err = run_limited(words[0], run_captured, words, limits=CHECK_LIMITS)
+        limits = Limits(memory=6 << 30, processor=3600, wall=7200.0)
+        code, out, err = run_limited(words[0], run_captured, words, limits=limits)
         print(out, end="")
         print(err, end="", file=sys.stderr)
         sys.exit(code)
@@ -146,6 +143,8 @@ def run_captured(words: list[str]) -> tuple[int, str, str]:
     environment."""
 
     def loaded() -> list[str]:
+        from pipeline.plugins import load_plugins
+
         load_plugins()
         return words
 

@@ -28,7 +28,6 @@ GROUPS = tuple(
     f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")
 )
 
-VERBS = "domino_data.commands"  # entry points that name functions, each a command of its own
 _LARGEST = 16 * 2**20  # bytes of a directory of plugins that is sent to other machines
 
 
@@ -97,17 +96,14 @@ def outside_modules() -> dict[str, Path]:
     return found
 
 
-def announced_verbs() -> Iterator[Callable[..., None]]:
-    """The functions of the entry points VERBS. One that cannot be imported is named on standard
-    error and left out."""
-    for point in entry_points(group=VERBS):
-        try:
-            yield getattr(_import(point.module, f"entry point {point.name}"), point.attr)
-        except (PluginError, AttributeError) as error:
-            print(
-                f"domino-data: warning: the command {point.name} is left out: {error}",
-                file=sys.stderr,
-            )
+def load_verb(point: EntryPoint) -> Callable[..., None]:
+    """The function of an entry point that announces a command. Raises PluginError if it cannot be
+    imported."""
+    source = f"entry point {point.name}"
+    verb = getattr(_import(point.module, source), point.attr, None)
+    if verb is None:
+        raise PluginError(f"{source}: {point.module} has no {point.attr}")
+    return verb
 
 
 def _points() -> list[EntryPoint]:

@@ -1,5 +1,8 @@
 """The `domino-data` command itself; its verbs are tested with what they call."""
 
+import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -27,9 +30,22 @@ def test_the_version_is_that_of_the_project_file(monkeypatch, capsys):
 def test_help_lists_every_verb(monkeypatch, capsys):
     assert run("--help", monkeypatch=monkeypatch) == 0
     shown = capsys.readouterr().out
-    assert (
-        all(verb.__name__.replace("_", "-") in shown for verb in cli.VERBS) and "--version" in shown
+    assert all(f" {verb} " in shown for verb in cli.Verbs.places) and "--version" in shown
+
+
+def test_help_imports_no_verb_and_says_what_each_says_itself():
+    code = "import sys; from pipeline import cli; cli.main()"
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-c", code, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
+    assert not re.search(r"\b(numpy|pydantic|pipeline\.commands\.build)$", done.stderr, re.M)
+    verbs = cli.Verbs()
+    for name in verbs.places:
+        said = (verbs.commands[name].help or "").split("\n")[0]
+        assert said and (verbs.listed[name].help or "").startswith(said), name
 
 
 def test_an_expected_error_is_one_line_and_exit_code_2(monkeypatch, capsys, tmp_path):
