@@ -1,7 +1,7 @@
 """What an action is: its bounds, how it becomes drive targets at the physics rate, and tool poses
 instead of joints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.actions import ActionCodec, Representation
 from pipeline.data.errors import DominoError
+from pipeline.planning.budgets import IK, IkBudget
 from pipeline.planning.kinematics import Chain, fk_batch, ik_many
 from pipeline.planning.planner import Planner, planner_of
 from pipeline.poses import Floats, Pose, compose
@@ -94,8 +95,9 @@ class ToolPoses:
     """End-effector actions (8S,): world poses of the tool frames and gripper values, turned into
     joint actions."""
 
-    def __init__(self, embodiment: Embodiment) -> None:
+    def __init__(self, embodiment: Embodiment, budget: IkBudget = IK) -> None:
         self._planner: Planner = planner_of(embodiment)
+        self._budget = budget
 
     def joints(
         self, action: Floats, command: Floats, tools: Floats | None = None
@@ -114,7 +116,8 @@ class ToolPoses:
                 raise ActionError(f"the quaternion of the {side} tool is zero")
             pose[3:] /= length
             pose = pose if tools is None else compose(tools[i], pose)
-            q, reached = ik_many(self._planner.chains[side], pose[None], now[side][0][None])
+            chain, seed = self._planner.chains[side], now[side][0][None]
+            q, reached = ik_many(chain, pose[None], seed, self._budget)
             if not reached[0]:
                 missed.append(side)
             out.append(np.append(q[0] if reached[0] else now[side][0], gripper))
@@ -132,6 +135,10 @@ class _Arm:
         return fk_batch(self.chain, q)
 
 
+EXACT = replace(IK, tolerance=(1e-6, 1e-5))
+"""Inverse kinematics of answers: the errors of delta actions add up."""
+
+
 class Answers:
     """Turns the answers of a policy in one episode into joint targets.
 
@@ -140,7 +147,7 @@ class Answers:
     """
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
-        self._tools = ToolPoses(embodiment)
+        self._tools = ToolPoses(embodiment, EXACT)
         chains = planner_of(embodiment).chains
         arms = {side: _Arm(arm.base, chains[side]) for side, arm in embodiment.arms.items()}
         self._codec = ActionCodec(representation, embodiment.vector_names, arms)

@@ -142,10 +142,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
         self._trial: Trial | None = None
         self._eyes: Eyes | None = None
-        self._tools, self._relative = (
-            None if actions == "joint" else ToolPoses(robot),
-            actions == "delta_ee",
-        )
+        self._poses, self._relative = actions != "joint", actions == "delta_ee"
+        self._tools: ToolPoses | None = None
         self.task_description = ""
         self.case: Case | None = None
         """The scene of the episode, for whoever evaluates. Whatever is handed to a policy must not
@@ -174,6 +172,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             self._eyes = Eyes(scene, self.setup)
         elif self.render_mode:
             self._eyes = Eyes(scene, self.setup.override({"cameras": ["head"]}))
+        if self._poses:  # the randomized domain and the setup move the bases
+            self._tools = ToolPoses(scene.embodiment)
         self.case = case
         progress = self._begin_measuring(self._trial)
         return self._observe(progress), {
