@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pipeline.data.recipe.model import Recipe
     from pipeline.data.setup import Setup
     from pipeline.evaluate import DominoEnv
-    from pipeline.evaluate.evaluate import Outcome
+    from pipeline.evaluate.evaluate import EvaluationResult
     from pipeline.evaluate.policies.policy import Policy
     from pipeline.run.build import BuildResult
 
@@ -118,7 +118,7 @@ def evaluate(
     setup: "Setup | Mapping[str, Any] | Place | None" = None,
     clock: str = "",
     workers: int = 1,
-) -> "Outcome":
+) -> "EvaluationResult":
     """Evaluate a policy in closed loop in the cells of a recipe, under its rules, with results in
     the directory `out`.
 

@@ -17,7 +17,7 @@ from pipeline.crew.contract import SINGLE_THREAD
 for _name, _value in SINGLE_THREAD.items():
     os.environ.setdefault(_name, _value)
 
-from pipeline.commands.command import Command, run_app
+from pipeline.commands.command import Verb, run_app
 from pipeline.commands.lazy import LazyGroup
 
 ANNOUNCED = "domino_data.commands"
@@ -65,7 +65,7 @@ class Verbs(LazyGroup):
         from pipeline.commands.stores import on_stores
 
         app = typer.Typer(add_completion=False)
-        app.command(cls=ExportCommand if verb is export else Command)(on_stores(verb))
+        app.command(cls=ExportCommand if verb is export else Verb)(on_stores(verb))
         return app
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from pipeline.commands import complete
-from pipeline.commands.command import Command
+from pipeline.commands.command import Verb
 from pipeline.commands.common import (
     AsJson,
     UsageError,
@@ -225,7 +225,7 @@ def objects(
     )
 
 
-@objects_app.command("add", cls=Command)
+@objects_app.command("add", cls=Verb)
 def objects_add(
     source: Annotated[
         Path,
@@ -276,9 +276,9 @@ def objects_add(
     frames of its family."""
     from pipeline.intake.catalogue.object_check import check_object
     from pipeline.intake.objects.add import add_objects, describe
-    from pipeline.intake.objects.draft import Options
+    from pipeline.intake.objects.draft import ObjectOptions
 
-    options = Options(
+    options = ObjectOptions(
         name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within
     )
     added = add_objects(source, options)
@@ -294,7 +294,7 @@ def objects_add(
 robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
 
 
-@robots_app.command("add", cls=Command)
+@robots_app.command("add", cls=Verb)
 def robots_add(
     source: Annotated[
         Path,
@@ -328,10 +328,11 @@ def robots_add(
 ) -> None:
     """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest
     configuration."""
-    from pipeline.intake.robots.add import Options, add_robot, describe
+    from pipeline.intake.robots.add import RobotOptions, add_robot, describe
 
     added = add_robot(
-        source, Options(name, to, base, jaw, licence, gripper, flange, _packages(package or ()))
+        source,
+        RobotOptions(name, to, base, jaw, licence, gripper, flange, _packages(package or ())),
     )
     print("\n".join(describe(added)))
 

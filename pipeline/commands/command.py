@@ -23,7 +23,7 @@ STOPPED = 130
 """Exit code after Ctrl-C, as of a shell."""
 
 
-class Command(TyperCommand):
+class Verb(TyperCommand):
     """A command of typer whose ranges also refuse NaN, which is neither below nor above them."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

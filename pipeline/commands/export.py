@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from pipeline.commands.command import Command
+from pipeline.commands.command import Verb
 from pipeline.commands.common import (
     AsJson,
     Quiet,
@@ -88,7 +88,7 @@ def named_format(args: Sequence[str]) -> str | None:
     return None
 
 
-class ExportCommand(Command):
+class ExportCommand(Verb):
     """A command that takes the options of a format beside its own; the module of no other format is
     imported."""
 

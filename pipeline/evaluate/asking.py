@@ -74,7 +74,7 @@ def introduce(
         raise PolicyError(f"policy {name.label}: {error}") from error
 
 
-class Asked:
+class AskedPolicy:
     """A policy in one episode. One answer may take `seconds`, all together ANSWERS times that;
     `count` are the answers so far, `inferences` those that its network ran for: the first one, and
     all of them if the policy does not count.

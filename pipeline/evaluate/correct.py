@@ -17,7 +17,7 @@ from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError, interpolate_targets
-from pipeline.evaluate.asking import Asked
+from pipeline.evaluate.asking import AskedPolicy
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.contract import check_contract
@@ -107,7 +107,7 @@ class Correction:
         )
 
 
-def _ask_policy(recipe: Recipe) -> Asked:
+def _ask_policy(recipe: Recipe) -> AskedPolicy:
     """The recipe's policy. Raises PolicyError if it cannot be made or has changed."""
     corrections = recipe.corrections
     if corrections is None:
@@ -117,10 +117,10 @@ def _ask_policy(recipe: Recipe) -> Asked:
         raise PolicyError(
             f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more"
         )
-    return Asked(name)
+    return AskedPolicy(name)
 
 
-def _choose_setup(asked: Asked, recipe: Recipe) -> Setup:
+def _choose_setup(asked: AskedPolicy, recipe: Recipe) -> Setup:
     """The setup in which the policy acts: one that is shown the simulation sees no images."""
     return blind(recipe) if asked.sees_truth else recipe.setup
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.asking import Asked
+from pipeline.evaluate.asking import AskedPolicy
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
     PolicyError,
@@ -118,7 +118,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
     fault = ""
     try:
         with spent("policy"):
-            asked = Asked(job.policy, job.answer_seconds)
+            asked = AskedPolicy(job.policy, job.answer_seconds)
         try:
             _drive(job, trial, eyes, asked, spent)
         except ActionError as error:
@@ -159,8 +159,10 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 
-def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent: "_Spent") -> None:
-    """Ask the policy and execute its answers until the trial ends. Raises what `Asked` raises."""
+def _drive(
+    job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: AskedPolicy, spent: "_Spent"
+) -> None:
+    """Ask the policy and execute its answers until the trial ends. Raises as `AskedPolicy`."""
     words = instruction_of(trial.scene, job.split)
     rng = job.case.spec.rng("evaluate/latency")
     with spent("policy"):

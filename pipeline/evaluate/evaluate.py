@@ -55,7 +55,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EvaluationResult:
     """The result of an evaluation: a row for every cell, means over tasks, and the number of
     episodes run by this call.
 
@@ -90,7 +90,7 @@ def evaluate(
     run: Runner,
     manifests: Path | None = None,
     tell: Callable[[str], None] = lambda text: None,
-) -> Outcome:
+) -> EvaluationResult:
     """Evaluate into OUT/episodes.jsonl, or resume an evaluation; films are stored in OUT/films, the
     page is OUT/index.html.
 
@@ -136,7 +136,7 @@ def evaluate(
         )
         _film(wanted, admitted, out, run, tell)
         page = _write_page(wanted.code, results, out)
-        return Outcome(
+        return EvaluationResult(
             summarise(rows), over_tasks(rows), over_tasks(others), len(missing), results.path, page
         )
 

@@ -25,7 +25,7 @@ from pipeline.evaluate.policies.reference import (
     Chaser,
     Interceptor,
     Random,
-    Replay,
+    ReplayPolicy,
     Static,
     Still,
     Tapper,
@@ -65,7 +65,7 @@ FORMS = Registry[Form]("kind of policy")
 """Kinds of policies by what stands before the colon."""
 
 for _name, _policy in (
-    ("replay", Replay),
+    ("replay", ReplayPolicy),
     ("static", Static),
     ("chaser", Chaser),
     ("tapper", Tapper),

@@ -86,7 +86,7 @@ LOOKED_AT = 20  # episode files of a dataset that are opened at most to see what
 
 
 @dataclass(frozen=True)
-class Cost:
+class EpisodeCost:
     """Seconds and bytes that an episode takes, failed attempts included, and where the figures come
     from.
 
@@ -121,13 +121,13 @@ class Cost:
         )
 
 
-def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:
+def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
     """What an episode takes by its recipe alone (run/cost_model.py)."""
     parts = bytes_of(recipe)
-    return Cost(seconds_of(recipe), sum(parts.values()), source, parts=parts)
+    return EpisodeCost(seconds_of(recipe), sum(parts.values()), source, parts=parts)
 
 
-def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
+def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
     """What the finished episodes of a dataset took, by at most JUDGED_BY of them; `typical` where
     there is none."""
     if dataset is None or not dataset.manifest.exists():
@@ -143,7 +143,7 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
         dataset.episode(slot) for slot in rows.where(_spread(len(rows), LOOKED_AT)).slots
     )
     size = float(np.mean(rows.more["size"]))
-    return Cost(
+    return EpisodeCost(
         float(np.mean(np.where(spent, spent, rows.more["seconds"]))),
         size,
         "this dataset",
@@ -166,7 +166,7 @@ def _mean_core(cores: Sequence[float]) -> float | None:
     return float(np.mean(cores)) if all(cores) else None
 
 
-def measure(recipe: Recipe) -> Cost:
+def measure(recipe: Recipe) -> EpisodeCost:
     """Make a few episodes of the recipe in a temporary directory, one after another in this
     process, and measure their cost.
 
@@ -190,7 +190,7 @@ def measure(recipe: Recipe) -> Cost:
         accepted = {slot: record for slot, record in made[1:] if record.accepted}
         if not accepted:
             return typical(recipe, "benchmarks: no measured attempt was accepted")
-        return Cost(
+        return EpisodeCost(
             float(
                 np.mean(
                     [sum(row["seconds"] for row in record.attempts) for record in accepted.values()]
@@ -229,7 +229,7 @@ def plan(
     recipe: Recipe,
     dataset: Dataset | None,
     workers: int,
-    cost: Cost | None = None,
+    cost: EpisodeCost | None = None,
     price: float | None = None,
 ) -> dict[str, Any]:
     """The work that is left: cells with wanted and finished slots; finished parts to make again, as

@@ -6,11 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.run.doctor.machine import Result
+from pipeline.run.doctor.machine import CheckResult
 
-GOOD = Result("python", "PASS", "Python 3.12.1")
-WEAK = Result("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")
-BAD = Result("vulkan", "FAIL", "no device", "make setup")
+GOOD = CheckResult("python", "PASS", "Python 3.12.1")
+WEAK = CheckResult("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")
+BAD = CheckResult("vulkan", "FAIL", "no device", "make setup")
 
 
 @pytest.mark.parametrize(
@@ -26,4 +26,4 @@ def test_only_what_keeps_from_building_is_an_exit_code(monkeypatch, results, cod
     program = CliRunner().invoke(app, ["doctor", "--json"])
     values = json.loads(program.stdout)
     assert program.exit_code == code and values["ok"] == (code == 0)
-    assert [Result(**check) for check in values["checks"]] == list(results)
+    assert [CheckResult(**check) for check in values["checks"]] == list(results)

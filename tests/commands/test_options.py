@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 from typer.main import get_command
 
 from pipeline.cli import app
-from pipeline.commands.command import Command, run_app
+from pipeline.commands.command import Verb, run_app
 from training.puma.cli import app as puma
 
 
@@ -47,7 +47,7 @@ def test_what_is_no_number_within_the_bounds_is_refused(text):
 def raising(error: BaseException) -> typer.Typer:
     verbs = typer.Typer(pretty_exceptions_enable=False)
 
-    @verbs.command(cls=Command)
+    @verbs.command(cls=Verb)
     def verb() -> None:
         raise error
 

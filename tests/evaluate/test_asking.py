@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.evaluate import asking
-from pipeline.evaluate.asking import Asked
+from pipeline.evaluate.asking import AskedPolicy
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.policies.policy import Observation, PolicyName
@@ -105,7 +105,7 @@ def test_latency_is_charged_for_the_inferences_that_a_policy_counts(named, count
             self.asked += 1
             return np.zeros(2)
 
-    asked, counts = Asked(named(Counts())), []
+    asked, counts = AskedPolicy(named(Counts())), []
     for _ in charged:
         asked.answer(Observation(np.zeros(2), "press", 0.0), 2)
         counts.append(asked.inferences)
@@ -118,7 +118,7 @@ def test_all_answers_of_an_episode_have_a_limit_together(named, monkeypatch):
     monkeypatch.setattr(asking, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
     limits, policy = [], answering(lambda o: limits.append(policy.seconds) or np.zeros(2))
     name = named(policy)
-    asked = Asked(PolicyName(name.text, "x", process="own"), 1.0)
+    asked = AskedPolicy(PolicyName(name.text, "x", process="own"), 1.0)
     for _ in range(4):
         asked.answer(Observation(np.zeros(2), "press", 0.0), 2)
     assert limits == [1.0, 1.0, 1.0, 0.999 + 0.001]

@@ -16,7 +16,7 @@ from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.run.cost_model import DISK, DRIVER, estimate, mean_frames
 from pipeline.run.plan import (
     BOUNDS,
-    Cost,
+    EpisodeCost,
     Unbounded,
     check_bounded,
     cost_of,
@@ -46,7 +46,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
             )
         ],
     )
-    assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
+    assert cost_of(dataset, RECIPE) == EpisodeCost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)
     assert values["finished"] == 1
     # the keys of the finished slot are not those of this code: its physics is made again
@@ -55,13 +55,13 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert values["estimated_bytes"] == 20000
     assert values["estimated_core_hours"] == pytest.approx(4 * 9 / 3600)
     assert values["estimated_cost"] is None and values["estimated_bytes_by_part"] == {}
-    measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
+    measured = plan(RECIPE, dataset, 2, EpisodeCost(100.0, 7.0, "here"))
     assert (
         measured["estimated_hours"] == pytest.approx(4 * 100 / 3600 / 2)
         and measured["estimate_from"] == "here"
     )
     dataset.episode(slot).unlink()  # an episode that is missing is made once, not twice
-    gone = plan(RECIPE, dataset, 2, Cost(9.0, 5000.0, "here"))
+    gone = plan(RECIPE, dataset, 2, EpisodeCost(9.0, 5000.0, "here"))
     assert gone["finished"] == 0 and gone["redo"] == [] and gone["estimated_bytes"] == 20000
 
 
@@ -178,7 +178,7 @@ def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_pat
 def test_an_estimate_is_a_range_in_round_figures(seconds, episodes, workers, text, monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
     monkeypatch.setattr(os, "cpu_count", lambda: 4)
-    assert Cost(seconds, 2e6, "x").describe(episodes, workers) == text
+    assert EpisodeCost(seconds, 2e6, "x").describe(episodes, workers) == text
 
 
 def test_an_estimate_widens_with_the_load(monkeypatch):

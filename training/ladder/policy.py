@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from pipeline.evaluate.names import FORMS
-from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
+from pipeline.evaluate.policies.files import PolicySettings, digest_of, parse_settings
 from pipeline.evaluate.policies.lerobot import load
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
 from pipeline.evaluate.scenes.case import Case
@@ -83,7 +83,7 @@ class LadderForm:
         return StatePolicy(network, execute)
 
 
-def _on_states(given: Settings) -> Policy:
+def _on_states(given: PolicySettings) -> Policy:
     given.take()
     return load(given, LerobotStates).seeing(settings_of(Path(given.path)))
 

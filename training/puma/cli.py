@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.command import Command, run_app
+from pipeline.commands.command import Verb, run_app
 
 if TYPE_CHECKING:
     from training.puma.config import Config
@@ -55,7 +55,7 @@ def configuration(name: str, settings: list[str] | None, data: list[Path] | None
     return read_config(name, [*extra, *(settings or [])])
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def train(
     out: Out,
     config: Configuration = "puma-tiny",
@@ -75,7 +75,7 @@ def train(
 
 @app.command(
     name="eval",
-    cls=Command,
+    cls=Verb,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def evaluate(context: typer.Context, folder: Checkpoint) -> None:
@@ -99,7 +99,7 @@ def evaluate(context: typer.Context, folder: Checkpoint) -> None:
         raise typer.Exit(code)
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def serve(
     folder: Checkpoint,
     host: Annotated[
@@ -124,7 +124,7 @@ def serve(
 ) -> None:
     """Serve a policy to `domino-data evaluate --policy ws://HOST:PORT`."""
     from pipeline.evaluate.serving.address import token
-    from pipeline.evaluate.serving.server import Limits, Place
+    from pipeline.evaluate.serving.server import ListenAddress, ServerLimits
     from training.puma.serve import Together, label, server
 
     def print_address(port: int) -> None:
@@ -134,11 +134,11 @@ def serve(
         )
 
     together = Together(batch, batch_wait / 1000)
-    place, tell = Place(host, port, token()), lambda line: print(line, file=sys.stderr)
-    server(folder, place, Limits(clients), compiled, together, tell).run(print_address)
+    place, tell = ListenAddress(host, port, token()), lambda line: print(line, file=sys.stderr)
+    server(folder, place, ServerLimits(clients), compiled, together, tell).run(print_address)
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def overfit(
     config: Configuration = "puma-tiny",
     data: Datasets = None,
@@ -161,7 +161,7 @@ def overfit(
         raise typer.Exit(1)
 
 
-@app.command(name="replay-check", cls=Command)
+@app.command(name="replay-check", cls=Verb)
 def replay_check(
     folder: Checkpoint,
     data: Datasets = None,
@@ -184,7 +184,7 @@ def replay_check(
         raise typer.Exit(1)
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def bench(
     config: Configuration = "puma-tiny",
     settings: Settings = None,
@@ -205,7 +205,7 @@ def bench(
     )
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def memory(
     config: Configuration = "puma-4b",
     settings: Settings = None,
@@ -226,7 +226,7 @@ def memory(
     print(json.dumps([vars(need) for need in found]) if as_json else table(found))
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def paper(
     name: Annotated[str, typer.Argument(help="An experiment of the paper, such as ablation.")],
     out: Out,
@@ -247,7 +247,7 @@ def paper(
             raise typer.Exit(code)
 
 
-@app.command(cls=Command)
+@app.command(cls=Verb)
 def configs() -> None:
     """List the configurations that come with the package."""
     from training.puma.reading import CONFIGS, names

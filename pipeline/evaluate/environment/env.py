@@ -23,8 +23,14 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pose_action_names
-from pipeline.evaluate.environment.observation import Moment, PolicyView, StateView, View
-from pipeline.evaluate.environment.reward import NOTHING, Meter, Progress, Shaped, check_discount
+from pipeline.evaluate.environment.observation import EnvironmentView, Moment, PolicyView, StateView
+from pipeline.evaluate.environment.reward import (
+    NOTHING,
+    Meter,
+    Shaped,
+    TaskProgress,
+    check_discount,
+)
 from pipeline.evaluate.policies.policy import observe
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
@@ -69,7 +75,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     `scenes=N` draws every episode from N scenes that the expert solved at the first reset, none of
     which an evaluation with a `--seed` below 10000 shows. The directory `manifests` keeps them for
     the next process. With `scenes=0` every reset without a seed runs the expert on a new scene.
-    `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
+    `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.EpisodeScore.
     Raises ValueError for an option, level, alpha or domain that does not exist, RecipeError for a
     wrong key of a setup.
     """
@@ -132,7 +138,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             low = np.array([-2.0, -2.0, lowest, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides))
             high = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides))
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
-        self._view: View = (
+        self._view: EnvironmentView = (
             PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
         )
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
@@ -227,7 +233,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             self._eyes.close()
         self._eyes = None
 
-    def _begin_measuring(self, trial: Trial) -> Progress:
+    def _begin_measuring(self, trial: Trial) -> TaskProgress:
         self._meter = Meter(trial) if self._measures else None
         progress = self._meter.measure() if self._meter else NOTHING
         self._shaped = (
@@ -235,7 +241,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         )
         return progress
 
-    def _observe(self, progress: Progress) -> Any:
+    def _observe(self, progress: TaskProgress) -> Any:
         eyes = self._eyes if self.setup.cameras else None
         seen = observe(self.trial, eyes, self.task_description)
         return self._view.observe(self.trial, Moment(seen, progress))

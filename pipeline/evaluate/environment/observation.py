@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
-from pipeline.evaluate.environment.reward import NOTHING, Progress
+from pipeline.evaluate.environment.reward import NOTHING, TaskProgress
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.tasks import Draw, Task
@@ -37,10 +37,10 @@ class Moment:
     """What a view is made from besides the simulation: what a policy sees, and the progress."""
 
     seen: Observation
-    progress: Progress = NOTHING
+    progress: TaskProgress = NOTHING
 
 
-class View(Protocol):
+class EnvironmentView(Protocol):
     """What an environment observes."""
 
     @property
@@ -116,7 +116,7 @@ class StateView:
                 for name in (*(f"{side}_tool" for side in robot.sides), *self._bodies)
             ),
             ([f"{task.target}_v{axis}" for axis in "xyz"], [-FAST] * 3, [FAST] * 3),
-            ([*Progress._fields, "time_left"], [0.0] * 5, [1.0] * 5),
+            ([*TaskProgress._fields, "time_left"], [0.0] * 5, [1.0] * 5),
         ]
         self.names = tuple(name for names, _, _ in parts for name in names)
         low, high = (

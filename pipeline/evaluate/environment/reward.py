@@ -26,7 +26,7 @@ class RewardError(DominoError, ValueError):
     """A reward or a discount that does not exist."""
 
 
-class Progress(NamedTuple):
+class TaskProgress(NamedTuple):
     """How far an episode is, each number in 0-1."""
 
     approach: float
@@ -40,7 +40,7 @@ class Progress(NamedTuple):
         return sum(self) / len(self)
 
 
-NOTHING = Progress(0.0, 0.0, 0.0, 0.0)
+NOTHING = TaskProgress(0.0, 0.0, 0.0, 0.0)
 """The progress of an episode that nobody measures."""
 
 
@@ -75,7 +75,7 @@ class Meter:
         self._goal = next((name for name in others if name != task.manipulated), "")
         self._held = False
 
-    def measure(self) -> Progress:
+    def measure(self) -> TaskProgress:
         """The progress now."""
         trial = self._trial
         simulation, outcome = trial.simulation, trial.scene.outcome(trial.log())
@@ -93,7 +93,7 @@ class Meter:
             if self._goal:
                 apart = float(np.linalg.norm(simulation.pose(self._goal)[:2] - at[:2]))
                 place = (place + near(apart)) / 2
-        return Progress(1.0 if self._held else near(nearest), float(self._held), lift, place)
+        return TaskProgress(1.0 if self._held else near(nearest), float(self._held), lift, place)
 
 
 class Shaped:

@@ -39,7 +39,7 @@ def module_of(path: Path) -> ModuleType:
 
 
 @dataclass(frozen=True)
-class Settings:
+class PolicySettings:
     """A path and options; values are read as YAML (3, 0.5, true, text). `query` are the options as
     they were written."""
 
@@ -67,7 +67,7 @@ class Settings:
         return self.options
 
 
-def parse_settings(text: str) -> Settings:
+def parse_settings(text: str) -> PolicySettings:
     """The parts of a name. Raises PolicyError."""
     kind, _, rest = text.partition(":")
     path, mark, query = rest.partition("?")
@@ -80,4 +80,4 @@ def parse_settings(text: str) -> Settings:
         ) from error
     if not path:
         raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
-    return Settings(kind, path, options, query)
+    return PolicySettings(kind, path, options, query)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.actions import JOINTS, Representation
 from pipeline.evaluate.policies.contract import Contract, mismatch
-from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
+from pipeline.evaluate.policies.files import PolicySettings, digest_of, parse_settings
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
 
@@ -192,7 +192,7 @@ def silence_torchcodec() -> None:
     logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
 
 
-def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:
+def load[P: LerobotPolicy](settings: PolicySettings, kind: type[P] = LerobotPolicy) -> P:
     """The policy of this kind and its processors, by lerobot's factory."""
     silence_torchcodec()
     from lerobot.configs.policies import PreTrainedConfig

@@ -63,7 +63,7 @@ class _Stream:
         return answer
 
 
-class Replay(_Stream):
+class ReplayPolicy(_Stream):
     """The expert's recorded actions: the upper bound, and the test that recorded actions suffice to
     imitate."""
 

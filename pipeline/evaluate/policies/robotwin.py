@@ -15,7 +15,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from pipeline.data.parsing import ParseError, read_yaml
-from pipeline.evaluate.policies.files import Settings, digest_of, parse_settings
+from pipeline.evaluate.policies.files import PolicySettings, digest_of, parse_settings
 from pipeline.evaluate.policies.policy import (
     Observation,
     Policy,
@@ -33,7 +33,7 @@ class RobotwinPolicy:
     """A policy from a deploy_policy.py. The model is made at the first episode, which knows the
     robot."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: PolicySettings) -> None:
         self._settings = settings
         self._code = load_package(directory_of(settings))
         for function in ("get_model", "eval"):
@@ -79,7 +79,7 @@ class RobotwinPolicy:
                 raise PolicyError(f"{self._settings.path}: eval returned without taking an action")
 
 
-def directory_of(settings: Settings) -> Path:
+def directory_of(settings: PolicySettings) -> Path:
     """The policy's directory, which the name may give by its deploy_policy.py. Raises PolicyError
     if there is none."""
     path = Path(settings.path).resolve()
@@ -103,7 +103,7 @@ def load_package(folder: Path) -> ModuleType:
         return importlib.import_module(f"{folder.name}.deploy_policy")
 
 
-def user_arguments(settings: Settings, arm_dims: dict[str, int]) -> dict[str, Any]:
+def user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[str, Any]:
     """usr_args. Raises PolicyError for a deploy_policy.yml that is no map."""
     path = directory_of(settings) / "deploy_policy.yml"
     values: Any = {}

@@ -26,7 +26,7 @@ class CompareError(DominoError):
 
 
 @dataclass(frozen=True)
-class Arm:
+class ComparedPolicy:
     """What is compared: the episodes of one policy, or of several networks of a kind
     (`networks`)."""
 
@@ -48,14 +48,14 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
     return out
 
 
-def read_arms(runs: Sequence[str]) -> list[Arm]:
+def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
     """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold
     the networks of one arm.
 
     Of rows of several versions of this program in a run, those of the version that wrote last
     count. Raises CompareError.
     """
-    out = list[Arm]()
+    out = list[ComparedPolicy]()
     for run in runs:
         policies = _group(
             [row for part in run.split(",") for row in _newest(Path(part))],
@@ -63,17 +63,22 @@ def read_arms(runs: Sequence[str]) -> list[Arm]:
         )
         if "," in run:
             out.append(
-                Arm(run, tuple(row for group in policies.values() for row in group), len(policies))
+                ComparedPolicy(
+                    run, tuple(row for group in policies.values() for row in group), len(policies)
+                )
             )
         else:
-            out += [Arm(policy, tuple(rows)) for policy, rows in policies.items()]
+            out += [ComparedPolicy(policy, tuple(rows)) for policy, rows in policies.items()]
     if len(out) < 2:
         raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
     named = len({arm.name for arm in out}) == len(out)
     return (
         out
         if named
-        else [Arm(f"{arm.name} #{n}", arm.rows, arm.networks) for n, arm in enumerate(out, 1)]
+        else [
+            ComparedPolicy(f"{arm.name} #{n}", arm.rows, arm.networks)
+            for n, arm in enumerate(out, 1)
+        ]
     )
 
 
@@ -88,7 +93,7 @@ def _newest(run: Path) -> list[Row]:
     return [row for row in rows if json.loads(row["key"])[0] == version]
 
 
-def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
+def compare(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> list[dict[str, Any]]:
     """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and
     task. `wanted` is the effect (points) for which the number of scenes is reckoned. `shared` of
     the episodes of each arm are of both. Raises CompareError if they share none."""
@@ -107,7 +112,7 @@ def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
     ]
 
 
-def compare_unpaired(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
+def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> list[dict[str, Any]]:
     """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if
     their tasks differ."""
     first, second = (
@@ -130,7 +135,7 @@ def _rate(rows: Sequence[Row]) -> float:
     return float(np.mean([row["success"] for row in rows]))
 
 
-def _pair(a: Arm, b: Arm) -> list[tuple[Row, SceneResult]]:
+def _pair(a: ComparedPolicy, b: ComparedPolicy) -> list[tuple[Row, SceneResult]]:
     """A row and the outcome of every episode that both arms tried. Won and lost count pairs of
     networks."""
     first, second = a.by_episode(), b.by_episode()
@@ -147,7 +152,7 @@ def _pair(a: Arm, b: Arm) -> list[tuple[Row, SceneResult]]:
     return out
 
 
-def _why_other(a: Arm, b: Arm) -> str:
+def _why_other(a: ComparedPolicy, b: ComparedPolicy) -> str:
     for name in ("clock", "rules"):
         one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
         if one != two:

@@ -46,7 +46,7 @@ handled, dropped, else unfinished."""
 
 
 @dataclass(frozen=True)
-class Score:
+class EpisodeScore:
     """The numbers of one episode.
 
     `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions
@@ -119,7 +119,7 @@ def jerk(positions: NDArray[np.float64], fps: float) -> float:
     return float(np.sqrt((third**2).sum(-1).mean()))
 
 
-def score(trial: Trial, compounding: bool = False) -> Score:
+def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
     """The score of a trial as it stands. After a fault of the policy both scores are 0: no policy
     gains by ending its episode."""
     log, scene = trial.log(), trial.scene
@@ -133,7 +133,7 @@ def score(trial: Trial, compounding: bool = False) -> Score:
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
     distractors = touched_distractors(log)
     missing = () if success else failed(trial.conditions())
-    return Score(
+    return EpisodeScore(
         success=success,
         route_completion=rc,
         manipulation_score=manipulation_score(

@@ -26,8 +26,8 @@ from pipeline.evaluate.policies.policy import (
 )
 from pipeline.evaluate.serving.address import Address, parse_address, token
 from pipeline.evaluate.serving.messages import MessageError, pack, unpack
-from pipeline.evaluate.serving.session import VERSION, Episode, Offer
-from pipeline.evaluate.serving.websocket import Link, Lost, Unreachable, WebSocket
+from pipeline.evaluate.serving.session import VERSION, EpisodeMessage, Offer
+from pipeline.evaluate.serving.websocket import ConnectionLost, MessageLink, Unreachable, WebSocket
 
 ANSWER_SECONDS = 300.0
 """What one answer may take by default: the first one often compiles a model."""
@@ -43,7 +43,7 @@ SIZE = 224
 SCHEMES = ("ws", "wss", "openpi")
 
 
-class Remote(Policy, Protocol):
+class RemotePolicy(Policy, Protocol):
     """A policy that another process answers for. An answer is waited for `seconds`, which may be
     changed at any time."""
 
@@ -54,7 +54,7 @@ class Remote(Policy, Protocol):
         ...
 
 
-class Bridge(Remote, Protocol):
+class Bridge(RemotePolicy, Protocol):
     """A policy on a server of another protocol."""
 
     def greet(self) -> None:
@@ -87,7 +87,7 @@ class Client:
 
     def __init__(
         self,
-        opening: Callable[[], Link],
+        opening: Callable[[], MessageLink],
         prefix: str = "",
         execute: int | None = None,
         size: int = SIZE,
@@ -96,7 +96,7 @@ class Client:
         self.seconds, self.inferences = ANSWER_SECONDS, None
         self.metadata, self._offer = dict[Any, Any](), cast(Offer | None, None)
         self.contract, self.setup = cast(Any, None), cast(Any, None)
-        self._link: Link | None = None
+        self._link: MessageLink | None = None
         self._start: Start | None = None
         self._accepted, self._asked = False, 0
         self._open()
@@ -149,18 +149,18 @@ class Client:
         try:
             if self._link is not None:
                 return self._say_reset(start)
-        except Lost:
+        except ConnectionLost:
             self.close()
         open_again(self._open)
         self._say_reset(start)
 
     def _say_reset(self, start: Start) -> None:
         if self._offer is not None:
-            self._ask({"reset": Episode.of(start).model_dump()})
+            self._ask({"reset": EpisodeMessage.of(start).model_dump()})
 
     def _ask(self, message: Mapping[str, Any]) -> dict[Any, Any]:
         if self._link is None:
-            raise Lost(f"{self._prefix}the connection is closed")
+            raise ConnectionLost(f"{self._prefix}the connection is closed")
         self._asked += 1
         try:
             answer = unpack(self._link.ask(pack({**message, **self._identity()}), self.seconds))
@@ -169,7 +169,7 @@ class Client:
             raise ActionError(f"{self._prefix}{error}") from error
         if self._offer is not None and answer.get("id") != self._asked:
             self.close()  # what arrives answers other questions
-            raise Lost(f"{self._prefix}answered another question")
+            raise ConnectionLost(f"{self._prefix}answered another question")
         return answer
 
     def _identity(self) -> dict[str, int]:

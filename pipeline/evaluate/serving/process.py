@@ -15,7 +15,7 @@ from socket import socketpair
 
 from pipeline.evaluate.policies.policy import NoAnswer, PolicyError, PolicyName
 from pipeline.evaluate.serving.messages import LARGEST, MessageError, unpack
-from pipeline.evaluate.serving.websocket import Lost, fault_of, last_line
+from pipeline.evaluate.serving.websocket import ConnectionLost, fault_of, last_line
 
 CHILD = "pipeline.evaluate.child"
 """The module that the process runs."""
@@ -60,7 +60,7 @@ PREFIXES = (
 so these are all."""
 
 
-class Ended(Lost):
+class Ended(ConnectionLost):
     """The process has ended."""
 
 

@@ -1,7 +1,7 @@
 """The server's side of the protocol, without a network: messages in, messages out.
 
     server    metadata, a map: "policy" (its label), "domino" (Offer)
-    client    {"reset": Episode, "id": n}                           of clients that know "domino"
+    client    {"reset": EpisodeMessage, "id": n}    of clients that know "domino"
     server    {"id": n}
     client    {"state": (A,), "images": {camera: image}, "prompt": text, "time": s, "id": n, ...}
     server    {"actions": (H,A), "server_timing": {"infer_ms"}, "inferences": n, "id": n}
@@ -96,7 +96,7 @@ class Offer(_Message):
         return {key: getattr(setup, key) for key in INTERFACE if key in self.setup}
 
 
-class Episode(_Message):
+class EpisodeMessage(_Message):
     """What a client says at the beginning of an episode, under "reset"."""
 
     prompt: str = Field(max_length=2000)
@@ -158,7 +158,7 @@ class Session:
         policy raises."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
-            self._begin(Episode.read(message["reset"]).start())
+            self._begin(EpisodeMessage.read(message["reset"]).start())
             return echo
         began = time.perf_counter()
         whole = "time" in message

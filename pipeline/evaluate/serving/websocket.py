@@ -23,7 +23,7 @@ policy."""
 CLOSE_SECONDS = 2.0
 
 
-class Lost(NoAnswer):
+class ConnectionLost(NoAnswer):
     """The connection ended."""
 
 
@@ -35,13 +35,14 @@ class Occupied(Unreachable):
     """The server has no place for another client."""
 
 
-class Link(Protocol):
+class MessageLink(Protocol):
     """What carries messages to a policy and back, within a time limit."""
 
     def ask(self, data: bytes, seconds: float) -> bytes:
         """Send a message and wait for its answer, both within `seconds`.
 
-        Raises Lost if the connection ends, NoAnswer if nothing arrives in time, and `fault_of`.
+        Raises ConnectionLost if the connection ends, NoAnswer if nothing arrives in time, and
+        `fault_of`.
         """
         ...
 
@@ -88,15 +89,15 @@ class WebSocket:
             raise Unreachable(f"{url}: cannot be reached: {reason}") from error
 
     def ask(self, data: bytes, seconds: float) -> bytes:
-        """See Link."""
+        """See MessageLink."""
         return self._exchange(data, seconds)
 
     def greet(self) -> bytes:
-        """See Link."""
+        """See MessageLink."""
         return self._exchange(None, GREETING_SECONDS)
 
     def close(self) -> None:
-        """See Link."""
+        """See MessageLink."""
         connection, self._connection = self._connection, None
         if self._closed:
             return
@@ -129,7 +130,7 @@ class WebSocket:
 
     def _exchange(self, data: bytes | None, seconds: float) -> bytes:
         if self._connection is None:
-            raise Lost(f"{self.url}: the connection is closed")
+            raise ConnectionLost(f"{self.url}: the connection is closed")
         try:
             answer = self._within(seconds, self._send_and_receive(self._connection, data))
         except ConnectionClosed as error:
@@ -171,7 +172,7 @@ class WebSocket:
         if error.sent and not error.rcvd_then_sent and error.sent.code == CloseCode.MESSAGE_TOO_BIG:
             return ActionError(f"{self.url}: the answer has more than {LARGEST} bytes")
         reason = last_line(error.rcvd.reason if error.rcvd else str(error)) or "no reason given"
-        return Lost(f"{self.url}: the server closed the connection: {reason}")
+        return ConnectionLost(f"{self.url}: the server closed the connection: {reason}")
 
 
 def last_line(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.data.limited import run_limited
 from pipeline.data.names import is_name
-from pipeline.intake.objects.draft import Draft, Options, draft_of, write_object
+from pipeline.intake.objects.draft import ObjectDraft, ObjectOptions, draft_of, write_object
 from pipeline.intake.objects.holding import WIDEST
 from pipeline.intake.objects.robotwin import drafts_of_directory, is_robotwin
 from pipeline.intake.objects.solid import bounds
@@ -21,14 +21,14 @@ from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import ObjectError, add_directory, directory_of
 
 
-class Added(NamedTuple):
+class AddedObject(NamedTuple):
     """An object's directory, and a line for all that was guessed or left out."""
 
     directory: Path
     notes: tuple[str, ...]
 
 
-def add_objects(source: Path, options: Options) -> list[Added]:
+def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
     """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and
     enter them.
 
@@ -42,22 +42,22 @@ def add_objects(source: Path, options: Options) -> list[Added]:
     return enter_objects(drafts, options.to)
 
 
-def enter_objects(drafts: Mapping[str, Draft], to: Path) -> list[Added]:
+def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObject]:
     """Write drafts of objects by their names, and enter them. Raises ObjectError, before the first,
     for a name that is taken."""
     check_free(drafts, to)
     for name, draft in drafts.items():
         write_object(draft, to / "objects" / name)
         add_directory((to / "objects" / name).resolve())
-    return [Added(to / "objects" / name, draft.notes) for name, draft in drafts.items()]
+    return [AddedObject(to / "objects" / name, draft.notes) for name, draft in drafts.items()]
 
 
-def _draft_with_plugins(source: Path, options: Options) -> dict[str, Draft]:
+def _draft_with_plugins(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
     load_plugins()  # the family may be one of theirs
     return draft_all(source, options)
 
 
-def draft_all(source: Path, options: Options) -> dict[str, Draft]:
+def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
     """The objects of a mesh file or of a directory of RoboTwin-OD, by their names. Raises
     ObjectError and MeshError."""
     if is_robotwin(source):
@@ -78,7 +78,7 @@ def check_free(names: Iterable[str], to: Path) -> None:
             )
 
 
-def check_names(options: Options) -> None:
+def check_names(options: ObjectOptions) -> None:
     """Raise ObjectError for a name that is none, and for a family that does not exist or is kept
     elsewhere."""
     if not is_name(options.name) or options.name != options.name.lower():
@@ -102,7 +102,7 @@ def home_of(family: str) -> Path | None:
     return next((directory for directory in directories() if directory in file.parents), None)
 
 
-def describe(added: Added) -> Iterator[str]:
+def describe(added: AddedObject) -> Iterator[str]:
     """What the user should know of an object that was written."""
     directory = added.directory
     yield from (f"note: {note}" for note in added.notes)

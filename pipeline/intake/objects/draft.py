@@ -29,7 +29,7 @@ KEPT_DIGITS = 5
 
 
 @dataclass(frozen=True)
-class Options:
+class ObjectOptions:
     """The options of `objects add`. Mass in kg, density in kg/m3, scale in metres per unit of the
     file.
 
@@ -49,7 +49,7 @@ class Options:
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class ObjectDraft:
     """An object before it is written: settings, what is drawn, what is solid, and lines on what was
     guessed or left out."""
 
@@ -59,7 +59,7 @@ class Draft:
     notes: tuple[str, ...]
 
 
-def draft_of(file: Path, options: Options) -> Draft:
+def draft_of(file: Path, options: ObjectOptions) -> ObjectDraft:
     """The object of a mesh file. Raises ObjectError and MeshError."""
     mesh = read_mesh(file, options.within)
     scaled = np.diag([options.scale] * 3 + [1.0])
@@ -69,7 +69,7 @@ def draft_of(file: Path, options: Options) -> Draft:
     upright = stand_up(pieces, options.family, options.up, mesh.up, str(file))
     solid = moved(pieces, upright)
     grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(
+    return ObjectDraft(
         settings_of(options, solid, grasps, file.name), looks_of(parts, upright), solid, mesh.notes
     )
 
@@ -100,7 +100,7 @@ def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...
 
 
 def settings_of(
-    options: Options, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
+    options: ObjectOptions, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
 ) -> ObjectToml:
     """The content of `object.toml`. Raises ObjectError for a mass that is none."""
     volume = sum(one.volume() for one in solid)
@@ -130,7 +130,7 @@ def row(at: np.ndarray) -> list[float]:
     return [*np.round(at[:3] + 0.0, KEPT_DIGITS).tolist(), *np.round(at[3:] + 0.0, 9).tolist()]
 
 
-def write_object(draft: Draft, directory: Path) -> None:
+def write_object(draft: ObjectDraft, directory: Path) -> None:
     """Write the directory; `object.toml`, which makes it an object, comes last."""
     lines = []
     for number, one in enumerate(draft.solid):

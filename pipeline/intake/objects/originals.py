@@ -21,7 +21,7 @@ from pipeline.data.keys import digest, file_hash
 from pipeline.data.limited import LimitError, Limits, run_limited
 from pipeline.data.recipe.model import RecipeError
 from pipeline.data.user_cache import user_cache
-from pipeline.intake.objects.draft import Options, write_object
+from pipeline.intake.objects.draft import ObjectOptions, write_object
 from pipeline.intake.objects.robotwin import (
     VERSION,
     Instance,
@@ -41,7 +41,7 @@ BATCH, SECONDS = 12, 120
 NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a hand"
 
 
-class Model(NamedTuple):
+class OriginalModel(NamedTuple):
     """A directory of RoboTwin-OD and its instances that tasks use; all that there are if none are
     named.
 
@@ -55,10 +55,10 @@ class Model(NamedTuple):
     scale: float
 
 
-def _read_models() -> dict[str, Model]:
+def _read_models() -> dict[str, OriginalModel]:
     with Path(__file__).with_name("originals.csv").open(newline="") as file:
         return {
-            row["key"]: Model(
+            row["key"]: OriginalModel(
                 row["directory"],
                 tuple(map(int, row["ids"].split())),
                 row["held"] == "yes",
@@ -68,7 +68,7 @@ def _read_models() -> dict[str, Model]:
         }
 
 
-MODELS: Mapping[str, Model] = _read_models()
+MODELS: Mapping[str, OriginalModel] = _read_models()
 """The original's models by the family that they stand for, and by `task.family` where they differ
 in single tasks.
 
@@ -83,7 +83,7 @@ class _Wanted:
 
     key: str
     family: str
-    model: Model
+    model: OriginalModel
     files: Instance
 
     @property
@@ -213,7 +213,9 @@ def _make_here(batch: Sequence[tuple[_Wanted, Path]]) -> None:
             continue
         try:
             draft = draft_of_instance(
-                wanted.files, Options(wanted.name, wanted.family, place.parent), wanted.model.scale
+                wanted.files,
+                ObjectOptions(wanted.name, wanted.family, place.parent),
+                wanted.model.scale,
             )
             if (
                 wanted.model.held

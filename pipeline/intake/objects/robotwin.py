@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.data.parsing import ParseError, read_json
-from pipeline.intake.objects.draft import Draft, Options, check_size, looks_of, moved, settings_of
+from pipeline.intake.objects.draft import (
+    ObjectDraft,
+    ObjectOptions,
+    check_size,
+    looks_of,
+    moved,
+    settings_of,
+)
 from pipeline.intake.objects.holding import pinch_at, two_finger_grasps
 from pipeline.intake.objects.solid import solid_of
 from pipeline.intake.objects.standing import first_of, kinds_like, stand_up
@@ -66,7 +73,7 @@ def is_robotwin(directory: Path) -> bool:
     return directory.is_dir() and any(directory.glob("model_data*.json"))
 
 
-def drafts_of_directory(directory: Path, options: Options) -> dict[str, Draft]:
+def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
     """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and
     MeshError."""
     found = sorted(instances(directory), key=lambda each: int(each.number or 0))
@@ -98,7 +105,7 @@ def instances(directory: Path) -> Iterator[Instance]:
             yield Instance(number, visual, solid if solid.is_file() else visual, data)
 
 
-def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -> Draft:
+def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 1.0) -> ObjectDraft:
     """The object of an instance; `unscaled` is the scale of files that give none. Raises
     ObjectError and MeshError."""
     data, noun = _read(each.data), first_of(options.family).words().noun
@@ -131,7 +138,7 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
     points |= {f"target_{i}": at for i, at in enumerate(_poses(data.target_pose, scale, upright))}
     frames = {name: tuple(at.round(6).tolist()) for name, at in points.items()}
     words = settings.words if options.words else _read_phrases(each, noun) or settings.words
-    return Draft(
+    return ObjectDraft(
         settings.model_copy(update={"frames": settings.frames | frames, "words": words}),
         looks_of(looks, upright),
         solid,

@@ -18,8 +18,8 @@ from pipeline.intake.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.intake.robots.join import mount
 from pipeline.intake.robots.mjcf import MJCF, read_mjcf
 from pipeline.intake.robots.place import find_site, overlaps
-from pipeline.intake.robots.simplify import Pieces
-from pipeline.intake.robots.write import Draft, write_robot
+from pipeline.intake.robots.simplify import ConvexPieces
+from pipeline.intake.robots.write import RobotDraft, write_robot
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
@@ -78,7 +78,7 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 
 @dataclass(frozen=True)
-class Options:
+class RobotOptions:
     """What the user says: name, where robots are kept, the root link of the arm, the gripper's
     driving joint, the licence.
 
@@ -96,14 +96,14 @@ class Options:
     packages: Mapping[str, Path] = field(default_factory=dict)
 
 
-class Added(NamedTuple):
+class AddedRobot(NamedTuple):
     """A robot's directory, and a line for all that was guessed or left out."""
 
     directory: Path
     notes: tuple[str, ...]
 
 
-def add_robot(source: Path, options: Options) -> Added:
+def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
     """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment
     directory of RoboTwin.
 
@@ -114,7 +114,7 @@ def add_robot(source: Path, options: Options) -> Added:
     check_name(options.name, directory)
     draft = run_limited(str(source), draft_robot, source, options)
     write_robot(draft, directory)
-    return Added(directory, draft.notes)
+    return AddedRobot(directory, draft.notes)
 
 
 def check_name(name: str, directory: Path) -> None:
@@ -127,7 +127,7 @@ def check_name(name: str, directory: Path) -> None:
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
 
 
-def draft_robot(source: Path, options: Options) -> Draft:
+def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
     """The robot of a file or directory, before it is written. Raises RobotError and UrdfError."""
     for given in (source, options.gripper or source):
         if not given.exists():
@@ -170,10 +170,10 @@ def _find_urdf(given: Path) -> Path:
     return found[0]
 
 
-def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
+def draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotDraft:
     """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest
     configuration for it."""
-    pieces, notes = Pieces(), list[str]()
+    pieces, notes = ConvexPieces(), list[str]()
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(
@@ -222,7 +222,7 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
             f"{robot.path}: finds no place behind the table from which the arm {options.name!r}"
             " reaches over it without touching"
         )
-    return Draft(
+    return RobotDraft(
         arm,
         site,
         (position, approach, _upright(site.arms["left"], opening)),
@@ -258,7 +258,7 @@ def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
-def _link(robot: UrdfRobot, name: str, pieces: Pieces, notes: list[str]) -> Link:
+def _link(robot: UrdfRobot, name: str, pieces: ConvexPieces, notes: list[str]) -> Link:
     link = robot.links[name]
     solids = pieces.of(link.collisions or [shape for shape in link.visuals if shape.kind == "mesh"])
     mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
@@ -304,7 +304,7 @@ def _foot(robot: UrdfRobot, root: str) -> float:
     return float(np.clip(np.round(np.abs(low[:, :2]).max(), 3), 0.03, 0.15))
 
 
-def describe(added: Added) -> Iterator[str]:
+def describe(added: AddedRobot) -> Iterator[str]:
     """What the user should look at in a directory that was written."""
     directory = added.directory
     text = (directory / TOML).read_text("utf-8")

@@ -40,7 +40,7 @@ class Cut:
 LINK = Cut()
 
 
-class Pieces:
+class ConvexPieces:
     """Convex pieces of shapes. A mesh far from convex is cut by coacd where that is installed, once
     for all links that have it."""
 

@@ -18,7 +18,7 @@ from pipeline.world.robots.directory import TOML, URDF
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class RobotDraft:
     """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m),
     licence, source.
 
@@ -35,7 +35,7 @@ class Draft:
     notes: tuple[str, ...] = ()
 
 
-def write_robot(draft: Draft, directory: Path) -> None:
+def write_robot(draft: RobotDraft, directory: Path) -> None:
     """Write the directory; `robot.toml`, which makes it a robot, comes last."""
     arm = draft.arm
     for link in arm.links:
@@ -52,7 +52,7 @@ def write_robot(draft: Draft, directory: Path) -> None:
     write_atomic(directory / TOML, toml_of(draft).encode())
 
 
-def toml_of(draft: Draft) -> str:
+def toml_of(draft: RobotDraft) -> str:
     """The text of `robot.toml`."""
     arm, grip = draft.arm, draft.arm.gripper
     lines = [

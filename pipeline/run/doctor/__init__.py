@@ -7,10 +7,10 @@ from pathlib import Path
 
 from pipeline.data.cores import usable_cores
 from pipeline.run.doctor import alive, machine, packages
-from pipeline.run.doctor.machine import Result
+from pipeline.run.doctor.machine import CheckResult
 
 
-def diagnose(place: Path) -> Iterator[Result]:
+def diagnose(place: Path) -> Iterator[CheckResult]:
     """Examine this machine for datasets that are to be written at `place`; nothing is written or
     downloaded. Takes about 15 s."""
     yield machine.check_python()

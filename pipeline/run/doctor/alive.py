@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.run.doctor.machine import Result, driver_advice
+from pipeline.run.doctor.machine import CheckResult, driver_advice
 
 FRAME = """
 import json, time
@@ -66,23 +66,23 @@ def gpus(dev: Path = Path("/dev")) -> list[str]:
 
 def judge_frame(
     answer: Mapping[str, Any] | str, nodes: Sequence[str], release: Mapping[str, str]
-) -> list[Result]:
+) -> list[CheckResult]:
     """The Vulkan device and the frame that it drew."""
     if isinstance(answer, str):
         return [
-            Result(
+            CheckResult(
                 "vulkan",
                 "FAIL",
                 f"nothing can be drawn ({answer})",
                 driver_advice(release, bool(nodes)),
             ),
-            Result("frame", "FAIL", "not drawn, for want of a Vulkan device"),
+            CheckResult("frame", "FAIL", "not drawn, for want of a Vulkan device"),
         ]
     device = str(answer["device"])
     software = any(name in device.lower() for name in SOFTWARE)
-    vulkan = Result("vulkan", "PASS", f"{device}{', on the CPU' if software else ''}")
+    vulkan = CheckResult("vulkan", "PASS", f"{device}{', on the CPU' if software else ''}")
     if software and nodes:
-        vulkan = Result(
+        vulkan = CheckResult(
             "vulkan",
             "WARN",
             f"{device} is used, although there is {nodes[0]}",
@@ -92,22 +92,24 @@ def judge_frame(
     if answer["spread"] < 1:
         return [
             vulkan,
-            Result(
+            CheckResult(
                 "frame",
                 "FAIL",
                 f"{said}, and it is of one color",
                 "try another driver: set VK_ICD_FILENAMES",
             ),
         ]
-    return [vulkan, Result("frame", "PASS", said)]
+    return [vulkan, CheckResult("frame", "PASS", said)]
 
 
-def judge_ray(answer: Mapping[str, Any] | str) -> Result:
+def judge_ray(answer: Mapping[str, Any] | str) -> CheckResult:
     """Whether a worker of Ray answered."""
     if isinstance(answer, str):
-        return Result("ray", "WARN", f"does not start ({answer})", "build with --executor inline")
+        return CheckResult(
+            "ray", "WARN", f"does not start ({answer})", "build with --executor inline"
+        )
     if answer["answer"] != 42:
-        return Result(
+        return CheckResult(
             "ray", "WARN", f"a worker answered {answer['answer']!r}", "build with --executor inline"
         )
-    return Result("ray", "PASS", f"a worker answered after {answer['seconds']:.1f} s")
+    return CheckResult("ray", "PASS", f"a worker answered after {answer['seconds']:.1f} s")

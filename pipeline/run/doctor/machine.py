@@ -13,7 +13,7 @@ Verdict = Literal["PASS", "WARN", "FAIL"]
 
 
 @dataclass(frozen=True)
-class Result:
+class CheckResult:
     """`verdict` FAIL: nothing can be built; WARN: something that not everybody needs does not work.
     `fix` says how to mend it."""
 
@@ -32,36 +32,40 @@ STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
 
 def check_python(
     version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()
-) -> Result:
+) -> CheckResult:
     """The Python that the lock file is for, on a processor for which SAPIEN has packages."""
     said = f"Python {'.'.join(map(str, version))} on {platform.system()} {machine}"
     if tuple(version[:2]) != PYTHON:
-        return Result(
+        return CheckResult(
             "python",
             "FAIL",
             f"{said}: {PYTHON[0]}.{PYTHON[1]} is needed",
             "install Python 3.12, then `make setup`",
         )
     if machine not in ("x86_64", "AMD64"):
-        return Result("python", "WARN", f"{said}: tested on x86_64 only", "use an x86_64 machine")
-    return Result("python", "PASS", said)
+        return CheckResult(
+            "python", "WARN", f"{said}: tested on x86_64 only", "use an x86_64 machine"
+        )
+    return CheckResult("python", "PASS", said)
 
 
-def check_disk(place: Path) -> Result:
+def check_disk(place: Path) -> CheckResult:
     """Room where datasets are to be written, and whether they can be."""
     there = next(p for p in (place.absolute(), *place.absolute().parents) if p.exists())
     free = shutil.disk_usage(there).free
     said = f"{free / GB:.1f} GB free at {there}"
     if free < LEAST_DISK:
-        return Result("disk", "FAIL", said, "free some space, or give another place with --out")
+        return CheckResult(
+            "disk", "FAIL", said, "free some space, or give another place with --out"
+        )
     if free < ENOUGH_DISK:
-        return Result(
+        return CheckResult(
             "disk",
             "WARN",
             f"{said}; an episode takes 1 to 5 MB",
             "free some space before a large build",
         )
-    return Result("disk", "PASS", said)
+    return CheckResult("disk", "PASS", said)
 
 
 def available_memory(
@@ -77,26 +81,26 @@ def available_memory(
     return max(free, 0.0)
 
 
-def check_memory(available: float, cores: int) -> Result:
+def check_memory(available: float, cores: int) -> CheckResult:
     """Memory for one worker on every core."""
     workers = min(cores, int(available // WORKER_BYTES))
     said = f"{available / GB:.1f} GB available, enough for {workers} of {cores} workers"
     if workers == 0:
-        return Result(
+        return CheckResult(
             "memory",
             "FAIL",
             f"{available / GB:.1f} GB available, a worker takes {WORKER_BYTES / GB:g}",
             "free memory",
         )
     if workers < cores:
-        return Result("memory", "WARN", said, f"build with --workers {workers}")
-    return Result("memory", "PASS", said)
+        return CheckResult("memory", "WARN", said, f"build with --workers {workers}")
+    return CheckResult("memory", "PASS", said)
 
 
-def check_shared_memory(place: Path = Path("/dev/shm")) -> Result:
+def check_shared_memory(place: Path = Path("/dev/shm")) -> CheckResult:
     """Room for Ray's object store."""
     if not place.is_dir():
-        return Result(
+        return CheckResult(
             "shared memory",
             "WARN",
             f"there is no {place}",
@@ -105,13 +109,13 @@ def check_shared_memory(place: Path = Path("/dev/shm")) -> Result:
     free = shutil.disk_usage(place).free
     if free < STORE_BYTES:
         fix = "start the container with --shm-size=256m, or build with --executor inline"
-        return Result(
+        return CheckResult(
             "shared memory",
             "WARN",
             f"{free / 1e6:.0f} MB free at {place}; Ray takes {STORE_BYTES / 1e6:.0f}",
             fix,
         )
-    return Result("shared memory", "PASS", f"{free / 1e6:.0f} MB free at {place}")
+    return CheckResult("shared memory", "PASS", f"{free / 1e6:.0f} MB free at {place}")
 
 
 def os_release(path: Path = Path("/etc/os-release")) -> dict[str, str]:

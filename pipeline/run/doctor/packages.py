@@ -12,7 +12,7 @@ from importlib import metadata
 from pipeline.annotate.networks.models import ALIASES, resolve
 from pipeline.annotate.options import FeatureOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.run.doctor.machine import Result
+from pipeline.run.doctor.machine import CheckResult
 
 CV2 = "opencv-python-headless"
 EXTRAS = {
@@ -25,7 +25,7 @@ EXTRAS = {
 """What each extra is for."""
 
 
-def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
+def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> CheckResult:
     """One package owns the module cv2: two overwrite each other's files, and the one with windows
     needs libraries of X11."""
     found = sorted(
@@ -33,7 +33,7 @@ def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
     )
     fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
     if found != [CV2]:
-        return Result(
+        return CheckResult(
             "cv2",
             "FAIL",
             f"cv2 belongs to {', '.join(found) or 'no package'}, and must to {CV2} alone",
@@ -42,8 +42,8 @@ def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
     try:
         import cv2
     except ImportError as error:
-        return Result("cv2", "FAIL", f"cv2 does not load ({_line(error)})", fix)
-    return Result("cv2", "PASS", f"cv2 {cv2.__version__} belongs to {CV2}")
+        return CheckResult("cv2", "FAIL", f"cv2 does not load ({_line(error)})", fix)
+    return CheckResult("cv2", "PASS", f"cv2 {cv2.__version__} belongs to {CV2}")
 
 
 def missing_by_extra(
@@ -73,21 +73,23 @@ def is_installed(name: str) -> bool:
     return bool(installed_version(name))
 
 
-def check_extras(missing: Mapping[str, Sequence[str]]) -> list[Result]:
+def check_extras(missing: Mapping[str, Sequence[str]]) -> list[CheckResult]:
     """One result for each extra."""
     found = []
     for extra, packages in sorted(missing.items()):
         if packages:
             said = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
             found.append(
-                Result(f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}")
+                CheckResult(
+                    f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}"
+                )
             )
         else:
-            found.append(Result(f"extra {extra}", "PASS", EXTRAS[extra]))
+            found.append(CheckResult(f"extra {extra}", "PASS", EXTRAS[extra]))
     return found
 
 
-def check_video(attempt: Callable[[int], int] | None = None) -> Result:
+def check_video(attempt: Callable[[int], int] | None = None) -> CheckResult:
     """A video is written and read again with the encoder of the default export. `attempt` does so
     and counts the frames read."""
     wanted, fix = 2, "uv pip install --reinstall av"
@@ -95,10 +97,14 @@ def check_video(attempt: Callable[[int], int] | None = None) -> Result:
         count = (attempt or _through_a_video)(wanted)
         version = metadata.version("av")
     except (ImportError, OSError, ValueError) as error:
-        return Result("video", "FAIL", f"no H.264 video can be written ({_line(error)})", fix)
+        return CheckResult("video", "FAIL", f"no H.264 video can be written ({_line(error)})", fix)
     if count != wanted:
-        return Result("video", "FAIL", f"{count} of {wanted} frames of a video are read again", fix)
-    return Result("video", "PASS", f"PyAV {version} with its own FFmpeg writes and reads H.264")
+        return CheckResult(
+            "video", "FAIL", f"{count} of {wanted} frames of a video are read again", fix
+        )
+    return CheckResult(
+        "video", "PASS", f"PyAV {version} with its own FFmpeg writes and reads H.264"
+    )
 
 
 def _through_a_video(count: int) -> int:
@@ -121,20 +127,20 @@ def _through_a_video(count: int) -> int:
 
 def check_torchcodec(
     command: Sequence[str] = (sys.executable, "-c", "import torchcodec"), needed: bool = True
-) -> Result:
+) -> CheckResult:
     """Whether the decoder that LeRobot prefers finds FFmpeg's libraries; asked in a process of its
     own."""
     fix = "apt install ffmpeg, or LeRobotDataset(..., video_backend='pyav')"
     if not needed:
-        return Result("torchcodec", "PASS", "not installed; LeRobot reads videos with PyAV")
+        return CheckResult("torchcodec", "PASS", "not installed; LeRobot reads videos with PyAV")
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     if done.returncode:
         why = "finds no FFmpeg" if "FFmpeg" in done.stderr else "does not load"
-        return Result("torchcodec", "WARN", f"LeRobot's reader of videos {why}", fix)
-    return Result("torchcodec", "PASS", "finds FFmpeg")
+        return CheckResult("torchcodec", "WARN", f"LeRobot's reader of videos {why}", fix)
+    return CheckResult("torchcodec", "PASS", "finds FFmpeg")
 
 
-def check_weights(names: Sequence[str] | None = None) -> list[Result]:
+def check_weights(names: Sequence[str] | None = None) -> list[CheckResult]:
     """Whether the networks that `annotate` uses by default are on this machine; nothing is
     downloaded."""
     wanted = names or (MaskOptions().detector, MaskOptions().segmenter, FeatureOptions().encoder)
@@ -144,9 +150,9 @@ def check_weights(names: Sequence[str] | None = None) -> list[Result]:
             files = resolve(name, download=False)
         except AnnotateError as error:
             fix = f"hf download {ALIASES.get(name, name)}; --mask-source sim needs no weights"
-            found.append(Result(f"weights {name}", "WARN", _line(error), fix))
+            found.append(CheckResult(f"weights {name}", "WARN", _line(error), fix))
         else:
-            found.append(Result(f"weights {name}", "PASS", files.path))
+            found.append(CheckResult(f"weights {name}", "PASS", files.path))
     return found
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from pipeline.intake.objects.add import Added, check_names, draft_all, enter_objects
-from pipeline.intake.objects.draft import Options
+from pipeline.intake.objects.add import AddedObject, check_names, draft_all, enter_objects
+from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.world.objects.contract import FAMILIES
 
 
@@ -11,12 +11,12 @@ from pipeline.world.objects.contract import FAMILIES
 def options(tmp_path):
     """Where objects go; those that are registered meanwhile are taken out again."""
     before = set(FAMILIES)
-    yield Options("thing", "tea_box", tmp_path / "plugins")
+    yield ObjectOptions("thing", "tea_box", tmp_path / "plugins")
     for name in set(FAMILIES) - before:
         FAMILIES.remove(name)
 
 
-def add_here(source, options) -> Added:
+def add_here(source, options) -> AddedObject:
     """`add_objects` without its child process, which takes seconds, for a source of one object."""
     check_names(options)
     (added,) = enter_objects(draft_all(source, options), options.to)
