@@ -29,7 +29,9 @@ MODULES = {
     "show": ("show", "view"),
     "export": ("export", "publish"),
     "annotate": ("annotate",),
-    "evaluate": ("evaluate", "compare", "paper_table", "serve_policy"),
+    "evaluate": ("evaluate", "paper_table"),
+    "compare": ("compare",),
+    "serve": ("serve_policy",),
     "manage": ("diff", "regenerate", "merge", "gc"),
     "stores": ("pull", "push"),
     "catalogue": (

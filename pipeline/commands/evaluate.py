@@ -1,5 +1,4 @@
-"""evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside
-the paper, on a WebSocket."""
+"""evaluate, paper-table: policies in closed loop, also beside the paper."""
 
 import sys
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ from pipeline.commands.common import (
     table,
 )
 from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
+from pipeline.commands.serve import BatchWait
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.store.urls import with_urls
@@ -34,6 +34,43 @@ Baselines = Annotated[
         "--baselines",
         help="Also evaluate `static` and `still` on the same scenes; printed beside the table.",
     ),
+]
+
+PolicyText = Annotated[
+    str,
+    typer.Option(
+        "--policy",
+        help=(
+            "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
+            " others (docs/evaluation.md)."
+        ),
+    ),
+]
+Episodes = Annotated[
+    int, typer.Option(min=1, max=100_000, help="Admitted scenes per cell; the paper has 100.")
+]
+ClockText = Annotated[
+    str | None,
+    typer.Option(
+        "--clock",
+        help=(
+            "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
+            " that of the rules."
+        ),
+    ),
+]
+InProcess = Annotated[
+    bool,
+    typer.Option(
+        "--in-process",
+        help=(
+            "Run the policy in the evaluator's process, where a debugger reaches it and it could"
+            " change its score."
+        ),
+    ),
+]
+Results = Annotated[
+    Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
 ]
 
 if TYPE_CHECKING:
@@ -60,18 +97,8 @@ PRINTS = "policy.log"
 )
 def evaluate(
     given: Given,
-    policy: Annotated[
-        str,
-        typer.Option(
-            help=(
-                "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
-                " others (docs/evaluation.md)."
-            )
-        ),
-    ],
-    episodes: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Admitted scenes per cell.")
-    ] = 100,
+    policy: PolicyText,
+    episodes: Episodes = 100,
     seed: Annotated[
         int,
         typer.Option(
@@ -80,15 +107,7 @@ def evaluate(
             help="Scenes are drawn from seed 100000 * (1 + SEED); a large secret seed hides them.",
         ),
     ] = 0,
-    clock: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
-                " that of the rules."
-            )
-        ),
-    ] = None,
+    clock: ClockText = None,
     instructions: Annotated[
         str, typer.Option(help="Instructions of the split seen or unseen.")
     ] = "unseen",
@@ -112,26 +131,8 @@ def evaluate(
             ),
         ),
     ] = 300.0,
-    batch_wait: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            max=60_000,
-            help=(
-                "Load a BatchPolicy once for all workers; a batch waits this many ms for more"
-                " questions."
-            ),
-        ),
-    ] = None,
-    in_process: Annotated[
-        bool,
-        typer.Option(
-            help=(
-                "Run the policy in the evaluator's process, where a debugger reaches it and it"
-                " could change its score."
-            )
-        ),
-    ] = False,
+    batch_wait: BatchWait = None,
+    in_process: InProcess = False,
     manifests: Annotated[
         Path | None,
         typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default."),
@@ -139,9 +140,7 @@ def evaluate(
     executor: Executor = "auto",
     workers: Workers = None,
     address: Address = None,
-    out: Annotated[
-        Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
-    ] = Path("OUT"),
+    out: Results = Path("OUT"),
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -254,89 +253,6 @@ def _images_setup(given: Given, recipe: Recipe) -> Setup:
     return recipe.setup.override({"textures": given.values.get("textures", "unseen")})
 
 
-def compare(
-    runs: Annotated[
-        list[str],
-        typer.Argument(
-            help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.",
-            metavar="RUN...",
-        ),
-    ],
-    effect: Annotated[
-        float,
-        typer.Option(
-            min=0.01,
-            max=100,
-            help="Estimate the number of scenes that a difference of this many points needs.",
-        ),
-    ] = 5,
-    unpaired: Annotated[
-        bool,
-        typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise."),
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Compare policies with the first one on the scenes they share: difference, 95 % interval,
-    exact test, scenes needed."""
-    from pipeline.evaluate.scoring.compare import compare as compare_arms
-    from pipeline.evaluate.scoring.compare import compare_unpaired, read_arms
-
-    first, *others = read_arms(runs)
-    found = [
-        row
-        for other in others
-        for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)
-    ]
-    text = "\n".join(
-        [_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]
-    ).rstrip()
-    print_result({"effect": effect, "comparisons": found}, as_json, text)
-
-
-def _describe_share(row: dict[str, Any]) -> str:
-    """The scenes that a comparison leaves out, if any."""
-    tried = [row.get("first_episodes"), row.get("second_episodes")]
-    if tried == [row.get("shared")] * 2:
-        return ""
-    return (
-        f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of"
-        f" {tried[1]} and {tried[0]}"
-    )
-
-
-def _describe(rows: list[dict[str, Any]], effect: float) -> str:
-    head = (
-        "policy",
-        "against",
-        "of",
-        "scenes",
-        "SR %",
-        "SR %",
-        "difference (95 %)",
-        "won",
-        "lost",
-        "p",
-        f"for {effect:g} points",
-    )
-    body = [
-        (
-            row["second"],
-            row["first"],
-            row["what"],
-            row["scenes"],
-            f"{row['second_rate']:.1f}",
-            f"{row['first_rate']:.1f}",
-            f"{row['effect']:+.1f} ({row['interval'][0]:+.1f} to {row['interval'][1]:+.1f})",
-            row.get("won", "-"),
-            row.get("lost", "-"),
-            f"{row['p']:.2g}" if "p" in row else "-",
-            row["needed"] or "-",
-        )
-        for row in rows
-    ]
-    return table(head, body)
-
-
 @recipe_options("rules", "cameras", files=(), rules="domino")
 def paper_table(
     given: Given,
@@ -344,21 +260,15 @@ def paper_table(
         str,
         typer.Argument(help="One of those in docs/evaluation.md, such as main.", metavar="NAME"),
     ],
-    policy: Annotated[str, typer.Option(help="A policy, as for `evaluate`.")],
+    policy: PolicyText,
     tasks: Annotated[str, typer.Option(help="Only these of its tasks, such as click_bell.")] = "",
-    episodes: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")
-    ] = 100,
-    clock: Annotated[
-        str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")
-    ] = None,
+    episodes: Episodes = 100,
+    clock: ClockText = None,
     baselines: Baselines = False,
-    in_process: Annotated[bool, typer.Option("--in-process", help="As for `evaluate`.")] = False,
+    in_process: InProcess = False,
     executor: Executor = "auto",
     workers: Workers = None,
-    out: Annotated[
-        Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
-    ] = Path("OUT"),
+    out: Results = Path("OUT"),
     as_json: AsJson = False,
 ) -> None:
     """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published
@@ -418,90 +328,3 @@ def _number(paper: bool, value: float, interval: list[float] | None) -> str:
         if paper or interval is None
         else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
     )
-
-
-def serve_policy(
-    policy: Annotated[
-        str,
-        typer.Argument(
-            help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds."
-        ),
-    ],
-    host: Annotated[
-        str,
-        typer.Option(
-            help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN."
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")
-    ] = 8765,
-    clients: Annotated[
-        int,
-        typer.Option(
-            min=1, max=1000, help="Number of simultaneous clients, each with its own policy."
-        ),
-    ] = 1,
-    batch_wait: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            max=60_000,
-            help=(
-                "Use one BatchPolicy for all clients; a batch waits this many ms for more"
-                " questions."
-            ),
-        ),
-    ] = None,
-    embodiment: Annotated[
-        str, typer.Option(help="The robot of openpi's clients, which do not name it.")
-    ] = "aloha",
-    reset_every: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=100_000,
-            help="Number of questions in an episode of openpi's clients; 0 detects its end.",
-        ),
-    ] = 0,
-    as_json: AsJson = False,
-) -> None:
-    """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
-    from pipeline.evaluate.names import make_here, policy_name
-    from pipeline.evaluate.policies.policy import Policy, SeesTruth
-    from pipeline.evaluate.serving.address import token
-    from pipeline.evaluate.serving.batching import batcher_of
-    from pipeline.evaluate.serving.server import ListenAddress, PolicyServer, ServerLimits
-    from pipeline.evaluate.serving.session import ServerOptions
-    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
-
-    try:
-        robot = get_embodiment(embodiment).name
-    except UnknownEmbodiment as error:
-        raise UsageError(f"--embodiment: {error}") from error
-    place, name = ListenAddress(host, port, token()), policy_name(policy)
-
-    def made() -> Policy:
-        found = make_here(name)
-        if isinstance(found, SeesTruth):
-            raise UsageError(
-                f"{policy} is shown the simulation itself and cannot be served: give it to evaluate"
-                " --policy"
-            )
-        return found
-
-    def print_address(port: int) -> None:
-        shown = f"[{host}]" if ":" in host else host
-        print_result(
-            {"policy": name.label, "host": host, "port": port},
-            as_json,
-            f"serving {name.label} on ws://{shown}:{port}",
-        )
-        sys.stdout.flush()
-
-    make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
-    options = ServerOptions(name.label, robot, reset_every)
-    server = PolicyServer(
-        make, options, place, ServerLimits(clients), lambda line: typer.echo(line, err=True)
-    )
-    server.run(print_address)

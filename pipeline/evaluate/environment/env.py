@@ -75,7 +75,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     `scenes=N` draws every episode from N scenes that the expert solved at the first reset, none of
     which an evaluation with a `--seed` below 10000 shows. The directory `manifests` keeps them for
     the next process. With `scenes=0` every reset without a seed runs the expert on a new scene.
-    `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.EpisodeScore.
+    `info["is_success"]` is always there; at the end `info["score"]` has all of EpisodeScore.
     Raises ValueError for an option, level, alpha or domain that does not exist, RecipeError for a
     wrong key of a setup.
     """

@@ -1,0 +1,90 @@
+"""compare: policies against each other."""
+
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.commands.common import AsJson, print_result, table
+
+
+def compare(
+    runs: Annotated[
+        list[str],
+        typer.Argument(
+            help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.",
+            metavar="RUN...",
+        ),
+    ],
+    effect: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=100,
+            help="Estimate the number of scenes that a difference of this many points needs.",
+        ),
+    ] = 5,
+    unpaired: Annotated[
+        bool,
+        typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise."),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compare policies with the first one on the scenes they share: difference, 95 % interval,
+    exact test, scenes needed."""
+    from pipeline.evaluate.scoring.compare import compare as compare_arms
+    from pipeline.evaluate.scoring.compare import compare_unpaired, read_arms
+
+    first, *others = read_arms(runs)
+    found = [
+        row
+        for other in others
+        for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)
+    ]
+    text = "\n".join(
+        [_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]
+    ).rstrip()
+    print_result({"effect": effect, "comparisons": found}, as_json, text)
+
+
+def _describe_share(row: dict[str, Any]) -> str:
+    """The scenes that a comparison leaves out, if any."""
+    tried = [row.get("first_episodes"), row.get("second_episodes")]
+    if tried == [row.get("shared")] * 2:
+        return ""
+    return (
+        f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of"
+        f" {tried[1]} and {tried[0]}"
+    )
+
+
+def _describe(rows: list[dict[str, Any]], effect: float) -> str:
+    head = (
+        "policy",
+        "against",
+        "of",
+        "scenes",
+        "SR %",
+        "SR %",
+        "difference (95 %)",
+        "won",
+        "lost",
+        "p",
+        f"for {effect:g} points",
+    )
+    body = [
+        (
+            row["second"],
+            row["first"],
+            row["what"],
+            row["scenes"],
+            f"{row['second_rate']:.1f}",
+            f"{row['first_rate']:.1f}",
+            f"{row['effect']:+.1f} ({row['interval'][0]:+.1f} to {row['interval'][1]:+.1f})",
+            row.get("won", "-"),
+            row.get("lost", "-"),
+            f"{row['p']:.2g}" if "p" in row else "-",
+            row["needed"] or "-",
+        )
+        for row in rows
+    ]
+    return table(head, body)
