@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from typing import Any
 
@@ -72,7 +72,7 @@ def _local(workers: int) -> Iterator[None]:
     }
     try:
         with _environment(threads | _SEES_GPUS | {"RAY_AUTH_TOKEN": _token()}):
-            _init("local", "Ray does not start", options)
+            _init("local", "Ray does not start", options, folder)
         if ray.util.get_node_ip_address() != _LOOPBACK:
             raise CrewError(
                 "Ray was imported before this run and would listen on the network: set "
@@ -99,18 +99,23 @@ def _join(crew: Crew) -> Iterator[None]:
         raise CrewError(f"--runtime-env: {one_line(error)}") from error
     _check_cluster(address)
     try:
-        _init(address, f"no Ray cluster at {address}", {"runtime_env": environment})
+        with tempfile.TemporaryDirectory() as folder:
+            options = {"runtime_env": environment}
+            _init(address, f"no Ray cluster at {address}", options, folder)
         yield
     finally:
         with hold_signals():
             ray.shutdown()
 
 
-def _init(address: str, failed: str, options: Mapping[str, Any]) -> None:
-    """Start or join Ray, which replaces the handler of SIGTERM meanwhile."""
+def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) -> None:
+    """Start or join Ray, which replaces the handler of SIGTERM meanwhile.
+
+    Workers import from the directory in which this happens before any other: from `folder`, which
+    is empty, and not from a dataset of somebody else in which a command is run."""
     import ray
 
-    with hold_signals():
+    with hold_signals(), chdir(folder):
         try:
             ray.init(address, log_to_driver=False, logging_level=logging.ERROR, **options)
         except Exception as error:  # Ray documents no others
@@ -125,7 +130,7 @@ def _check_cluster(address: str) -> None:
         raise CrewError(
             f"--address {address} is not host:port: run the command on a machine of the cluster"
         )
-    command = [sys.executable, "-c", _ASK, address]
+    command = [sys.executable, "-P", "-c", _ASK, address]
     why = ""
     try:
         with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS):

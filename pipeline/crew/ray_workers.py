@@ -2,6 +2,7 @@
 
 import ctypes
 import gc
+import os
 import signal
 import socket
 import time
@@ -28,13 +29,16 @@ class CrewWorker:
     """What runs inside a Ray actor."""
 
     def begin(
-        self, make: Make[Any, Any], check: Check | None, plugins: Snapshot
+        self, make: Make[Any, Any], check: Check | None, plugins: Snapshot, folder: str
     ) -> "tuple[str, str, dict[str, str]]":
-        """Load plugins, check the machine and make the work. Returns Ray's id of the node, the
+        """Load plugins, check the machine and make the work, in the directory `folder` unless it is
+        "". Returns Ray's id of the node, the
         machine's name, and what `check` found. Raises CrewError for a machine that is refused."""
         # the kernel ends this process with its parent, the raylet, which ends with the driver:
         # Ray itself takes up to a minute, in which a new command may have been started
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if folder:
+            os.chdir(folder)
         name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
         try:
             plugins.load()
@@ -92,7 +96,7 @@ class Workers[J, R]:
         self._crew, self._seconds = crew, seconds
         # workers of this machine inherit the directories of plugins
         plugins = Snapshot.taken() if crew.address else Snapshot()
-        self._begin = make, check, plugins
+        self._begin = make, check, plugins, "" if crew.address else os.getcwd()
         actor: Any = ray.remote(CrewWorker)
         self._actor = actor.options(
             num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD"

@@ -147,9 +147,15 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
     return PolicyName(text, label, process="evaluator")
 
 
+def is_ours(text: str) -> bool:
+    """Whether the text names one of POLICIES, and no file, directory or server."""
+    kind = text.partition(":")[0]
+    return kind in POLICIES and kind not in FORMS and not text.endswith(".py")
+
+
 def is_built_in(name: PolicyName) -> bool:
     """Whether a policy is one of POLICIES, which the version of this program covers."""
-    return name.text.partition(":")[0] in POLICIES and name.process == "evaluator"
+    return is_ours(name.text) and name.process == "evaluator"
 
 
 def make_policy(name: PolicyName) -> Policy:

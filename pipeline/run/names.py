@@ -93,7 +93,7 @@ def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str
     ours: making episodes again would run what whoever made the dataset has written."""
     if corrections is None:
         return
-    from pipeline.evaluate.names import POLICIES  # policies take a second to import
+    from pipeline.evaluate.names import is_ours  # policies take a second to import
 
     policy = (
         corrections.policy
@@ -102,7 +102,7 @@ def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str
         if isinstance(corrections, Mapping)
         else corrections
     )
-    if str(policy).partition(":")[0] not in POLICIES:
+    if not is_ours(str(policy)):
         raise Untrusted(
             f"{source}: its recipe runs {show_value(policy)} (corrections), the code of whoever"
             " made the dataset: read it, then add --trust"

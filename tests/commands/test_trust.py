@@ -8,6 +8,8 @@ import pytest
 import domino_data as dd
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.rules import Corrections
+from pipeline.run.names import Untrusted, check_trust
 from tests.run.command import inside
 
 CODE = """
@@ -52,6 +54,15 @@ def test_code_of_a_setup_beside_a_checkpoint_needs_trust(received, monkeypatch):
     Path("checkpoint/setup.yaml").write_text("corrections: {policy: policy.py}\n")
     code, _, err = inside(*VERBS["build"], "checkpoint")
     assert code == 2 and "--trust" in err and not Path("canary").exists()
+
+
+def test_a_file_is_not_taken_for_a_policy_of_ours(received, monkeypatch):
+    monkeypatch.chdir(received.parent)
+    Path("chaser:policy.py").write_text(Path("policy.py").read_text())
+    for policy in ("chaser:policy.py", "chaser:/../policy.py"):
+        with pytest.raises(Untrusted):
+            check_trust(Corrections(policy=policy), "received")
+    check_trust(Corrections(policy="interceptor:noise=0.01"), "received")
 
 
 def test_trusted_code_runs_in_a_process_of_its_own(received, monkeypatch):

@@ -55,6 +55,26 @@ def ray() -> Iterator[list[int]]:
             yield below(os.getpid())
 
 
+def test_workers_import_nothing_from_the_directory_of_the_command(tmp_path, monkeypatch):
+    """A received dataset may hold a file named like a package."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pipeline.py").write_text("raise SystemExit('a stranger')")
+    code = (
+        "from collections import deque; import os; from pipeline.crew.contract import Crew;"
+        " from pipeline.crew.loop import run;"
+        "print([end.result for end in run(lambda: lambda job: (os.getcwd(), job), deque([7]),"
+        " Crew('ray', 1), 60)])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.stdout == f"[({str(tmp_path)!r}, 7)]\n", done.stderr[-1000:]
+
+
 def test_everything_listens_on_loopback(ray: list[int]):
     wait_for(lambda: len(listening(below(os.getpid()))) >= 5, 60)
     hosts = {host for host, _ in listening(below(os.getpid()))}

@@ -88,7 +88,7 @@ class ImageTraining:
         ]
         program = [str(Path(sys.executable).with_name("lerobot-train"))]
         if self.kind == "act":
-            program = [sys.executable, "-m", "training.ladder.train_act"]
+            program = [sys.executable, "-P", "-m", "training.ladder.train_act"]
         return [*program, *words, *self.words]
 
 

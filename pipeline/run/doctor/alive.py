@@ -38,7 +38,9 @@ SOFTWARE = ("llvmpipe", "swiftshader")
 PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
 
 
-def attempt(code: str, command: Sequence[str] = (sys.executable, "-c")) -> dict[str, Any] | str:
+def attempt(
+    code: str, command: Sequence[str] = (sys.executable, "-P", "-c")
+) -> dict[str, Any] | str:
     """What a program prints as JSON on its last line, or one line about why it does not."""
     try:
         done = subprocess.run(

@@ -126,7 +126,7 @@ def _through_a_video(count: int) -> int:
 
 
 def check_torchcodec(
-    command: Sequence[str] = (sys.executable, "-c", "import torchcodec"), needed: bool = True
+    command: Sequence[str] = (sys.executable, "-P", "-c", "import torchcodec"), needed: bool = True
 ) -> CheckResult:
     """Whether the decoder that LeRobot prefers finds FFmpeg's libraries; asked in a process of its
     own."""

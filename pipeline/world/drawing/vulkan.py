@@ -96,7 +96,11 @@ def _gpu_works() -> bool:
         return False
     try:
         probe = subprocess.run(
-            [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60, check=True
+            [sys.executable, "-P", "-c", _PROBE],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
         )
     except (subprocess.SubprocessError, OSError):
         return False
