@@ -20,7 +20,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.add import add_objects
-from pipeline.intake.objects.draft import ObjectOptions
+from pipeline.intake.objects.draft import Options
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
 from pipeline.stages.attempt import Phases, attempt
@@ -100,7 +100,7 @@ def added(one: Real, files: Path, to: Path) -> float | None:
     try:
         add_objects(
             files / one.file,
-            ObjectOptions(one.name, one.family, to, up=one.up, scale=one.scale, within=files),
+            Options(one.name, one.family, to, up=one.up, scale=one.scale, within=files),
         )
     except DominoError as error:
         print(f"    {one.name}: {error}", flush=True)

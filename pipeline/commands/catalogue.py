@@ -276,9 +276,9 @@ def objects_add(
     frames of its family."""
     from pipeline.intake.catalogue.object_check import check_object
     from pipeline.intake.objects.add import add_objects, describe
-    from pipeline.intake.objects.draft import ObjectOptions
+    from pipeline.intake.objects.draft import Options
 
-    options = ObjectOptions(
+    options = Options(
         name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within
     )
     added = add_objects(source, options)
@@ -328,11 +328,11 @@ def robots_add(
 ) -> None:
     """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest
     configuration."""
-    from pipeline.intake.robots.add import RobotOptions, add_robot, describe
+    from pipeline.intake.robots.add import Options, add_robot, describe
 
     added = add_robot(
         source,
-        RobotOptions(name, to, base, jaw, licence, gripper, flange, _packages(package or ())),
+        Options(name, to, base, jaw, licence, gripper, flange, _packages(package or ())),
     )
     print("\n".join(describe(added)))
 

@@ -18,7 +18,7 @@ from pipeline.evaluate.policies.policy import Policy, PolicyError, PolicyName, S
 from pipeline.evaluate.serving.batching import batcher_of
 from pipeline.evaluate.serving.messages import pack
 from pipeline.evaluate.serving.process import refusal_frame
-from pipeline.evaluate.serving.server import ListenAddress, PolicyServer, ServerLimits
+from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
 from pipeline.evaluate.serving.session import ServerOptions, Session, guarded, respond
 
 NAME = "policy"
@@ -37,11 +37,11 @@ def serve(connection: Connection, text: str) -> None:
 
 def host(connection: Connection, text: str, clients: int, wait: float) -> None:
     """Make the policy of a name and serve it to so many clients at once."""
-    options, place = ServerOptions(NAME), ListenAddress(port=0)
+    options, place = ServerOptions(NAME), Place(port=0)
     batcher = guarded(lambda: batcher_of(_make(text), text, wait))
     if isinstance(batcher, tuple):
         return _send(connection, batcher)
-    server = PolicyServer(batcher.seat, options, place, ServerLimits(clients))
+    server = PolicyServer(batcher.seat, options, place, Limits(clients))
     server.run(lambda port: connection.send_bytes(pack({"port": port})))
 
 

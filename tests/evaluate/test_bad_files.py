@@ -21,7 +21,7 @@ from pipeline.evaluate.scenes.manifests import (
 )
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.scoring.results import Results, ResultsError, check_episode
-from pipeline.evaluate.serving.server import ListenAddress, ServeError
+from pipeline.evaluate.serving.server import Place, ServeError
 from tests.evaluate.environment.test_env import case_of
 
 CELL = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
@@ -232,7 +232,7 @@ def test_hosts_are_names_of_machines(host):
     assert str(error.value).isprintable()
     if host not in ("a" * 64, "a..b"):
         with pytest.raises(ServeError):
-            ListenAddress(host, token="x" * 20)
+            Place(host, token="x" * 20)
 
 
 def test_a_trace_of_latencies_is_named_by_what_it_holds(tmp_path):

@@ -29,7 +29,7 @@ class Watched(Outcome):
         return max(recorded, self.peaks.get(name, -np.inf) - float(self.pose(name, 0)[2]))
 
 
-class TrialWatch:
+class Watch:
     """Call `after_step` behind every physics step; `conditions` are the success conditions at this
     step."""
 

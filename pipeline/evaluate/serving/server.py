@@ -1,7 +1,7 @@
 """A policy server: one policy behind a WebSocket, for evaluators on this machine or with a token on
 others.
 
-A client has `ServerLimits.open_seconds` for the HTTP request and for its first message, and
+A client has `Limits.open_seconds` for the HTTP request and for its first message, and
 `idle_seconds` for every other one. Tokens are checked before the WebSocket is opened, messages
 before anything is made from them. An error is sent as text, then the connection closes with a code
 of messages.py, as openpi's servers do. Whatever one client sends, the next is served. GET /healthz
@@ -36,7 +36,7 @@ class ServeError(DominoError):
 
 
 @dataclass(frozen=True)
-class ServerLimits:
+class Limits:
     """`clients` are served at the same time, each by a policy or a seat of its own."""
 
     clients: int = 1
@@ -45,7 +45,7 @@ class ServerLimits:
 
 
 @dataclass(frozen=True)
-class ListenAddress:
+class Place:
     """Where to listen; port 0 takes a free one. Other hosts than loopback need a token."""
 
     host: str = "127.0.0.1"
@@ -74,12 +74,12 @@ class PolicyServer:
         self,
         make: Callable[[], Policy],
         options: ServerOptions,
-        place: ListenAddress,
-        limits: ServerLimits | None = None,
+        place: Place,
+        limits: Limits | None = None,
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
         self._make, self._options, self._place, self._tell = make, options, place, tell
-        self._limits = limits or ServerLimits()
+        self._limits = limits or Limits()
         self._free, self._places = [make()], asyncio.Semaphore(self._limits.clients)
         self.port = 0
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.data.limited import run_limited
 from pipeline.data.names import is_name
-from pipeline.intake.objects.draft import ObjectDraft, ObjectOptions, draft_of, write_object
+from pipeline.intake.objects.draft import ObjectDraft, Options, draft_of, write_object
 from pipeline.intake.objects.holding import WIDEST
 from pipeline.intake.objects.robotwin import drafts_of_directory, is_robotwin
 from pipeline.intake.objects.solid import bounds
@@ -28,7 +28,7 @@ class AddedObject(NamedTuple):
     notes: tuple[str, ...]
 
 
-def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
+def add_objects(source: Path, options: Options) -> list[AddedObject]:
     """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and
     enter them.
 
@@ -52,12 +52,12 @@ def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObje
     return [AddedObject(to / "objects" / name, draft.notes) for name, draft in drafts.items()]
 
 
-def _draft_with_plugins(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
+def _draft_with_plugins(source: Path, options: Options) -> dict[str, ObjectDraft]:
     load_plugins()  # the family may be one of theirs
     return draft_all(source, options)
 
 
-def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
+def draft_all(source: Path, options: Options) -> dict[str, ObjectDraft]:
     """The objects of a mesh file or of a directory of RoboTwin-OD, by their names. Raises
     ObjectError and MeshError."""
     if is_robotwin(source):
@@ -78,7 +78,7 @@ def check_free(names: Iterable[str], to: Path) -> None:
             )
 
 
-def check_names(options: ObjectOptions) -> None:
+def check_names(options: Options) -> None:
     """Raise ObjectError for a name that is none, and for a family that does not exist or is kept
     elsewhere."""
     if not is_name(options.name) or options.name != options.name.lower():

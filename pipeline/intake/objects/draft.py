@@ -29,7 +29,7 @@ KEPT_DIGITS = 5
 
 
 @dataclass(frozen=True)
-class ObjectOptions:
+class Options:
     """The options of `objects add`. Mass in kg, density in kg/m3, scale in metres per unit of the
     file.
 
@@ -59,7 +59,7 @@ class ObjectDraft:
     notes: tuple[str, ...]
 
 
-def draft_of(file: Path, options: ObjectOptions) -> ObjectDraft:
+def draft_of(file: Path, options: Options) -> ObjectDraft:
     """The object of a mesh file. Raises ObjectError and MeshError."""
     mesh = read_mesh(file, options.within)
     scaled = np.diag([options.scale] * 3 + [1.0])
@@ -100,7 +100,7 @@ def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...
 
 
 def settings_of(
-    options: ObjectOptions, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
+    options: Options, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
 ) -> ObjectToml:
     """The content of `object.toml`. Raises ObjectError for a mass that is none."""
     volume = sum(one.volume() for one in solid)

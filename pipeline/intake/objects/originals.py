@@ -21,7 +21,7 @@ from pipeline.data.keys import digest, file_hash
 from pipeline.data.limited import LimitError, Limits, run_limited
 from pipeline.data.recipe.model import RecipeError
 from pipeline.data.user_cache import user_cache
-from pipeline.intake.objects.draft import ObjectOptions, write_object
+from pipeline.intake.objects.draft import Options, write_object
 from pipeline.intake.objects.robotwin import (
     VERSION,
     Instance,
@@ -214,7 +214,7 @@ def _make_here(batch: Sequence[tuple[_Wanted, Path]]) -> None:
         try:
             draft = draft_of_instance(
                 wanted.files,
-                ObjectOptions(wanted.name, wanted.family, place.parent),
+                Options(wanted.name, wanted.family, place.parent),
                 wanted.model.scale,
             )
             if (

@@ -78,7 +78,7 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 
 @dataclass(frozen=True)
-class RobotOptions:
+class Options:
     """What the user says: name, where robots are kept, the root link of the arm, the gripper's
     driving joint, the licence.
 
@@ -103,7 +103,7 @@ class AddedRobot(NamedTuple):
     notes: tuple[str, ...]
 
 
-def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
+def add_robot(source: Path, options: Options) -> AddedRobot:
     """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment
     directory of RoboTwin.
 
@@ -127,7 +127,7 @@ def check_name(name: str, directory: Path) -> None:
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
 
 
-def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
+def draft_robot(source: Path, options: Options) -> RobotDraft:
     """The robot of a file or directory, before it is written. Raises RobotError and UrdfError."""
     for given in (source, options.gripper or source):
         if not given.exists():
@@ -170,7 +170,7 @@ def _find_urdf(given: Path) -> Path:
     return found[0]
 
 
-def draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotDraft:
+def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> RobotDraft:
     """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest
     configuration for it."""
     pieces, notes = ConvexPieces(), list[str]()

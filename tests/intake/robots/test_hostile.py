@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.errors import DominoError
-from pipeline.intake.robots.add import RobotOptions, draft_robot
+from pipeline.intake.robots.add import Options, draft_robot
 from pipeline.world.meshes import files
 from pipeline.world.robots import urdf_file
 from tests.intake.objects.meshes import gltf
@@ -26,7 +26,7 @@ def refused(tmp_path, source, **options) -> str:
     """The line that `robots add` ends with; it writes nothing."""
     made = tmp_path / "made"
     with pytest.raises(DominoError) as error:
-        draft_robot(source, RobotOptions("mine", made, **options))
+        draft_robot(source, Options("mine", made, **options))
     line = str(error.value)
     assert "\n" not in line and len(line) < 700 and not made.exists()
     return line
