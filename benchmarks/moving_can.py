@@ -31,7 +31,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift
-from pipeline.motion.planar.levels import DRAW, TERMS, Paths
+from pipeline.motion.planar.levels import DRAW, TERMS, DrawnPaths
 from pipeline.motion.workspace import Workspace
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
@@ -94,13 +94,13 @@ def draw_exact_speed(
     total: float,
     end: ArrayLike,
     workspace: Workspace,
-) -> Paths:
+) -> DrawnPaths:
     """Constant velocity of exactly alpha m/s in any direction; stands in for level 1."""
     angle = rng.uniform(0.0, 2 * np.pi, n)
     travel = alpha * total * np.stack([np.cos(angle), np.sin(angle)], -1)
     c = np.zeros((n, 1, 2, TERMS))
     c[:, 0, :, 0], c[:, 0, :, 1] = np.asarray(end, float) - travel, travel
-    return Paths(np.full((n, 1), total), c, np.zeros(n, bool))
+    return DrawnPaths(np.full((n, 1), total), c, np.zeros(n, bool))
 
 
 @contextmanager

@@ -2,9 +2,10 @@
 register themselves.
 
 They are found by entry point (groups GROUPS, each naming a module; those of policies are imported
-by evaluate/policies.py when one is asked for) and in the directories of the environment variable
-DOMINO_PLUGINS, which the option --plugins sets: every module and package at the top of such a
-directory is imported. Worker processes inherit it; those on other machines are sent a `Snapshot`.
+by evaluate/policies/files.py when one is asked for) and in the directories of the environment
+variable DOMINO_PLUGINS, which the option --plugins sets: every module and package at the top of
+such a directory is imported. Worker processes inherit it; those on other machines are sent a
+`Snapshot`.
 """
 
 import importlib

@@ -18,8 +18,8 @@ gc.disable()
 # whatever test imports Ray first: its own runs listen on loopback
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 
-# what a busy machine delays is no failure
-settings.register_profile("any_machine", deadline=None)
+# what a busy machine delays is no failure; each run draws other examples, so few are enough
+settings.register_profile("any_machine", deadline=None, max_examples=30)
 settings.load_profile("any_machine")
 
 LEROBOT = (

@@ -14,7 +14,7 @@ from pipeline.annotate.options import FeatureOptions
 from pipeline.annotate.stage import (
     NotReady,
     Reading,
-    Result,
+    StageResult,
     decode_frames,
     directory_of,
     encoded_frames,
@@ -63,7 +63,7 @@ class FeatureStage:
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
         path = annotation_path(dataset, directory_of(self.masks), relative)
-        wanted = annotation_key(
+        key_of_masks = annotation_key(
             self.masks.name,
             self.masks.version,
             self.masks.parameters(),
@@ -73,7 +73,7 @@ class FeatureStage:
             key, checksum = entry_header(path)
         except (FileNotFoundError, CorruptAnnotation) as error:
             raise NotReady("its masks are missing: annotate stage masks first") from error
-        if key != wanted:
+        if key != key_of_masks:
             raise NotReady("its masks are stale: annotate stage masks first")
         frames = encoded_frames(episode, self.camera)
 
@@ -84,15 +84,15 @@ class FeatureStage:
 
         return Reading(frames_inputs(frames) | {"masks": checksum}, decode)
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         o = self.options
         encoder = load_encoder(self.encoder, o.size, pick_device(self.device), o.precision)
 
-        def compute(data: tuple[Any, Any, Any]) -> Result:
+        def compute(data: tuple[Any, Any, Any]) -> StageResult:
             frames, mask, attributes = data
             feature, coverage = features_of(encoder, frames, mask, o.batch)
             arrays = {"feature": feature, "valid": coverage > 0, "coverage": coverage}
-            return Result(
+            return StageResult(
                 arrays,
                 {k: attributes[k] for k in ("objects", "roles")}
                 | {"mask_source": attributes["source"]},

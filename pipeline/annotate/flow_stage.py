@@ -14,8 +14,8 @@ from pipeline.annotate.sim_flow import exact_flows
 from pipeline.annotate.stage import (
     Reading,
     Render,
-    Result,
     SimView,
+    StageResult,
     encoded_frames,
     frames_inputs,
     sim_reading,
@@ -61,10 +61,10 @@ class FlowStage:
             lambda: np.stack([shrink_grey(decode_frame(data), size) for data in frames]),
         )
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         return self.compute
 
-    def compute(self, data: Any) -> Result:
+    def compute(self, data: Any) -> StageResult:
         """Result from grey frames (T,h,w) (farneback) or a SimView and body poses (T,B,7) (sim)."""
         o = self.options
         if o.source == "sim":
@@ -82,7 +82,7 @@ class FlowStage:
             "scale": scale,
             "previous": previous_frames(len(flow), o.stride),
         }
-        return Result(
+        return StageResult(
             arrays,
             {"unit": "px at map resolution, x right, y down, at the pixels of the previous frame"},
         )

@@ -15,12 +15,12 @@ from pipeline.annotate.networks.masks import (
     pack,
 )
 from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
-from pipeline.annotate.networks.prompts import Asked, ask
+from pipeline.annotate.networks.prompts import Prompts, ask
 from pipeline.annotate.options import MaskOptions
 from pipeline.annotate.stage import (
     Reading,
     Render,
-    Result,
+    StageResult,
     decode_frames,
     encoded_frames,
     frames_inputs,
@@ -104,7 +104,7 @@ class MaskStage:
         }
         return Reading(named, lambda: (asked, decode_frames(frames)))
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         o = self.options
         if o.source == "sim":
             return lambda data: _result(
@@ -115,7 +115,7 @@ class MaskStage:
         detector = load_detector(self.detector, device, o.precision)
         segmenter = load_segmenter(self.segmenter, device, o.precision)
 
-        def compute(data: tuple[Asked, Any]) -> Result:
+        def compute(data: tuple[Prompts, Any]) -> StageResult:
             asked, frames = data
             masks = model_masks(
                 detector,
@@ -132,7 +132,7 @@ class MaskStage:
         return compute
 
 
-def _result(masks: Masks, asked: Asked, source: str) -> Result:
+def _result(masks: Masks, asked: Prompts, source: str) -> StageResult:
     height, width = masks.mask.shape[2:]
     arrays = {
         "mask": pack(masks.mask),
@@ -150,4 +150,4 @@ def _result(masks: Masks, asked: Asked, source: str) -> Result:
     }
     if source == "model":
         attributes |= {"prompts": list(asked.prompts), "phrases": masks.phrases}
-    return Result(arrays, attributes, compressed=("mask",))
+    return StageResult(arrays, attributes, compressed=("mask",))

@@ -42,12 +42,12 @@ def annotation_sheet(
     by default. Flows are shown with one scale per row, so that faster is brighter. None if the
     episode has no flow and no masks of that camera.
     """
-    found: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
+    entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
         path = annotation_path(dataset, directory, episode)
-        if stage["stage"] in found and stage["parameters"]["camera"] == camera and path.is_file():
-            found[stage["stage"]].append((str(stage["parameters"]["source"]), read_entry(path)))
-    if not found["flow"] and not found["masks"]:
+        if stage["stage"] in entries and stage["parameters"]["camera"] == camera and path.is_file():
+            entries[stage["stage"]].append((str(stage["parameters"]["source"]), read_entry(path)))
+    if not entries["flow"] and not entries["masks"]:
         return None
     with open_episode(dataset / "episodes" / episode) as e:
         chosen = (
@@ -58,10 +58,10 @@ def annotation_sheet(
         images = {t: e.rgb(camera, t) for t in chosen}
     first = images[chosen[0]]
     size = (width, round(width * first.shape[0] / first.shape[1]))
-    rows = [_tint(source, entry, images, size) for source, entry in found["masks"]] or [
+    rows = [_tint(source, entry, images, size) for source, entry in entries["masks"]] or [
         _row("frames", list(images.values()), size)
     ]
-    for source, entry in sorted(found["flow"], key=lambda x: x[0]):
+    for source, entry in sorted(entries["flow"], key=lambda x: x[0]):
         rgb, scale = colour_flow(entry.arrays["flow"][chosen], Colour("shared"))
         rows.append(
             _row(f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})", list(rgb), size)

@@ -118,7 +118,9 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
             continue
     chosen = {
         path
-        for path, wanted in zip(fields, select_rows(list(fields.values()), expression), strict=True)
-        if wanted
+        for path, is_selected in zip(
+            fields, select_rows(list(fields.values()), expression), strict=True
+        )
+        if is_selected
     }
     return [path for path in paths if path in chosen or path not in fields]

@@ -35,7 +35,7 @@ class Reading:
 
 
 @dataclass(eq=False)
-class Result:
+class StageResult:
     """Arrays by absolute frame, plain attributes, and which arrays to store compressed."""
 
     arrays: Mapping[str, NDArray[Any]]
@@ -78,7 +78,7 @@ class Stage(Protocol):
         Raises NotReady, AnnotateError."""
         ...
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         """Load what is heavy, once per worker; the callable turns what `decode` gave into a
         result."""
         ...
@@ -140,7 +140,7 @@ def sim_reading(
             f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
         )
     poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
-    wanted = ["actor_segmentation", *(["depth"] if depth else [])]
+    names = ["actor_segmentation", *(["depth"] if depth else [])]
     scene = {
         "bodies": log.bodies,
         "state": arrays_digest({"poses": log.poses, "camera": poses, "k": k}),
@@ -148,30 +148,29 @@ def sim_reading(
     sensors = episode.meta.drawing.sensors
     scene |= {"latency": sensors.latency} if sensors and sensors.latency else {}
     noisy = depth and sensors is not None and sensors.depth_noise is not None
-    stored = None if noisy else _read_stored(episode, group, wanted)
+    stored = None if noisy else _read_stored(episode, group, names)
     if stored is not None:
         view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
         return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, list(log.bodies)
     if render is None:
         raise AnnotateError(
-            f"{episode.path} stores no {' and '.join(wanted)} of {camera}, and no renderer was"
-            " given"
+            f"{episode.path} stores no {' and '.join(names)} of {camera}, and no renderer was given"
         )
     path, meta = episode.path, episode.meta
 
     def again() -> SimView:
         v = render(path, camera)
         if v.segmentation is None or (depth and v.depth is None):
-            raise AnnotateError(f"rendering {path} again gave no {' and '.join(wanted)}")
+            raise AnnotateError(f"rendering {path} again gave no {' and '.join(names)}")
         return SimView(v.segmentation, v.depth, v.poses, k)
 
     return {"scene": scene, "assets": meta.drawing.assets}, again, list(log.bodies)
 
 
 def _read_stored(
-    episode: EpisodeFile, group: str, wanted: list[str]
+    episode: EpisodeFile, group: str, names: list[str]
 ) -> dict[str, NDArray[Any]] | None:
     try:
-        return {key: episode.array(f"{group}/{key}") for key in wanted}
+        return {key: episode.array(f"{group}/{key}") for key in names}
     except EpisodeError:
         return None

@@ -116,13 +116,13 @@ def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
     ]
     if len(fit) == 1:
         return fit[0]
-    wanted = " ".join([stage, *(f"{k}={v}" for k, v in parameters.items())])
+    description = " ".join([stage, *(f"{k}={v}" for k, v in parameters.items())])
     if not fit:
         raise AnnotateError(
-            f"{dataset} has no {wanted} annotations; run: domino-data annotate {dataset} --stages"
-            f" {stage}"
+            f"{dataset} has no {description} annotations; run: domino-data annotate {dataset}"
+            f" --stages {stage}"
         )
     raise AnnotateError(
-        f"{dataset} has several {wanted} annotations ({', '.join(fit)}): give more parameters to"
-        " choose one"
+        f"{dataset} has several {description} annotations ({', '.join(fit)}): give more parameters"
+        " to choose one"
     )

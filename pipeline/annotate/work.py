@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.stage import NotReady, Result, Stage, directory_of
+from pipeline.annotate.stage import NotReady, Stage, StageResult, directory_of
 from pipeline.annotate.stage_key import AnnotateError, annotation_key
 from pipeline.annotate.store import check_entry, write_entry
 from pipeline.data.annotations import CorruptAnnotation, annotation_path
@@ -26,7 +26,7 @@ AHEAD = 2
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StageOutcome:
     """What became of one stage of one episode. `action` is computed, reused, failed or waiting;
     `state` is what was found (valid, missing, stale, corrupt, or unknown where the episode could
     not be read); `reason` is one line."""
@@ -63,19 +63,21 @@ class StageWorker:
     def __init__(self, stage: Stage, dataset: Path, dry_run: bool = False) -> None:
         self.stage, self.dataset, self.dry_run = stage, Path(dataset), dry_run
         self.directory = directory_of(stage)
-        self._compute: Callable[[Any], Result] | None = None
+        self._compute: Callable[[Any], StageResult] | None = None
 
-    def run(self, episodes: Sequence[Path]) -> Iterator[Outcome]:
+    def run(self, episodes: Sequence[Path]) -> Iterator[StageOutcome]:
         """Bring the given episodes up to date, in order; yields one outcome each. A dry run
         computes and writes nothing.
 
         Raises AnnotateError for models that cannot be loaded or if a result cannot be written (a
         full disk stops the run; nothing is half-written).
         """
-        for episode, found in _prefetch(self._prepare, episodes):
-            yield found if isinstance(found, Outcome) else self._finish(episode, found)
+        for episode, prepared in _prefetch(self._prepare, episodes):
+            yield (
+                prepared if isinstance(prepared, StageOutcome) else self._finish(episode, prepared)
+            )
 
-    def _prepare(self, episode: Path) -> "Outcome | _Work":
+    def _prepare(self, episode: Path) -> "StageOutcome | _Work":
         name, state = str(episode), "unknown"
         stage = self.stage
         try:
@@ -85,22 +87,22 @@ class StageWorker:
                 key = annotation_key(stage.name, stage.version, stage.parameters(), reading.inputs)
                 state = check_entry(annotation_path(self.dataset, self.directory, episode), key)
                 if state == "valid":
-                    return Outcome(name, "reused", state, _REASONS[state])
+                    return StageOutcome(name, "reused", state, _REASONS[state])
                 if self.dry_run:
-                    return Outcome(name, "computed", state, _REASONS[state], len(e))
+                    return StageOutcome(name, "computed", state, _REASONS[state], len(e))
                 return _Work(key, state, dict(reading.inputs), reading.decode(), len(e))
         except NotReady as error:
-            return Outcome(name, "waiting", "missing", str(error))
+            return StageOutcome(name, "waiting", "missing", str(error))
         except _EPISODE_FAULTS as error:
-            return Outcome(name, "failed", state, str(error))
+            return StageOutcome(name, "failed", state, str(error))
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         """Load the models, unless they are there already."""
         if self._compute is None:
             self._compute = self.stage.start()
         return self._compute
 
-    def _finish(self, episode: Path, work: "_Work") -> Outcome:
+    def _finish(self, episode: Path, work: "_Work") -> StageOutcome:
         result = self.start()(work.data)
         path = annotation_path(self.dataset, self.directory, episode)
         try:
@@ -113,7 +115,7 @@ class StageWorker:
             )
         except OSError as error:
             raise AnnotateError(f"cannot write {path}: {error.strerror or error}") from error
-        return Outcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
+        return StageOutcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
 
 
 def _prefetch[T](

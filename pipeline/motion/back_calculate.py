@@ -3,11 +3,13 @@
 from copy import deepcopy
 from dataclasses import replace
 
-from pipeline.motion.contract import NoMotion, Request, Streams, TargetMotion
+from pipeline.motion.contract import MotionRequest, NoMotion, Streams, TargetMotion
 from pipeline.motion.models import MODELS, PLANAR, levels_of
 
 
-def back_calculate_motion(asked: Request, streams: Streams, model: str = PLANAR) -> TargetMotion:
+def back_calculate_motion(
+    asked: MotionRequest, streams: Streams, model: str = PLANAR
+) -> TargetMotion:
     """A motion of the model `model` that keeps `asked`.
 
     Level 0 and alpha 0 give the target that stands at the end pose, unchecked. Raises NoMotion if
@@ -25,7 +27,7 @@ def back_calculate_motion(asked: Request, streams: Streams, model: str = PLANAR)
     return _late(asked, streams, model)
 
 
-def _late(asked: Request, streams: Streams, model: str) -> TargetMotion:
+def _late(asked: MotionRequest, streams: Streams, model: str) -> TargetMotion:
     """The motion that moves for the first of the shares `asked.moving` for which there is one.
 
     Every try draws the same numbers. At level 1 the first speed of the law is kept, whether or not

@@ -17,8 +17,8 @@ from pipeline.motion.contract import (
     Array,
     Features,
     Level,
+    MotionRequest,
     NoMotion,
-    Request,
     SpeedBound,
     Streams,
     TargetMotion,
@@ -144,13 +144,13 @@ class ClosedFormModel[M: ClosedForm](ABC):
         return self._motion.kind
 
     @abstractmethod
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[M]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
         """Motions of one shape, which the slot decides, in one direction after another."""
 
-    def draw(self, asked: Request, streams: Streams) -> M:
+    def draw(self, asked: MotionRequest, streams: Streams) -> M:
         return first_that_fits(asked, self.candidates(asked, streams))
 
-    def stand(self, asked: Request, streams: Streams) -> M:
+    def stand(self, asked: MotionRequest, streams: Streams) -> M:
         return next(self.candidates(replace(asked, level=0, alpha=0.0), streams))
 
     def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
@@ -169,7 +169,7 @@ class ClosedFormModel[M: ClosedForm](ABC):
         )
 
 
-def first_that_fits[M: TargetMotion](asked: Request, candidates: Iterable[M]) -> M:
+def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[M]) -> M:
     """The first motion that keeps speed, workspace, view and clearance of a request. Raises
     NoMotion if there is none."""
     times = np.linspace(-asked.lead, asked.duration + asked.tail, SAMPLES)
@@ -187,7 +187,7 @@ def first_that_fits[M: TargetMotion](asked: Request, candidates: Iterable[M]) ->
     raise NoMotion(asked, refused, last.features() if last else None)
 
 
-def _refusal(asked: Request, motion: TargetMotion, poses: Array) -> str:
+def _refusal(asked: MotionRequest, motion: TargetMotion, poses: Array) -> str:
     if not asked.workspace.contains(poses[:, :3]).all():
         return "workspace"
     if not bounded(motion, asked.speed_bound).holds:
@@ -201,7 +201,7 @@ def _refusal(asked: Request, motion: TargetMotion, poses: Array) -> str:
     return ""
 
 
-def common(asked: Request) -> dict[str, Any]:
+def common(asked: MotionRequest) -> dict[str, Any]:
     """The fields of every motion that keeps a request."""
     end = tuple(np.asarray(asked.end_pose, float).tolist())
     return {

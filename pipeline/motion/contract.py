@@ -80,7 +80,7 @@ Free = Callable[[TargetMotion], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
+class MotionRequest:
     """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
 
     It starts at t = -`lead` s, or later where `moving` names shares of lead + duration for which it
@@ -142,7 +142,7 @@ class NoMotion(Exception):
     found."""
 
     def __init__(
-        self, asked: Request, counts: Mapping[str, int], features: Features | None = None
+        self, asked: MotionRequest, counts: Mapping[str, int], features: Features | None = None
     ) -> None:
         self.counts, self.features = dict(counts), features
         reasons = (
@@ -194,11 +194,11 @@ class MotionModel(Protocol):
     @property
     def levels(self) -> Mapping[int, Level]: ...
 
-    def draw(self, asked: Request, streams: Streams) -> TargetMotion:
+    def draw(self, asked: MotionRequest, streams: Streams) -> TargetMotion:
         """A motion that keeps the request. Raises NoMotion if none was found."""
         ...
 
-    def stand(self, asked: Request, streams: Streams) -> TargetMotion:
+    def stand(self, asked: MotionRequest, streams: Streams) -> TargetMotion:
         """Level 0: the target stands at the end pose all the time, among the scenery of the
         model."""
         ...
@@ -234,8 +234,8 @@ def derived(motion: TargetMotion) -> Verdict:
 
 def bounded(motion: TargetMotion, speed_bound: SpeedBound) -> Verdict:
     """Whether a motion moves, and keeps alpha as the bound of its average or its greatest speed."""
-    found = motion.features()
-    speed = found.average_speed if speed_bound == "average" else found.maximum_speed
+    features = motion.features()
+    speed = features.average_speed if speed_bound == "average" else features.maximum_speed
     return Verdict(
         "speed",
         0 < speed <= motion.alpha * (1 + UNSURE),

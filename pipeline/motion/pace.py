@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.motion.contract import Request, described
+from pipeline.motion.contract import MotionRequest, described
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Pace:
         return speed * (1 + self.swell * np.cos(np.pi * share))
 
 
-def draw_pace(asked: Request, rng: np.random.Generator, steepest: float = 1.0) -> Pace:
+def draw_pace(asked: MotionRequest, rng: np.random.Generator, steepest: float = 1.0) -> Pace:
     """The pace of a level within the request's bound, on a path whose speed is at most `steepest`
     times that of the advance.
 

@@ -18,7 +18,7 @@ from pipeline.data.rows import Rows
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.contact_sheet import encode
 from pipeline.report.sections import Figure, Section, Strip
-from pipeline.report.summary import Cell, Material, Observation, observe, write_report
+from pipeline.report.summary import Cell, EpisodeFacts, ReportData, observe, write_report
 
 type SheetOf = Callable[[Path, Path], NDArray[np.uint8] | None]
 """(dataset directory, episode relative to episodes/) -> image (H,W,3) uint8 RGB of its annotations,
@@ -43,12 +43,12 @@ def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
     keys = {task: _key(dataset, rows, task) for task in recipe.tasks}
     return write_report(
         dataset.root,
-        Material(seen, CellRows(table), keys),
+        ReportData(seen, CellRows(table), keys),
         _annotations(dataset, dataset.accepted(recipe), sheet_of),
     )
 
 
-def _observe(dataset: Dataset, rows: Rows, fps: int) -> Iterator[Observation]:
+def _observe(dataset: Dataset, rows: Rows, fps: int) -> Iterator[EpisodeFacts]:
     """The accepted episodes, by their rows. Variants have no attempts of their own, and no
     speeds."""
     of, tried = dataset.ask(
@@ -69,7 +69,7 @@ def _observe(dataset: Dataset, rows: Rows, fps: int) -> Iterator[Observation]:
             spec = EpisodeSpec(
                 cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed
             )
-            yield Observation(path, spec, frames / fps, average, maximum)
+            yield EpisodeFacts(path, spec, frames / fps, average, maximum)
         else:
             with suppress(EpisodeError, KeyError, OSError, ValueError):
                 yield observe(path)

@@ -11,7 +11,7 @@ from pipeline.report.speed_law import Law
 
 
 @dataclass(frozen=True)
-class Bar:
+class OutcomeBar:
     """A labelled count, and whether it counts successes."""
 
     label: str
@@ -104,7 +104,7 @@ class CellCard:
     attempts."""
 
     subtitle: str
-    outcomes: Sequence[Bar]
+    outcomes: Sequence[OutcomeBar]
     moves: Moves
     strips: Sequence[Strip]
     unseen: Sequence[str]
@@ -140,7 +140,7 @@ class Report:
     name: str
     scope: str
     tiles: Mapping[str, str]
-    outcomes: Sequence[Bar]
+    outcomes: Sequence[OutcomeBar]
     speeds: Sequence[SpeedPlot]
     moves: Sequence[Moves]
     extras: Sequence[Section]

@@ -21,10 +21,10 @@ from pipeline.report.clip import clip
 from pipeline.report.contact_sheet import encode, subtitle
 from pipeline.report.film_strip import film
 from pipeline.report.sections import (
-    Bar,
     CellCard,
     Figure,
     Moves,
+    OutcomeBar,
     Report,
     Section,
     SpeedPlot,
@@ -55,7 +55,7 @@ def failed_folder(dataset: Path, cell: str) -> Path:
 
 
 @dataclass(frozen=True)
-class Observation:
+class EpisodeFacts:
     """One episode: its length in s, and the average and maximum speed of its target's motion in
     m/s."""
 
@@ -66,7 +66,7 @@ class Observation:
     maximum_speed: float
 
 
-def observe(path: Path) -> Observation:
+def observe(path: Path) -> EpisodeFacts:
     """Measure an episode file: speeds before the target was released. Raises EpisodeError if it
     cannot be read."""
     with open_episode(path) as e:
@@ -75,7 +75,7 @@ def observe(path: Path) -> Observation:
         release = log.time_of("release")
         before = log.times <= (log.times[-1] if release is None else release)
         speed = np.linalg.norm(log.target_velocity[before], axis=1)
-        return Observation(
+        return EpisodeFacts(
             path, episode.spec, len(e) / e.fps, float(speed.mean()), float(speed.max())
         )
 
@@ -86,7 +86,7 @@ def cell_of(row: Mapping[str, Any]) -> Cell:
 
 
 @dataclass(frozen=True)
-class Material:
+class ReportData:
     """What a report is made of: its episodes, and the attempts (columns of data.records.ATTEMPTS)
     of every cell that has some.
 
@@ -94,19 +94,19 @@ class Material:
     Tasks without a key always are.
     """
 
-    seen: Sequence[Observation]
+    seen: Sequence[EpisodeFacts]
     attempts: Mapping[Cell, Sequence[Mapping[str, Any]]]
     keys: Mapping[str, str] = field(default_factory=dict)
 
 
-def write_report(dataset: Path, material: Material, extras: Sequence[Section] = ()) -> Path:
+def write_report(dataset: Path, material: ReportData, extras: Sequence[Section] = ()) -> Path:
     """Write the report of a dataset and return its path; `extras` are more parts, shown before the
     cells.
 
     From MANY_CELLS cells on, index.html only sums up, and every task has a page of its own,
     tasks/TASK.html, so that no page grows with the dataset.
     """
-    by_cell: dict[Cell, list[Observation]] = defaultdict(list)
+    by_cell: dict[Cell, list[EpisodeFacts]] = defaultdict(list)
     for o in material.seen:
         by_cell[cell_of(vars(o.spec))].append(o)
     tried = material.attempts
@@ -170,19 +170,19 @@ def _remove_others(folder: Path, tasks: Sequence[str]) -> None:
 def _cards(
     dataset: Path,
     cells: Sequence[Cell],
-    by_cell: Mapping[Cell, list[Observation]],
+    by_cell: Mapping[Cell, list[EpisodeFacts]],
     tried: Attempts,
     films: int,
 ) -> list[CellCard]:
-    found = []
+    cards = []
     for cell in cells:
         card = _cell_card(cell, tried.get(cell, ()), by_cell.get(cell, [])[:films])
-        found.append(replace(card, failed=_failure_strips(dataset, cell, films)))
-    return found
+        cards.append(replace(card, failed=_failure_strips(dataset, cell, films)))
+    return cards
 
 
 def _summarise(
-    name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts
+    name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[EpisodeFacts]], tried: Attempts
 ) -> Report:
     """The report of some cells without their cards. Attempts are read cell by cell: there may be
     too many to hold at once."""
@@ -240,7 +240,7 @@ def _scope(cells: Sequence[Cell]) -> str:
     return ", ".join(words) + f": {len(cells)} cell{'' if len(cells) == 1 else 's'}"
 
 
-def _summary(seen: Sequence[Observation], total: Totals) -> dict[str, str]:
+def _summary(seen: Sequence[EpisodeFacts], total: Totals) -> dict[str, str]:
     hours = sum(o.seconds for o in seen) / 3600
     spent = total.seconds
     values = {
@@ -256,17 +256,20 @@ def _summary(seen: Sequence[Observation], total: Totals) -> dict[str, str]:
     return values
 
 
-def _bars(won: int, lost: Counter[str]) -> list[Bar]:
+def _bars(won: int, lost: Counter[str]) -> list[OutcomeBar]:
     if not won and not lost:
         return []
     return [
-        Bar("accepted", won, True),
-        *(Bar(label, n, False) for label, n in sorted(lost.items(), key=lambda x: (-x[1], x[0]))),
+        OutcomeBar("accepted", won, True),
+        *(
+            OutcomeBar(label, n, False)
+            for label, n in sorted(lost.items(), key=lambda x: (-x[1], x[0]))
+        ),
     ]
 
 
-def _speeds(seen: Sequence[Observation]) -> list[SpeedPlot]:
-    groups: dict[tuple[int, float], list[Observation]] = defaultdict(list)
+def _speeds(seen: Sequence[EpisodeFacts]) -> list[SpeedPlot]:
+    groups: dict[tuple[int, float], list[EpisodeFacts]] = defaultdict(list)
     for o in seen:
         if o.spec.moving:
             groups[o.spec.level, o.spec.alpha].append(o)
@@ -302,7 +305,7 @@ def _failure_strips(dataset: Path, cell: Cell, most: int) -> list[Strip]:
     return strips
 
 
-def _cell_card(cell: Cell, rows: Sequence[Row], shown: Sequence[Observation]) -> CellCard:
+def _cell_card(cell: Cell, rows: Sequence[Row], shown: Sequence[EpisodeFacts]) -> CellCard:
     task, embodiment, level, alpha, domain = cell
     strips, unseen = [], []
     for o in shown:

@@ -21,7 +21,7 @@ from pipeline.annotate.selection import (
 )
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import write_stage
-from pipeline.annotate.work import Outcome, StageWorker
+from pipeline.annotate.work import StageOutcome, StageWorker
 from pipeline.crew.contract import Crew, Died, Done, Steps
 from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
@@ -121,7 +121,7 @@ def annotate(
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
-                done = [Outcome(str(e), "computed", "unknown", stage.reason) for e in chosen]
+                done = [StageOutcome(str(e), "computed", "unknown", stage.reason) for e in chosen]
                 report["stages"].append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
                 continue
             directory = directory_of(stage)
@@ -160,7 +160,7 @@ def annotate(
 
 def outcomes(
     stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution
-) -> Generator[Outcome, None, None]:
+) -> Generator[StageOutcome, None, None]:
     """What becomes of one stage of each episode, in order when inline, as leases end on workers. An
     episode that takes two workers with it failed; the others of its lease are tried again."""
     crew = execution.crew
@@ -172,7 +172,7 @@ def outcomes(
     jobs = deque(leases([str(e) for e in episodes], crew.workers))
     crew = replace(crew, share_gpus=stage.uses_models and execution.device != "cpu")
 
-    def make() -> Callable[[Lease], Steps[list[Outcome]]]:
+    def make() -> Callable[[Lease], Steps[list[StageOutcome]]]:
         worker = StageWorker(stage, dataset, execution.dry_run)
         return lambda lease: _annotate(worker, lease)
 
@@ -184,7 +184,7 @@ def outcomes(
                 case Died(lease, reason, trying):
                     number = trying if isinstance(trying, int) else 0
                     why = reason.removeprefix("worker_")
-                    yield Outcome(
+                    yield StageOutcome(
                         lease[number],
                         "failed",
                         "unknown",
@@ -194,9 +194,9 @@ def outcomes(
                         jobs.append(rest)
 
 
-def _annotate(worker: StageWorker, lease: Lease) -> Steps[list[Outcome]]:
+def _annotate(worker: StageWorker, lease: Lease) -> Steps[list[StageOutcome]]:
     """The outcomes of a lease; yields the number of each episode before it is annotated."""
-    done = list[Outcome]()
+    done = list[StageOutcome]()
     yield 0
     for outcome in worker.run([Path(e) for e in lease]):
         done.append(outcome)
@@ -211,7 +211,11 @@ def leases(episodes: Sequence[str], workers: int) -> Iterator[Lease]:
 
 
 def _summary(
-    stage: Stage | Absent, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool
+    stage: Stage | Absent,
+    directory: str,
+    outcomes: list[StageOutcome],
+    seconds: float,
+    dry_run: bool,
 ) -> StageReport:
     count = Counter(o.action for o in outcomes)
     summary: StageReport = {

@@ -90,8 +90,8 @@ class EpisodeCost:
     """Seconds and bytes that an episode takes, failed attempts included, and where the figures come
     from.
 
-    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/py), where
-    files were looked at.
+    `core_seconds` is processor time, where it is known; `parts` the bytes by part, where files
+    were looked at.
     """
 
     seconds: float

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.data.setup import Setup
 from pipeline.motion.back_calculate import back_calculate_motion
 from pipeline.motion.company import Company
-from pipeline.motion.contract import Free, NoMotion, Request, Streams, TargetMotion
+from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, TargetMotion
 from pipeline.poses import inverse, quat_rotate
 from pipeline.stages.clearance import Clearance, beside
 from pipeline.stages.dry_run import DryRun
@@ -109,7 +109,7 @@ def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) ->
         return np.asarray(scene.sees(points, setup.camera).all(-1))
 
     try:
-        asked = Request(
+        asked = MotionRequest(
             spec.level if spec.moving else 0,
             spec.alpha,
             dry.meeting,

@@ -124,7 +124,7 @@ NO_MOTION_HINTS = {
         " from higher up"
     ),
 }
-"""Hint by what refused most motions (motion/judge.py)."""
+"""Hint by what refused most motions (motion/planar/judge.py)."""
 
 
 def refusals(details: Iterable[str]) -> Counter[str]:

@@ -207,16 +207,18 @@ class Task(ABC):
         target first: a gripper that taps the target and then acts as on a still one has not tracked
         it.
         """
-        found = self.success(o, arms)
+        conditions = self.success(o, arms)
         if "lift" in self.limits:
-            found["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(
+            conditions["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(
                 o.rules
             )
         if o.rules.name == "domino":
-            return {name: holds for name, holds in found.items() if name not in self.own_conditions}
+            return {
+                name: holds for name, holds in conditions.items() if name not in self.own_conditions
+            }
         if self.category == TRACKING and self.manipulated != self.target:
-            found[f"met_by_{self.manipulated}"] = o.met_by() == self.manipulated
-        return found
+            conditions[f"met_by_{self.manipulated}"] = o.met_by() == self.manipulated
+        return conditions
 
 
 class UndeclaredFamily(DominoError):
@@ -231,20 +233,20 @@ LIBRARY: Final = "pipeline.tasks.library."
 
 def suites() -> dict[str, tuple[str, ...]]:
     """Names of the tasks of every suite, sorted."""
-    found: dict[str, list[str]] = {}
+    by_suite: dict[str, list[str]] = {}
     for name in sorted(TASKS):
-        found.setdefault(TASKS[name].suite, []).append(name)
-    return {suite: tuple(names) for suite, names in found.items()}
+        by_suite.setdefault(TASKS[name].suite, []).append(name)
+    return {suite: tuple(names) for suite, names in by_suite.items()}
 
 
 def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
     """Tasks by name, with names of suites replaced by their tasks; none, or `all`, are those of the
     suite `domino`."""
-    known, wanted = suites(), tuple(names) or ("all",)
+    known, requested = suites(), tuple(names) or ("all",)
     return tuple(
         dict.fromkeys(
             task
-            for name in wanted
+            for name in requested
             for task in known.get(DOMINO if name == "all" else name, (name,))
         )
     )

@@ -56,12 +56,12 @@ def families_of(task: Task) -> frozenset[str]:
     place. `lay_out` refuses any other."""
     if task.families:
         return frozenset(task.families)
-    found = set[str]()
+    families = set[str]()
     for seed in range(TRIALS):
         draw = _Recording(seed)
         placed = {name_of(placement.instance) for placement in task.layout(draw)}
-        found |= placed | draw.families
-    return frozenset(found)
+        families |= placed | draw.families
+    return frozenset(families)
 
 
 def bodies_of(task: Task) -> set[str]:

@@ -161,8 +161,8 @@ class Outcome:
 
     def met_by(self) -> str:
         """The body or link that touched the target first, "" if none did."""
-        found = self.log.event("meeting")
-        return found.by if found else ""
+        meeting = self.log.event("meeting")
+        return meeting.by if meeting else ""
 
     # --- contacts
     # ------------------------------------------------------------------------------------------
@@ -180,8 +180,8 @@ class Outcome:
         `last` frames."""
         i, j = sorted((self._index[a], self._index[b]))
         rows = self.log.contacts
-        found = rows[(rows["a"] == i) & (rows["b"] == j)]
-        return found if last is None else found[found["frame"] >= len(self.log) - last]
+        between = rows[(rows["a"] == i) & (rows["b"] == j)]
+        return between if last is None else between[between["frame"] >= len(self.log) - last]
 
     def touching(self, a: str, b: str, last: int = 2) -> bool:
         """Whether two bodies touched in the last frames."""

@@ -1,9 +1,6 @@
 """Drawn surfaces as a binary glTF file: one mesh, a primitive per material, float32 arrays,
-textures as PNG.
-
-What `write_glb` writes is what `read_glb` reads, value for value. Files of other programs are for
-`world/meshes`.
-"""
+textures as PNG. What `write_glb` writes is what `read_glb` reads; files of others are for
+`world/meshes`."""
 
 import json
 import struct
@@ -14,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.data.reading import open_regular, read_regular
+from pipeline.data.reading import read_regular
 from pipeline.world.looks.png import read_png, write_png
-from pipeline.world.shapes import Material, Mesh, Parts, deferred
+from pipeline.world.shapes import Material, Mesh, Parts, linear, srgb_of
 
 GENERATOR = "domino-data"
 _MAGIC, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -75,7 +72,7 @@ def write_glb(parts: Parts) -> bytes:
                 "material": len(materials),
             }
         )
-        color = [round(_linear(c), _DIGITS) for c in material.color]
+        color = np.round(linear(material.color), _DIGITS).tolist()
         surface = {
             "baseColorFactor": [*color, 1.0],
             "metallicFactor": material.metallic,
@@ -116,24 +113,17 @@ def write_glb(parts: Parts) -> bytes:
 
 
 def read_glb(path: Path) -> Parts:
-    """The parts of a file of `write_glb`; their arrays are read when the first of them is used.
-    Raises GlbError."""
+    """The parts of a file of `write_glb`. Raises GlbError."""
     try:
-        with open_regular(path) as file:
-            magic, version, _, length, kind = struct.unpack("<5I", file.read(20))
-            if (magic, version, kind) != (_MAGIC, 2, _JSON) or length > path.stat().st_size:
-                raise ValueError("no header of a binary glTF file")
-            document = json.loads(file.read(length))
+        data = read_regular(path)
+        magic, version, _, length, kind = struct.unpack_from("<5I", data)
+        if (magic, version, kind) != (_MAGIC, 2, _JSON):
+            raise ValueError("no header of a binary glTF file")
+        document = json.loads(data[20 : 20 + length])
         if document["asset"].get("generator") != GENERATOR:
             raise ValueError("written by another program")
-        surfaces = [
-            document["materials"][p["material"]]["pbrMetallicRoughness"]
-            for p in document["meshes"][0]["primitives"]
-        ]
-        return tuple(
-            (_mesh(path, i), _material(surface, _texture(path, document, surface)))
-            for i, surface in enumerate(surfaces)
-        )
+        primitives = document["meshes"][0]["primitives"]
+        return tuple(_part(document, data[28 + length :], each) for each in primitives)
     except (
         OSError,
         struct.error,
@@ -149,64 +139,33 @@ def read_glb(path: Path) -> Parts:
         ) from error
 
 
-def _texture(
-    path: Path, document: dict[str, Any], surface: dict[str, Any]
-) -> NDArray[np.uint8] | None:
-    """The image (H,W,4) of a surface, None without one. Raises ValueError for one that is
-    damaged."""
-    if "baseColorTexture" not in surface:
-        return None
-    image = document["images"][document["textures"][surface["baseColorTexture"]["index"]]["source"]]
-    where = document["bufferViews"][image["bufferView"]]
-    data = read_regular(path)
-    start = 28 + struct.unpack_from("<I", data, 12)[0] + where["byteOffset"]
-    coded = data[start : start + where["byteLength"]]
-    return read_png(coded)
-
-
-def _material(surface: dict[str, Any], texture: NDArray[np.uint8] | None) -> Material:
-    r, g, b = (round(_srgb(c), 6) for c in surface["baseColorFactor"][:3])
-    return Material(
-        (r, g, b), float(surface["roughnessFactor"]), float(surface["metallicFactor"]), texture
-    )
-
-
-@deferred
-def _mesh(path: Path, index: int) -> Mesh:
-    data = read_regular(path)
-    length = struct.unpack_from("<I", data, 12)[0]
-    document = json.loads(data[20 : 20 + length])
-    start = 28 + length
+def _part(
+    document: dict[str, Any], blob: bytes, primitive: dict[str, Any]
+) -> tuple[Mesh, Material]:
+    """A primitive of a file. Raises ValueError for one that is damaged."""
+    views = document["bufferViews"]
 
     def array(number: int) -> NDArray[Any]:
         accessor = document["accessors"][number]
-        view, width = document["bufferViews"][accessor["bufferView"]], _WIDTHS[accessor["type"]]
+        width, start = _WIDTHS[accessor["type"]], views[accessor["bufferView"]]["byteOffset"]
         dtype = np.float32 if accessor["componentType"] == _FLOAT else np.uint32
-        values = np.frombuffer(data, dtype, accessor["count"] * width, start + view["byteOffset"])
-        return values.reshape(-1, width)
+        return np.frombuffer(blob, dtype, accessor["count"] * width, start).reshape(-1, width)
 
-    try:
-        primitive = document["meshes"][0]["primitives"][index]
-        at = primitive["attributes"]
-        uvs = array(at["TEXCOORD_0"]) if "TEXCOORD_0" in at else None
-        mesh = Mesh(
-            array(at["POSITION"]),
-            array(primitive["indices"]).reshape(-1, 3),
-            array(at["NORMAL"]),
-            uvs,
-        )
-        if not np.isfinite(mesh.vertices).all() or mesh.triangles.max(initial=0) >= len(
-            mesh.vertices
-        ):
-            raise ValueError("a vertex is not finite, or a triangle names one that is not there")
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise GlbError(f"{path}: is damaged ({error})") from error
-    return mesh
-
-
-def _linear(c: float) -> float:
-    return c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
-
-
-def _srgb(c: float) -> float:
-    return 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
+    at = primitive["attributes"]
+    mesh = Mesh(
+        array(at["POSITION"]),
+        array(primitive["indices"]).reshape(-1, 3),
+        array(at["NORMAL"]),
+        array(at["TEXCOORD_0"]) if "TEXCOORD_0" in at else None,
+    )
+    if not np.isfinite(mesh.vertices).all() or mesh.triangles.max(initial=0) >= len(mesh.vertices):
+        raise ValueError("a vertex is not finite, or a triangle names one that is not there")
+    surface, texture = document["materials"][primitive["material"]]["pbrMetallicRoughness"], None
+    if "baseColorTexture" in surface:
+        source = document["textures"][surface["baseColorTexture"]["index"]]["source"]
+        where = views[document["images"][source]["bufferView"]]
+        start = where["byteOffset"]
+        texture = read_png(blob[start : start + where["byteLength"]])
+    r, g, b = np.round(srgb_of(surface["baseColorFactor"][:3]), 6).tolist()
+    roughness, metallic = float(surface["roughnessFactor"]), float(surface["metallicFactor"])
+    return mesh, Material((r, g, b), roughness, metallic, texture)

@@ -73,6 +73,24 @@ def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
     return later
 
 
+def quads(*corners: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Triangles (2M,3) of M quadrilaterals from the indices (M,) of their four corners in turn."""
+    a, b, c, d = corners
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def linear(color: ArrayLike) -> NDArray[np.float64]:
+    """sRGB 0-1 -> linear 0-1 (IEC 61966-2-1)."""
+    c = np.asarray(color, float)
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_of(light: ArrayLike) -> NDArray[np.float64]:
+    """The inverse of `linear`."""
+    c = np.asarray(light, float)
+    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+
+
 def merge(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several; where any has uvs, the others get zeros."""
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])

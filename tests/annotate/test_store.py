@@ -86,7 +86,7 @@ def test_same_content_gives_same_bytes(tmp_path: Path):
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(place=st.floats(0, 1, exclude_max=True), flip=st.integers(1, 255), cut=st.booleans())
 def test_any_damage_is_found_or_harmless(tmp_path: Path, place: float, flip: int, cut: bool):

@@ -30,7 +30,7 @@ def test_what_is_put_is_got_and_kept_once(tmp_path):
     assert other != key != store.put(ARRAYS, [*ATTRIBUTES, {}])
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
 @given(st.data())
 def test_a_damaged_asset_is_one_line_or_the_same(tmp_path, data):
     store = AssetStore(tmp_path)

@@ -1,6 +1,8 @@
 """A model of motions that is not of the package: a sinusoid along x during which the target
 turns."""
 
+# pyright: reportArgumentType=false
+
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -15,8 +17,8 @@ from pipeline.motion.contract import (
     Array,
     Features,
     Level,
+    MotionRequest,
     NoMotion,
-    Request,
     SpeedBound,
     Streams,
     TargetMotion,
@@ -89,7 +91,7 @@ class SwayModel:
         {4: Level("swaying from side to side", "#7c3aed")}
     )
 
-    def draw(self, asked: Request, streams: Streams) -> Sway:
+    def draw(self, asked: MotionRequest, streams: Streams) -> Sway:
         turn = float(streams.shape.uniform(0.2, 0.6))
         end = tuple(np.asarray(asked.end_pose, float).tolist())
         for sign in streams.direction.permutation([-1.0, 1.0]).tolist():
@@ -106,7 +108,7 @@ class SwayModel:
                 return found
         raise NoMotion(asked, {"blocked": 2})
 
-    def stand(self, asked: Request, streams: Streams) -> Sway:
+    def stand(self, asked: MotionRequest, streams: Streams) -> Sway:
         return Sway(
             0,
             0.0,

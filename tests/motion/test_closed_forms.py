@@ -1,6 +1,8 @@
 """Motions in closed form: what holds of every model, and the law of each by an independent
 calculation."""
 
+# pyright: reportAbstractUsage=false, reportArgumentType=false, reportAttributeAccessIssue=false
+
 import json
 from dataclasses import fields
 
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from pipeline.motion.closed_form import MotionError, first_that_fits
-from pipeline.motion.contract import NoMotion, Request, Streams, derived
+from pipeline.motion.contract import MotionRequest, NoMotion, Streams, derived
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.models.ballistic import Ballistic, BallisticModel
 from pipeline.motion.workspace import Workspace
@@ -23,7 +25,7 @@ every_model = pytest.mark.parametrize("name", OWN)
 
 
 def asked(level, **options):
-    return Request(
+    return MotionRequest(
         level,
         0.1,
         3.0,
@@ -43,7 +45,7 @@ def drawn(name, level, seed, **options):
 
 @every_model
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6), lead=st.sampled_from([0.0, 0.5]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_every_model_meets_keeps_alpha_and_comes_back_from_json(name, level, seed, lead):
     motion = drawn(name, level, seed, lead=lead)
     np.testing.assert_allclose(motion.pose(3.0), END, atol=1e-12)
@@ -73,7 +75,7 @@ def test_a_motion_whose_twist_is_not_the_derivative_of_its_pose_is_refused():
 
 @every_model
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_a_twist_is_the_rate_of_the_pose(name, level, seed):
     motion, h = drawn(name, level, seed), 1e-6
     t = np.linspace(0.05, 3.2, 40)
@@ -144,7 +146,7 @@ def test_what_is_no_motion_is_refused(name):
 
 
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_a_rolling_body_does_not_slip(level, seed):
     motion, t = drawn("rolling", level, seed), np.linspace(0, 3, 50)
     poses, twists = motion.pose(t), motion.twist(t)
@@ -210,7 +212,7 @@ def test_a_handed_object_arrives_at_rest_and_is_stopped_on_the_way_at_level_3():
 
 
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_what_flies_is_moved_by_gravity_alone(level, seed):
     for name, vertical in (("drop", "released"), ("toss", "met")):
         motion = drawn(name, level, seed)
@@ -226,7 +228,7 @@ def test_what_flies_is_moved_by_gravity_alone(level, seed):
 
 
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_what_was_pushed_is_slowed_by_friction_and_struck_by_cushions(level, seed):
     motion = drawn("pushed", level, seed)
     t, h = np.linspace(0.12 * 3 + 0.01, 3.0, 40), 1e-4

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.motion.contract import Level, Request, Streams
+from pipeline.motion.contract import Level, MotionRequest, Streams
 from pipeline.motion.models import (
     MODELS,
     level_name,
@@ -30,8 +30,8 @@ def sway():
     MODELS.remove("sway")
 
 
-def asked(level: int, **options) -> Request:
-    return Request(level, 0.1, 3.0, END, Workspace(-0.35, 0.35, -0.25, 0.15), **options)
+def asked(level: int, **options) -> MotionRequest:
+    return MotionRequest(level, 0.1, 3.0, END, Workspace(-0.35, 0.35, -0.25, 0.15), **options)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])

@@ -1,5 +1,7 @@
 """The report and the contact sheet against episodes of known numbers and colours."""
 
+# pyright: reportOptionalSubscript=false
+
 import base64
 import re
 from html.parser import HTMLParser
@@ -18,10 +20,10 @@ from pipeline.report import summary
 from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import MEETING_COLOR, draw_path, film, pick_frames, target_path
 from pipeline.report.sections import (
-    Bar,
     CellCard,
     Figure,
     Moves,
+    OutcomeBar,
     Report,
     Section,
     Strip,
@@ -30,7 +32,7 @@ from pipeline.report.sections import (
     speed_histogram,
 )
 from pipeline.report.speed_law import Law
-from pipeline.report.summary import Material, cell_of, observe, write_report
+from pipeline.report.summary import ReportData, cell_of, observe, write_report
 from tests.synthetic import COLORS, HALF, SPEED, episode_path, make_episode, square_corner
 
 
@@ -59,7 +61,7 @@ def report(root, paths, rows, extras=(), keys=None):
     for row in rows:
         cells.setdefault(cell_of(row), []).append(row)
     return write_report(
-        root, Material([observe(path) for path in paths], cells, keys or {}), extras
+        root, ReportData([observe(path) for path in paths], cells, keys or {}), extras
     )
 
 
@@ -264,7 +266,7 @@ ESCAPED = "&lt;script&gt;alert(&#39;x&#39;)&amp;&#34;quoted&#34;"
 def test_hostile_names_are_escaped_wherever_they_stand(tmp_path):
     rows = [attempt(stage=HOSTILE, outcome="failed", reason=HOSTILE)]
     written = report(tmp_path / HOSTILE.replace("/", ""), [], rows, []).read_text()
-    bars = [Bar(HOSTILE, 1, False)]
+    bars = [OutcomeBar(HOSTILE, 1, False)]
     strips = [Strip([Figure(b"", f'" onload={HOSTILE}')], 1)]
     moves = Moves(HOSTILE, Law(3, 0.1, 0.1, 0.2, 0.0, 0.0, 1.0), None)
     card = CellCard(HOSTILE, bars, moves, strips, [HOSTILE])

@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.annotate.flow_stage import FlowStage
 from pipeline.annotate.options import AnnotateOptions, FlowOptions
-from pipeline.annotate.stage import Result
+from pipeline.annotate.stage import StageResult
 from pipeline.annotate.store import episode_paths
 from pipeline.crew.contract import Crew
 from pipeline.run import annotate as module
@@ -33,12 +33,12 @@ class Fatal(FlowStage):
     name = "fatal"
     signal: int = signal.SIGKILL
 
-    def compute(self, data: Any) -> Result:
+    def compute(self, data: Any) -> StageResult:
         if len(data) == 4:
             os.kill(os.getpid(), self.signal)
         return super().compute(data)
 
-    def start(self) -> Callable[[Any], Result]:
+    def start(self) -> Callable[[Any], StageResult]:
         return self.compute
 
 

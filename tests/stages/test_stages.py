@@ -1,6 +1,9 @@
 """The three stages on one scene: clearance against brute force, reasons of failure, the time of
 success."""
 
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportPossiblyUnboundVariable=false
+
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +16,7 @@ from pipeline.data.names import SIDES
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.grasping import lifted
-from pipeline.motion.planar.judge import Limits, judge_shapes
+from pipeline.motion.planar.judge import MotionLimits, judge_shapes
 from pipeline.motion.planar.levels import DRAW
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.motion.workspace import Workspace
@@ -68,7 +71,9 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
         requests[0].workspace,
     )
     paths = DRAW[level](np.random.default_rng(1), 20_000, alpha, 6.0, end[:2], space)
-    limits = Limits(space, end, level, alpha, 6.0, end_speed_limit=requests[0].end_speed_limit)
+    limits = MotionLimits(
+        space, end, level, alpha, 6.0, end_speed_limit=requests[0].end_speed_limit
+    )
     reasons = judge_shapes(paths, limits)
     last = np.arange(len(reasons)), (paths.durations > 0).sum(-1) - 1
     slopes = (paths.coefficients[last] * np.arange(paths.coefficients.shape[-1])).sum(-1)

@@ -15,7 +15,7 @@ from pipeline.tasks.contract import Draw
 from pipeline.world.cameras import cameras_of
 from pipeline.world.robots import get_embodiment
 
-LAYOUTS = 100
+LAYOUTS = 60
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import Simulation
 
 NAMES = expand_tasks(())
-SEEDS = range(12)
+SEEDS = range(6)
 TRIES = 6
 """Attempts a task may need at level 0 and 3 until one is accepted."""
 

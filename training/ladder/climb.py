@@ -22,7 +22,7 @@ from pipeline.evaluate.policies.policy import PolicyName
 from pipeline.evaluate.scenes.case import blind
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import Clock
-from pipeline.report.card.ladder import RESULTS, Result
+from pipeline.report.card.ladder import RESULTS, LadderResult
 from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
 from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
@@ -78,7 +78,7 @@ class Network:
 
 def climb(
     ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None
-) -> list[Result]:
+) -> list[LadderResult]:
     """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise
     it in OUT/ladder.json.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.scoring.statistics import clustered
-from pipeline.report.card.ladder import Result, Score, read_results
+from pipeline.report.card.ladder import LadderResult, LadderScore, read_results
 
 KEYS = (
     "task",
@@ -23,23 +23,23 @@ KEYS = (
 )
 
 
-class Tried(Score):
+class Tried(LadderScore):
     """The score of one network, and the seeds of the scenes that it solved."""
 
     solved_seeds: list[int]
 
 
-def summary(rows: Sequence[Tried]) -> list[Result]:
+def summary(rows: Sequence[Tried]) -> list[LadderResult]:
     """Rows of all seeds of a network together: successes of episodes, with an interval clustered by
     scene (the networks of all seeds try the same ones), and the success rate of each seed."""
     groups: dict[tuple[Any, ...], list[Tried]] = {}
     for row in rows:
         groups.setdefault(_key(row), []).append(row)
-    out = list[Result]()
+    out = list[LadderResult]()
     for group in groups.values():
         solved, episodes = sum(r["solved"] for r in group), sum(r["episodes"] for r in group)
         low, high = clustered(_by_scene(group))
-        of: Score = {key: value for key, value in group[0].items() if key != "solved_seeds"}  # pyright: ignore[reportAssignmentType]
+        of: LadderScore = {key: value for key, value in group[0].items() if key != "solved_seeds"}  # pyright: ignore[reportAssignmentType]
         rate, by_seed = 100 * solved / episodes, [100 * r["solved"] / r["episodes"] for r in group]
         interval = [100 * low, 100 * high]
         out.append(
@@ -63,11 +63,11 @@ def _by_scene(group: Sequence[Tried]) -> list[tuple[int, int]]:
     )
 
 
-def write_results(path: Path, rows: Sequence[Result], code: str) -> None:
+def write_results(path: Path, rows: Sequence[LadderResult], code: str) -> None:
     """Write the rows of a summary with the version of the program that found them.
 
     Rows of the file about other cells and networks stay if they are of the same version."""
-    kept = list[Result]()
+    kept = list[LadderResult]()
     if path.exists():
         before, version = read_results(path)
         found = {_key(row) for row in rows}
@@ -77,5 +77,5 @@ def write_results(path: Path, rows: Sequence[Result], code: str) -> None:
     )
 
 
-def _key(row: Score) -> tuple[Any, ...]:
+def _key(row: LadderScore) -> tuple[Any, ...]:
     return tuple(row.get(key, 0) for key in KEYS)

@@ -14,7 +14,7 @@ from pipeline.motion.closed_form import (
     turned_about,
     turns,
 )
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 
@@ -47,7 +47,7 @@ class Spinning(Along):
 class SpinningModel(ClosedFormModel[Spinning]):
     """The slot decides pace and spin, the attempt the direction."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Spinning]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Spinning]:
         pace, turn = draw_pace(asked, streams.shape), float(streams.shape.uniform(*TURN))
         for heading in headings(streams):
             yield Spinning(**common(asked), pace=pace, heading=heading, turn=turn)

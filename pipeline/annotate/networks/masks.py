@@ -148,12 +148,12 @@ def detect(
     words = [
         [ids[j] for j in np.flatnonzero(m[: len(ids)]) if 0 < j < len(ids) - 1] for m in matched
     ]
-    found = scores > box_threshold
+    detected = scores > box_threshold
     phrases = [
         detector.tokenizer.decode(w).replace(".", "").strip() if f else ""
-        for w, f in zip(words, found, strict=True)
+        for w, f in zip(words, detected, strict=True)
     ]
-    return boxes * found[:, None], scores * found, phrases
+    return boxes * detected[:, None], scores * detected, phrases
 
 
 def segment(

@@ -171,16 +171,16 @@ def inference(device: str, precision: str) -> Iterator[None]:
 def image_settings(files: ModelFiles) -> dict[str, Any]:
     """`size`, `image_mean`, `image_std` of a model's image processor, ImageNet's mean and deviation
     where it names none."""
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for name in ("processor_config.json", "preprocessor_config.json"):
         path = Path(files.path) / name
         if path.is_file():
             content = read_json(path)
-            found |= content.get("image_processor", content)
+            settings |= content.get("image_processor", content)
     return {
-        "size": found.get("size", {}),
-        "image_mean": found.get("image_mean", _IMAGENET[0]),
-        "image_std": found.get("image_std", _IMAGENET[1]),
+        "size": settings.get("size", {}),
+        "image_mean": settings.get("image_mean", _IMAGENET[0]),
+        "image_std": settings.get("image_std", _IMAGENET[1]),
     }
 
 

@@ -21,7 +21,7 @@ _QUOTED = re.compile(r"\"([^\"]+)\"|“([^”]+)”|(?<!\w)'([^']+)'(?!\w)")
 
 
 @dataclass(frozen=True)
-class Asked:
+class Prompts:
     """Objects to mask, without repeats; `roles` maps "target" and "manipulated" to their index
     where they were asked for."""
 
@@ -45,17 +45,17 @@ def caption(phrase: str) -> str:
     return phrase.lower().strip().rstrip(".").strip() + "."
 
 
-def ask(meta: EpisodeMeta, instruction: str, wanted: Sequence[str], source: str) -> Asked:
-    """Objects and captions for an episode. `wanted` are roles or object names; `source` as in
+def ask(meta: EpisodeMeta, instruction: str, requested: Sequence[str], source: str) -> Prompts:
+    """Objects and captions for an episode. `requested` are roles or object names; `source` as in
     MaskOptions.prompt.
 
     Raises AnnotateError for an object that the episode does not have.
     """
     if source == "instruction":
-        return Asked(("instruction",), (caption(parse_instruction(instruction)),), {})
+        return Prompts(("instruction",), (caption(parse_instruction(instruction)),), {})
     names: list[str] = []
     roles: dict[str, int] = {}
-    for want in wanted:
+    for want in requested:
         name = getattr(meta, want) if want in ROLES else want
         if name not in meta.objects:
             raise AnnotateError(
@@ -67,4 +67,4 @@ def ask(meta: EpisodeMeta, instruction: str, wanted: Sequence[str], source: str)
             roles[want] = names.index(name)
     word = "noun" if source == "metadata" else "description"
     phrases = [getattr(meta.objects[n], word) or n.replace("_", " ") for n in names]
-    return Asked(tuple(names), tuple(map(caption, phrases)), roles)
+    return Prompts(tuple(names), tuple(map(caption, phrases)), roles)

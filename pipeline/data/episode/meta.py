@@ -228,7 +228,7 @@ class EpisodeMeta(_Record):
     where it is. `meeting_time` (s) is the planned meeting, when the motion is at the manipulation
     pose; the `expert` "planned" meets the target then, the "reactive" one when it can; `corrects`
     names the policy that acts before the expert does, "" for none. Speeds (m/s) and `displacement`
-    (m) are those of the target's motion (motion/target_motion.py, Features). `rules`, `contact` and
+    (m) are those of the target's motion (motion/contract.py, Features). `rules`, `contact` and
     `layout` say how the episode was judged, what the first touch did and where the bases stood
     (data/rules.py), `physics_hz` how fast physics ran, `step_limit` how many control periods the
     task allows, `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.

@@ -1,5 +1,4 @@
-"""Evaluations against each other: policies that tried the same scenes are compared scene by scene
-(difference.py)."""
+"""Evaluations against each other: policies that tried the same scenes, compared scene by scene."""
 
 import json
 from collections import defaultdict

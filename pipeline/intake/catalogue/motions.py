@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.atomic import write_atomic
-from pipeline.motion.contract import NoMotion, Request, Streams
+from pipeline.motion.contract import MotionRequest, NoMotion, Streams
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import yawed
 from pipeline.tasks.contract import TASKS
 
-EXAMPLE = Request(
+EXAMPLE = MotionRequest(
     1,
     0.1,
     4.0,

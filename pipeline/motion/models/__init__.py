@@ -75,7 +75,9 @@ def motion_from_json(text: str) -> TargetMotion:
         raise ValueError("this is not a target motion: its others are no JSON object")
     target = MODELS[name].read(values)
     return (
-        Company(target, {who: motion_from_json(json.dumps(found)) for who, found in others.items()})
+        Company(
+            target, {who: motion_from_json(json.dumps(values)) for who, values in others.items()}
+        )
         if others
         else target
     )

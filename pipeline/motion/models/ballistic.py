@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import Pace, draw_pace
 from pipeline.motion.scenery import Prop, flat, rod
@@ -70,17 +70,17 @@ class Ballistic(ClosedForm):
     def place(self, t: Array) -> Array:
         t = np.minimum(t, self.landing)
         ahead = self.pace.advance(t) - self.pace.advance(np.array(self.duration))
-        found = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
-        found[..., 0] += ahead * np.cos(self.heading)
-        found[..., 1] += ahead * np.sin(self.heading)
-        found[..., 2] += self._height(t)[0]
-        return found
+        poses = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
+        poses[..., 0] += ahead * np.cos(self.heading)
+        poses[..., 1] += ahead * np.sin(self.heading)
+        poses[..., 2] += self._height(t)[0]
+        return poses
 
     def rates(self, t: Array) -> Array:
-        found, along = np.zeros((*np.shape(t), 6)), self.pace.rate(t)
-        found[..., 0], found[..., 1] = along * np.cos(self.heading), along * np.sin(self.heading)
-        found[..., 2] = self._height(t)[1]
-        return found * (t < self.landing)[..., None]
+        twists, along = np.zeros((*np.shape(t), 6)), self.pace.rate(t)
+        twists[..., 0], twists[..., 1] = along * np.cos(self.heading), along * np.sin(self.heading)
+        twists[..., 2] = self._height(t)[1]
+        return twists * (t < self.landing)[..., None]
 
     def speed(self, t: ArrayLike) -> Array:
         return np.asarray(np.linalg.norm(self.twist(t)[..., :2], axis=-1), float)
@@ -90,9 +90,9 @@ class Ballistic(ClosedForm):
 
     def bearer(self, t: ArrayLike) -> Array:
         """Pose (..., 7) of what carries it, which stops at the release."""
-        found = self.pose(np.minimum(np.asarray(t, float), self.release))
-        found[..., 3:] = pose()[3:]
-        return found
+        poses = self.pose(np.minimum(np.asarray(t, float), self.release))
+        poses[..., 3:] = pose()[3:]
+        return poses
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class BallisticModel[M: Ballistic](ClosedFormModel[M]):
     """One height of fall or rise, which keeps the plate over the floor, and one heading after
     another."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[M]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
         rng, z = streams.shape, float(np.asarray(asked.end_pose, float)[2])
         height = float(rng.uniform(*HEIGHT))
         if self._motion is Toss:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 
@@ -29,25 +29,25 @@ class Circle(Along):
         return self.inward + np.pi + self.sense * np.asarray(s) / self.radius
 
     def at(self, s: Array) -> Array:
-        found, angle, start = (
+        poses, angle, start = (
             np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(),
             self._angle(s),
             self._angle(np.array(0.0)),
         )
-        found[..., 0] += self.radius * (np.cos(angle) - np.cos(start))
-        found[..., 1] += self.radius * (np.sin(angle) - np.sin(start))
-        return found
+        poses[..., 0] += self.radius * (np.cos(angle) - np.cos(start))
+        poses[..., 1] += self.radius * (np.sin(angle) - np.sin(start))
+        return poses
 
     def slope(self, s: Array) -> Array:
-        found, angle = np.zeros((*np.shape(s), 6)), self._angle(s)
-        found[..., 0], found[..., 1] = -self.sense * np.sin(angle), self.sense * np.cos(angle)
-        return found
+        twists, angle = np.zeros((*np.shape(s), 6)), self._angle(s)
+        twists[..., 0], twists[..., 1] = -self.sense * np.sin(angle), self.sense * np.cos(angle)
+        return twists
 
 
 class CircleModel(ClosedFormModel[Circle]):
     """One radius and sense; the centre lies in one direction after another."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Circle]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Circle]:
         pace, radius = draw_pace(asked, streams.shape), float(streams.shape.uniform(*RADIUS))
         for inward in headings(streams):
             sense = int(streams.direction.choice([-1, 1]))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import SHEET, Piece, Prop, flat, standing
@@ -37,9 +37,9 @@ class Conveyor(Along):
         return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
 
     def at(self, s: Array) -> Array:
-        found = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy()
-        found[..., :3] += np.asarray(s)[..., None] * self._forward
-        return found
+        poses = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy()
+        poses[..., :3] += np.asarray(s)[..., None] * self._forward
+        return poses
 
     def slope(self, s: Array) -> Array:
         return np.broadcast_to(np.concatenate([self._forward, np.zeros(3)]), (*np.shape(s), 6))
@@ -68,16 +68,16 @@ class Conveyor(Along):
         """Poses of the slat that is at `place` (m along the belt) at the meeting; beyond the belt
         it runs below the table top."""
         along = place + self.pace.advance(np.maximum(np.asarray(t, float), -self.lead))
-        found = self.at(along)
-        found[..., 3:] = yawed((0, 0, 0), self.heading)[3:]
-        found[..., 2] -= SUNK * ((along < ends[0]) | (along > ends[1]))
-        return found
+        poses = self.at(along)
+        poses[..., 3:] = yawed((0, 0, 0), self.heading)[3:]
+        poses[..., 2] -= SUNK * ((along < ends[0]) | (along > ends[1]))
+        return poses
 
 
 class ConveyorModel(ClosedFormModel[Conveyor]):
     """One straight line; directions along the table's length come first, as belts lie."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Conveyor]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Conveyor]:
         pace = draw_pace(asked, streams.shape)
         for heading in sorted(headings(streams), key=lambda a: abs(np.sin(a)) > 0.4):
             yield Conveyor(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns
-from pipeline.motion.contract import Array, Request, Streams, described
+from pipeline.motion.contract import Array, MotionRequest, Streams, described
 from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import pose, quat_multiply
@@ -84,10 +84,10 @@ class Handed(ClosedForm):
         return (Prop("hand", (palm, *fingers, arm), self._under),)
 
     def _under(self, t: ArrayLike) -> Array:
-        found = self.pose(t)
+        poses = self.pose(t)
         share, _ = self._share(np.maximum(np.asarray(t, float), -self.lead))
-        found[..., 3:] = turns(self.about, self.angle * (1 - share))
-        return found
+        poses[..., 3:] = turns(self.about, self.angle * (1 - share))
+        return poses
 
 
 class HandedModel(ClosedFormModel[Handed]):
@@ -100,7 +100,7 @@ class HandedModel(ClosedFormModel[Handed]):
         "a motion that stops and resumes",
     )
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Handed]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Handed]:
         rng, total = streams.shape, asked.duration + asked.lead
         speed = (
             asked.alpha * rng.uniform(0.5, 0.9) / (PEAK if asked.speed_bound == "maximum" else 1.0)

@@ -15,7 +15,7 @@ from pipeline.motion.closed_form import (
     turned_about,
     turns,
 )
-from pipeline.motion.contract import Array, Request, Streams, described
+from pipeline.motion.contract import Array, MotionRequest, Streams, described
 from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, rod, standing
 from pipeline.poses import pose
@@ -104,7 +104,7 @@ class PendulumModel(ClosedFormModel[Pendulum]):
         "a swing that keeps its width", "a swing that dies away", "a swing that is knocked"
     )
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Pendulum]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Pendulum]:
         rng = streams.shape
         length, decay, share = (float(rng.uniform(*r)) for r in (LENGTH, DECAY, KNOCK))
         rate = np.sqrt(GRAVITY / length)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.motion.contract import (
-    Request,
+    MotionRequest,
     SpeedBound,
     Streams,
     TargetMotion,
@@ -27,10 +27,10 @@ class Planar:
     version = 1
     levels = described("constant velocity", "polynomial", "two or three abrupt segments")
 
-    def draw(self, asked: Request, streams: Streams) -> PlanarMotion:
+    def draw(self, asked: MotionRequest, streams: Streams) -> PlanarMotion:
         return draw_motion(asked, streams)
 
-    def stand(self, asked: Request, streams: Streams) -> PlanarMotion:
+    def stand(self, asked: MotionRequest, streams: Streams) -> PlanarMotion:
         return PlanarMotion.still(asked.end_pose, asked.duration, asked.lead)
 
     def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import pose, quat_multiply, quat_rotate, yawed
@@ -25,7 +25,7 @@ STEEL, FELT = (0.55, 0.56, 0.60), (0.10, 0.36, 0.22)
 HIGH = 0.012  # m, half height of paddle and cushions
 
 
-class Slide(NamedTuple):
+class Sliding(NamedTuple):
     """A piece of a path from time `t` (s): place (m), yaw and direction (rad), speed (m/s), spin
     (rad/s) and their decrease.
 
@@ -57,7 +57,7 @@ class Slide(NamedTuple):
             self.spin - sense * self.spin_slowing * turning,
         )
 
-    def later(self, t: float) -> "Slide":
+    def later(self, t: float) -> "Sliding":
         """The same slide from a later time on."""
         distance, speed, turned, spin = (float(value) for value in self.at(t))
         x, y = (
@@ -68,7 +68,9 @@ class Slide(NamedTuple):
             t=t, x=float(x), y=float(y), yaw=self.yaw + turned, speed=speed, spin=spin
         )
 
-    def bounced(self, normal: float, restitution: float, friction: float, radius: float) -> "Slide":
+    def bounced(
+        self, normal: float, restitution: float, friction: float, radius: float
+    ) -> "Sliding":
         """After a cushion whose normal points in direction `normal` (rad) has struck a disc: the
         velocity into the cushion is returned by `restitution`, and Coulomb friction acts on the
         surface of the disc (moment of inertia m r^2 / 2)."""
@@ -93,7 +95,7 @@ class Pushed(ClosedForm):
     `radius` m. `friction` and `restitution` are those it met."""
 
     kind: ClassVar[str] = "pushed"
-    pieces: tuple[Slide, ...]
+    pieces: tuple[Sliding, ...]
     normals: tuple[float, ...]
     radius: float
     friction: float
@@ -111,15 +113,15 @@ class Pushed(ClosedForm):
             np.moveaxis(self._located(t)[0], -1, 0),
             self._located(t)[1],
         )
-        found = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
-        found[..., 0] = origin[..., 0] + distance * np.cos(direction)
-        found[..., 1] = origin[..., 1] + distance * np.sin(direction)
+        poses = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
+        poses[..., 0] = origin[..., 0] + distance * np.cos(direction)
+        poses[..., 1] = origin[..., 1] + distance * np.sin(direction)
         half = (origin[..., 2] + turned)[..., None] / 2
-        found[..., 3:] = quat_multiply(
+        poses[..., 3:] = quat_multiply(
             np.concatenate([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1),
             np.array(self.end[3:]),
         )
-        return found
+        return poses
 
     def rates(self, t: Array) -> Array:
         _, speed, _, spin, direction = np.moveaxis(self._located(t)[0], -1, 0)
@@ -145,9 +147,9 @@ class Pushed(ClosedForm):
         return tuple(props)
 
     def _behind(self, direction: float, ended: float, t: ArrayLike) -> Array:
-        found = self.pose(np.minimum(np.asarray(t, float), ended))
-        found[..., 3:] = yawed((0, 0, 0), direction)[3:]
-        return found
+        poses = self.pose(np.minimum(np.asarray(t, float), ended))
+        poses[..., 3:] = yawed((0, 0, 0), direction)[3:]
+        return poses
 
 
 class PushedModel(ClosedFormModel[Pushed]):
@@ -156,7 +158,7 @@ class PushedModel(ClosedFormModel[Pushed]):
     another: laws of friction and impact know no direction, so its start is found without a
     search."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Pushed]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Pushed]:
         slides, normals, restitution = _simulated(asked, streams.shape)
         while asked.level and slides[-1].later(asked.duration).speed < LEAST_END * asked.alpha:
             slides, normals, restitution = _simulated(asked, streams.shape)
@@ -165,7 +167,7 @@ class PushedModel(ClosedFormModel[Pushed]):
             np.asarray(asked.end_pose, float).tolist(),
         )
         for heading in headings(streams):
-            turn, placed = yawed((0, 0, 0), heading)[3:], list[Slide]()
+            turn, placed = yawed((0, 0, 0), heading)[3:], list[Sliding]()
             for one in slides:
                 dx, dy, _ = quat_rotate(
                     turn, np.array([one.x - end.x, one.y - end.y, 0.0])
@@ -187,7 +189,9 @@ class PushedModel(ClosedFormModel[Pushed]):
             )
 
 
-def _simulated(asked: Request, rng: np.random.Generator) -> tuple[list[Slide], list[float], float]:
+def _simulated(
+    asked: MotionRequest, rng: np.random.Generator
+) -> tuple[list[Sliding], list[float], float]:
     """The slides of a level in a frame of their own, normals of the cushions, and their
     restitution.
 
@@ -201,7 +205,7 @@ def _simulated(asked: Request, rng: np.random.Generator) -> tuple[list[Slide], l
         float(rng.uniform(*CUSHION_FRICTION)),
     )
     slowing = (1 - kept) / (total - pushed)
-    first = Slide(-asked.lead, 0.0, 0.0, 0.0, 0.0, 0.0, -1 / pushed, 0.0, 0.0)
+    first = Sliding(-asked.lead, 0.0, 0.0, 0.0, 0.0, 0.0, -1 / pushed, 0.0, 0.0)
     slides, normals = (
         [first, first.later(pushed - asked.lead)._replace(slowing=slowing)],
         list[float](),
@@ -224,14 +228,14 @@ def _simulated(asked: Request, rng: np.random.Generator) -> tuple[list[Slide], l
             normals.append(float(normal))
     ends = [one.t for one in slides[1:]] + [asked.duration]
     way = sum(float(one.at(end)[0]) for one, end in zip(slides, ends, strict=True))
-    wanted = asked.alpha * rng.uniform(SLOWEST, 1.0) if asked.level else 0.0
-    scale = wanted * (1.0 if asked.speed_bound == "maximum" else total / way)
+    speed = asked.alpha * rng.uniform(SLOWEST, 1.0) if asked.level else 0.0
+    scale = speed * (1.0 if asked.speed_bound == "maximum" else total / way)
     return [_scaled(one, scale) for one in slides], normals, restitution
 
 
-def _scaled(one: Slide, by: float) -> Slide:
+def _scaled(one: Sliding, by: float) -> Sliding:
     """The slide at `by` times all its speeds."""
-    return Slide(
+    return Sliding(
         one.t,
         one.x * by,
         one.y * by,

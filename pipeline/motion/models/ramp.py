@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import Piece, Prop, standing
@@ -89,7 +89,7 @@ class Ramp(Along):
 class RampModel(ClosedFormModel[Ramp]):
     """One slope and foot; the ramp comes from one direction after another."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Ramp]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Ramp]:
         pace = draw_pace(asked, streams.shape)
         slope, foot = float(streams.shape.uniform(*SLOPE)), float(streams.shape.uniform(*FOOT))
         farthest = -float(pace.advance(np.linspace(-asked.lead, asked.duration, 200)).min())

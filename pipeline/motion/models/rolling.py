@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, turns
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.poses import quat_multiply, quat_rotate
@@ -60,7 +60,7 @@ class RollingModel(ClosedFormModel[Rolling]):
     """A straight line. Half the target's height is taken as its radius, so that it must be a ball,
     or a cylinder that lies."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Rolling]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Rolling]:
         pace = draw_pace(asked, streams.shape)
         for heading in headings(streams):
             yield Rolling(**common(asked), pace=pace, heading=heading, radius=asked.height / 2)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 
@@ -26,19 +26,19 @@ class Sinusoid(Along):
     phase: float
 
     def at(self, s: Array) -> Array:
-        found, s = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(), np.asarray(s)
+        poses, s = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(), np.asarray(s)
         aside = self.amplitude * (
             np.sin(2 * np.pi * s / self.wavelength + self.phase) - np.sin(self.phase)
         )
-        found[..., :2] += self._world(s, aside)
-        return found
+        poses[..., :2] += self._world(s, aside)
+        return poses
 
     def slope(self, s: Array) -> Array:
-        wave, found = 2 * np.pi / self.wavelength, np.zeros((*np.shape(s), 6))
-        found[..., :2] = self._world(
+        wave, twists = 2 * np.pi / self.wavelength, np.zeros((*np.shape(s), 6))
+        twists[..., :2] = self._world(
             np.ones(np.shape(s)), self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase)
         )
-        return found
+        return twists
 
     def _world(self, ahead: Array, aside: Array) -> Array:
         c, s = np.cos(self.heading), np.sin(self.heading)
@@ -48,7 +48,7 @@ class Sinusoid(Along):
 class SinusoidModel(ClosedFormModel[Sinusoid]):
     """One wave; its direction is the attempt's."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Sinusoid]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Sinusoid]:
         rng = streams.shape
         amplitude, wavelength, phase = (
             float(rng.uniform(*r)) for r in (AMPLITUDE, WAVELENGTH, (-np.pi, np.pi))

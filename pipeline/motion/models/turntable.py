@@ -15,7 +15,7 @@ from pipeline.motion.closed_form import (
     turned_about,
     turns,
 )
-from pipeline.motion.contract import Array, Request, Streams
+from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import SHEET, Piece, Prop, flat
@@ -55,13 +55,13 @@ class Turntable(Along):
     def slope(self, s: Array) -> Array:
         rate = self.sense / self.radius
         from_axis = self.at(s)[..., :3] - self._pivot
-        found = np.zeros((*np.shape(s), 6))
-        found[..., 0], found[..., 1], found[..., 5] = (
+        twists = np.zeros((*np.shape(s), 6))
+        twists[..., 0], twists[..., 1], twists[..., 5] = (
             -rate * from_axis[..., 1],
             rate * from_axis[..., 0],
             rate,
         )
-        return found
+        return twists
 
     def scenery(self) -> tuple[Prop, ...]:
         """The disc, with spokes by which its turning is seen."""
@@ -92,7 +92,7 @@ class TurntableModel(ClosedFormModel[Turntable]):
     """One radius; the axis lies in one direction after another from the meeting place, with either
     sense of turning."""
 
-    def candidates(self, asked: Request, streams: Streams) -> Iterator[Turntable]:
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Turntable]:
         pace, radius = draw_pace(asked, streams.shape), streams.shape.uniform(*RADIUS)
         x, y = np.asarray(asked.end_pose, float)[:2].tolist()
         for angle in headings(streams):

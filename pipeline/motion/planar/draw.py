@@ -11,16 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.motion.contract import Free, NoMotion, Request, Streams
+from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams
 from pipeline.motion.planar.judge import (
     REASONS,
-    Limits,
+    MotionLimits,
     exact_place,
     exact_speed,
     judge_places,
     judge_shapes,
 )
-from pipeline.motion.planar.levels import DRAW, Paths, turned
+from pipeline.motion.planar.levels import DRAW, DrawnPaths, turned
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 
 BATCH = 128
@@ -28,7 +28,7 @@ TURNS = 256
 """Directions tried of a shape, spread evenly over the circle."""
 
 
-def draw_motion(asked: Request, streams: Streams) -> PlanarMotion:
+def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
     """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`.
 
     The motion is back-calculated for `lead` + `duration`, so that it starts at t = -lead and still
@@ -58,7 +58,7 @@ def draw_motion(asked: Request, streams: Streams) -> PlanarMotion:
     sensible number.
     """
     end_pose = np.asarray(asked.end_pose, float)
-    limits = Limits(
+    limits = MotionLimits(
         asked.workspace,
         end_pose[:3],
         asked.level,
@@ -81,19 +81,19 @@ def draw_motion(asked: Request, streams: Streams) -> PlanarMotion:
     shape = _shape(limits, still, streams.shape, asked.candidates, counts)
     if shape is None:
         raise NoMotion(asked, _ordered(counts))
-    found = _placed(shape, limits, still, streams.direction, asked.free, counts)
-    if found is None:
+    motion = _placed(shape, limits, still, streams.direction, asked.free, counts)
+    if motion is None:
         raise NoMotion(asked, _ordered(counts), _motion(shape, 0, still).features())
-    return found
+    return motion
 
 
 def _shape(
-    limits: Limits,
+    limits: MotionLimits,
     still: PlanarMotion,
     rng: np.random.Generator,
     candidates: int,
     counts: Counter[str],
-) -> Paths | None:
+) -> DrawnPaths | None:
     """The first acceptable shape (one path); what is refused is counted."""
     for first in range(0, candidates, BATCH):
         paths = DRAW[limits.level](
@@ -115,8 +115,8 @@ def _shape(
 
 
 def _placed(
-    shape: Paths,
-    limits: Limits,
+    shape: DrawnPaths,
+    limits: MotionLimits,
     still: PlanarMotion,
     rng: np.random.Generator,
     free: Free | None,
@@ -146,7 +146,7 @@ def _ordered(counts: Counter[str]) -> dict[str, int]:
     return {reason: counts[reason] for reason in REASONS if counts[reason]}
 
 
-def _motion(paths: Paths, i: int, still: PlanarMotion) -> PlanarMotion:
+def _motion(paths: DrawnPaths, i: int, still: PlanarMotion) -> PlanarMotion:
     """Path `i` as a motion; everything but its segments is that of `still`."""
     used, lead = int((paths.durations[i] > 0).sum()), still.lead
     edges = [

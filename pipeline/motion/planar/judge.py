@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.motion.contract import SpeedBound, Visible
-from pipeline.motion.planar.levels import Paths
+from pipeline.motion.planar.levels import DrawnPaths
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.motion.planar.polynomials import derivative, evaluate, quadrature
 from pipeline.motion.workspace import Workspace
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class MotionLimits:
     """What a path must keep to: see `Request`. `end` (3,) in m; `total` is lead + duration in s.
     Raises ValueError for an unknown speed bound and a tail or end speed limit that is negative or
     not finite."""
@@ -70,7 +70,7 @@ class Limits:
                 raise ValueError(f"{name} must be finite and not negative: {value}")
 
 
-def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
+def judge_shapes(paths: DrawnPaths, limits: MotionLimits) -> NDArray[np.object_]:
     """First reason (N,) against each path as the law draws it, wherever it may be turned later; ""
     for none.
 
@@ -98,7 +98,7 @@ def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
     return _first_reasons(checks)
 
 
-def judge_places(paths: Paths, limits: Limits) -> NDArray[np.object_]:
+def judge_places(paths: DrawnPaths, limits: MotionLimits) -> NDArray[np.object_]:
     """First reason (N,) against each path where it lies, "" for none: workspace, tail, visibility.
     `limits.visible` is asked only about the paths that the others leave."""
     points = _samples(paths)
@@ -118,14 +118,14 @@ def judge_places(paths: Paths, limits: Limits) -> NDArray[np.object_]:
     return reasons
 
 
-def exact_speed(motion: PlanarMotion, limits: Limits) -> bool:
+def exact_speed(motion: PlanarMotion, limits: MotionLimits) -> bool:
     """Whether a motion keeps the speed bound by its closed form, which the samples of
     `judge_shapes` may miss by a hair."""
     speed = motion.average_speed() if limits.speed_bound == "average" else motion.maximum_speed()
     return speed <= limits.alpha * (1 + SPEED_ROUNDING)
 
 
-def exact_place(motion: PlanarMotion, limits: Limits) -> bool:
+def exact_place(motion: PlanarMotion, limits: MotionLimits) -> bool:
     """Whether a motion stays in the workspace by its closed form, which the samples of
     `judge_places` may miss by a hair."""
     return bool(limits.workspace.guarded(limits.end[:2]).contains(np.stack(motion.extent())).all())
@@ -138,7 +138,7 @@ def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
     return reasons
 
 
-def _corners(limits: Limits) -> Array:
+def _corners(limits: MotionLimits) -> Array:
     """Corners (4, 2) of the part of the workspace in which the path must stay."""
     inside = limits.workspace.guarded(limits.end[:2])
     (x0, y0), (x1, y1) = inside.lower, inside.upper
@@ -156,7 +156,7 @@ class _Speeds:
     end_velocity: Array
 
 
-def _speeds(paths: Paths, total: float) -> _Speeds:
+def _speeds(paths: DrawnPaths, total: float) -> _Speeds:
     slopes = derivative(paths.coefficients)
     used = paths.durations > 0
     spans = np.where(used, paths.durations, np.inf)[..., None]
@@ -173,7 +173,7 @@ def _speeds(paths: Paths, total: float) -> _Speeds:
     )
 
 
-def _samples(paths: Paths) -> Array:
+def _samples(paths: DrawnPaths) -> Array:
     """Points (N, K, 2) along the paths; pieces that a path does not use repeat its end."""
     points = evaluate(paths.coefficients[:, :, None], _nodes()[:, None])
     used = paths.durations > 0

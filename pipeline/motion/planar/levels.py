@@ -32,7 +32,7 @@ QUANTILES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Paths:
+class DrawnPaths:
     """A batch of N candidate paths with up to S pieces.
 
     `durations` (N, S) in s, 0 for pieces that a path does not use (always its last ones);
@@ -44,16 +44,16 @@ class Paths:
     coefficients: NDArray[np.float64]
     missed: NDArray[np.bool_]
 
-    def only(self, i: int) -> "Paths":
+    def only(self, i: int) -> "DrawnPaths":
         """The batch of path `i` alone."""
-        return Paths(
+        return DrawnPaths(
             self.durations[i : i + 1], self.coefficients[i : i + 1], self.missed[i : i + 1]
         )
 
 
 def turned(
-    path: Paths, angles: NDArray[np.float64], mirrored: NDArray[np.bool_], end: ArrayLike
-) -> Paths:
+    path: DrawnPaths, angles: NDArray[np.float64], mirrored: NDArray[np.bool_], end: ArrayLike
+) -> DrawnPaths:
     """One path (a batch of 1) turned about its `end` (2,) by each of `angles` (N,) rad, after a
     reflection where `mirrored` (N,): N paths with the same speeds."""
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
@@ -65,7 +65,7 @@ def turned(
     coefficients = (
         np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used) + origin * used
     )
-    return Paths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
+    return DrawnPaths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
 
 
 def draw_level_1(
@@ -75,7 +75,7 @@ def draw_level_1(
     total: float,
     end: ArrayLike,
     workspace: Workspace,
-) -> Paths:
+) -> DrawnPaths:
     """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s (to alpha where
     alpha < 0.01), any direction; the start is end - velocity * total."""
     end = np.asarray(end, float)
@@ -84,7 +84,7 @@ def draw_level_1(
     travel = (speed * total)[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     c = np.zeros((n, 1, 2, TERMS))
     c[:, 0, :, 0], c[:, 0, :, 1] = end - travel, travel
-    return Paths(np.full((n, 1), total), c, np.zeros(n, bool))
+    return DrawnPaths(np.full((n, 1), total), c, np.zeros(n, bool))
 
 
 def mean_speed(alpha: float) -> float:
@@ -100,13 +100,13 @@ def draw_level_2(
     total: float,
     end: ArrayLike,
     workspace: Workspace,
-) -> Paths:
+) -> DrawnPaths:
     """One polynomial of degree 2-4 through 3-5 control points; inner ones lie beside the chord by
     up to 0.1 m per axis."""
     end = np.asarray(end, float)
     start = draw_within_reach(rng, n, workspace, end, alpha * total)
     c = _curve(rng, start, np.broadcast_to(end, (n, 2)), (3, 4, 5), 0.1, workspace)
-    return Paths(np.full((n, 1), total), c[:, None], np.zeros(n, bool))
+    return DrawnPaths(np.full((n, 1), total), c[:, None], np.zeros(n, bool))
 
 
 def draw_level_3(
@@ -116,7 +116,7 @@ def draw_level_3(
     total: float,
     end: ArrayLike,
     workspace: Workspace,
-) -> Paths:
+) -> DrawnPaths:
     """Draw `n` paths of two or three pieces with Dirichlet(1) durations.
 
     A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
@@ -151,10 +151,10 @@ def draw_level_3(
         missed |= used & (i == count - 1) & (np.linalg.norm(reached - end, axis=-1) > MISS)
         c[:, i] *= used[:, None, None]
         current = reached
-    return Paths(durations, c, missed)
+    return DrawnPaths(durations, c, missed)
 
 
-DRAW: dict[int, Callable[..., Paths]] = {1: draw_level_1, 2: draw_level_2, 3: draw_level_3}
+DRAW: dict[int, Callable[..., DrawnPaths]] = {1: draw_level_1, 2: draw_level_2, 3: draw_level_3}
 
 
 def _curve(

@@ -212,8 +212,8 @@ def _splits() -> dict[str, Any]:
             for name, kind in fields
         ],
         "data": [
-            {"splits/name": split, "splits/url": f"https://mlcommons.org/definitions/{said}_split"}
-            for split, said in SPLITS.items()
+            {"splits/name": split, "splits/url": f"https://mlcommons.org/definitions/{name}_split"}
+            for split, name in SPLITS.items()
         ],
     }
 

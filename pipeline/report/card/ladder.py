@@ -16,7 +16,7 @@ ROUNDS = "`round` counts how often they were corrected and trained again (DAgger
 """The sentence of a card whose table has rounds."""
 
 
-class Score(TypedDict):
+class LadderScore(TypedDict):
     """How many episodes of a cell networks of one kind solved, after how many rounds of
     corrections."""
 
@@ -33,7 +33,7 @@ class Score(TypedDict):
     episodes: int
 
 
-class Result(Score):
+class LadderResult(LadderScore):
     """The score of all networks of a kind, one a seed: their rate, an interval clustered by scene,
     and each seed's rate, in per cent."""
 
@@ -46,7 +46,7 @@ class ResultsFileError(DominoError):
     """A file that holds no results of a ladder."""
 
 
-def table(rows: Sequence[Result]) -> str:
+def table(rows: Sequence[LadderResult]) -> str:
     """Markdown: networks down, levels across, per cent solved with its interval."""
     levels, rounds = sorted({row["level"] for row in rows}), any(map(_round, rows))
     heads = [
@@ -58,26 +58,26 @@ def table(rows: Sequence[Result]) -> str:
         *(f"level {n}" for n in levels),
     ]
     lines = [f"| {' | '.join(heads)} |", "|---|---|" + "---:|" * (len(heads) - 2)]
-    by_key = dict[tuple[str | int, ...], dict[int, Result]]()
+    by_key = dict[tuple[str | int, ...], dict[int, LadderResult]]()
     for row in rows:
         key = (row["task"], row["inputs"], row["chunk"], row["execute"], *([_round(row)] * rounds))
         by_key.setdefault(key, {})[row["level"]] = row
-    for key, found in by_key.items():
-        cells = [_cell(found[n]) if n in found else "-" for n in levels]
+    for key, by_level in by_key.items():
+        cells = [_cell(by_level[n]) if n in by_level else "-" for n in levels]
         lines.append(f"| {' | '.join(map(markdown, (*key, *cells)))} |")
     return "\n".join(lines)
 
 
-def _round(row: Result) -> int:
+def _round(row: LadderResult) -> int:
     return row.get("round", 0)
 
 
-def _cell(row: Result) -> str:
+def _cell(row: LadderResult) -> str:
     low, high = row["success_interval"]
     return f"{row['success_rate']:.0f} ({low:.0f}-{high:.0f})"
 
 
-def read_results(path: Path) -> tuple[list[Result], str]:
+def read_results(path: Path) -> tuple[list[LadderResult], str]:
     """The results in a file, and the version of the program that found them. Raises
     ResultsFileError in one line for a file that is none."""
     try:
@@ -93,7 +93,7 @@ def read_results(path: Path) -> tuple[list[Result], str]:
     return rows, code
 
 
-def as_markdown(rows: Sequence[Result], code: str) -> str:
+def as_markdown(rows: Sequence[LadderResult], code: str) -> str:
     """Markdown for a dataset's card: what was trained on what, and the table."""
     robots, alphas = (
         ", ".join(sorted({f"{row[key]}" for row in rows})) for key in ("embodiment", "alpha")

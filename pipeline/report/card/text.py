@@ -173,8 +173,8 @@ def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
     for cell, mine in by_cell(seen).items():
         tried = attempts.get((cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain), [])
         lengths = [one.seconds for one in mine]
-        found = f"{100 * sum(tried) / len(tried):.0f} % of {len(tried)}" if tried else ""
-        said = f"{np.mean(lengths):.1f} ({min(lengths):.1f} to {max(lengths):.1f})"
+        share = f"{100 * sum(tried) / len(tried):.0f} % of {len(tried)}" if tried else ""
+        length = f"{np.mean(lengths):.1f} ({min(lengths):.1f} to {max(lengths):.1f})"
         rows.append(
             [
                 cell.task,
@@ -183,8 +183,8 @@ def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
                 f"{cell.alpha:g}",
                 cell.domain,
                 len(mine),
-                found,
-                said,
+                share,
+                length,
             ]
         )
     head = [
@@ -265,7 +265,10 @@ def _cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
         "carried by",
         "robots",
     ]
-    return table(head, [[*row, ", ".join(found)] for row, found in sorted(robots.items())])
+    return table(
+        head,
+        [[*row, ", ".join(names_of_robots)] for row, names_of_robots in sorted(robots.items())],
+    )
 
 
 def _out_of_view(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
@@ -290,11 +293,11 @@ def _out_of_view(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
         "frames with the target in the image, %",
         "episodes with it there at the end, %",
     ]
-    said = (
+    opening = (
         "In these tasks a camera does not show the target all the time, so that its images may not"
         " show the outcome:\n\n"
     )
-    return said + table(head, rows) if rows else ""
+    return opening + table(head, rows) if rows else ""
 
 
 def _joints(seen: Sequence[Seen]) -> str:
@@ -312,17 +315,17 @@ def _loading(folder: Path, summary: Mapping[str, Any]) -> str:
         path.parent.parent.relative_to(folder).as_posix() for path in folder.rglob("meta/info.json")
     )
     parts = sorted(root for root in roots if root != ".")
-    said = (
+    text = (
         "`DIR` is this directory. On the hub, `load_dataset` takes the name of the repository in"
         " its place.\n\n"
     )
     if parts:
         names = bullets(map(code_span, parts))
-        said += (
+        text += (
             f"It holds {len(parts)} LeRobot datasets; the code reads the first of"
             f" them:\n\n{names}\n"
         )
-    return said + "\n".join(
+    return text + "\n".join(
         f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary, parts).items()
     )
 
@@ -331,7 +334,9 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
     def count(values: Iterable[object]) -> int:
         return len({repr(value) for value in values})
 
-    said, unsaid = ({text for one in seen for text in one.instructions[i]} for i in (0, 1))
+    seen_sentences, unseen = (
+        {text for one in seen for text in one.instructions[i]} for i in (0, 1)
+    )
     rows = [
         [
             Markdown("physics (`physics_id`)"),
@@ -340,9 +345,9 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
         ["motions of the target", count(one.path.tolist() for one in seen)],
         ["target objects", count(one.meta.objects[one.meta.target] for one in seen)],
         ["looks (room, lights, textures)", count(one.meta.drawing.visuals for one in seen)],
-        ["sentences, seen", len(said)],
-        ["sentences, unseen", len(unsaid)],
-        ["sentences in both", len(said & unsaid)],
+        ["sentences, seen", len(seen_sentences)],
+        ["sentences, unseen", len(unseen)],
+        ["sentences in both", len(seen_sentences & unseen)],
     ]
     counts = Counter(
         split_of(one.meta.physics_id or one.spec.to_json(), validation) for one in seen
@@ -375,9 +380,9 @@ def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
     stages = (
         "a dry run, the back-calculation of the target's motion, and a rollout in which it moves"
     )
-    said = f"every episode went through {stages}, whose success was judged from its state log"
+    origin = f"every episode went through {stages}, whose success was judged from its state log"
     if is_failures(summary):
-        said = f"an attempt goes through {stages}; these failed in one of them"
-    text = f"Physics at 240 Hz; {said}.\n\n"
+        origin = f"an attempt goes through {stages}; these failed in one of them"
+    text = f"Physics at 240 Hz; {origin}.\n\n"
     text += table(["made with", ""], rows) if rows else ""
     return text + (f"The recipe:\n\n{code_block(recipe, 'yaml')}" if recipe else "")

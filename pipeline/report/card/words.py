@@ -118,8 +118,10 @@ def limits(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Sequence[str]:
         return LIMITS_OF_FAILURES
     # a policy is corrected by the reactive expert
     experts = sorted({"reactive" if one.meta.corrects else one.meta.expert for one in seen})
-    said = [text.format(knowing=", or ".join(EXPERTS[name] for name in experts)) for text in LIMITS]
-    return [CORRECTED, *said] if _corrected(seen) else said
+    texts = [
+        text.format(knowing=", or ".join(EXPERTS[name] for name in experts)) for text in LIMITS
+    ]
+    return [CORRECTED, *texts] if _corrected(seen) else texts
 
 
 def _corrected(seen: Sequence[Seen]) -> bool:

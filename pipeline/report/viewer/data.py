@@ -205,10 +205,10 @@ def _outlines(entry: Entry) -> list[Any]:
     out = []
     for packed in entry.arrays["mask"]:
         bits = np.unpackbits(packed, axis=-1, count=height * width).reshape(-1, height, width)
-        found = [
+        outlines = [
             cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0] for mask in bits
         ]
-        out.append([line[:, 0].tolist() for lines in found for line in lines if len(line) > 2])
+        out.append([line[:, 0].tolist() for lines in outlines for line in lines if len(line) > 2])
     return out
 
 

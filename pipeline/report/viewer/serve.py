@@ -54,10 +54,10 @@ def viewer_server(dataset: Path, episodes: Sequence[Path], port: int) -> Threadi
             if not _is_local(self.headers.get("Host"), self.headers.get("Origin")):
                 return self.send_error(403, "asked for by another site")
             name = self.path.split("?")[0].lstrip("/") or PAGE
-            found = re.fullmatch(r"episode_(\d{1,9})\.js", name)
+            number = re.fullmatch(r"episode_(\d{1,9})\.js", name)
             try:
-                if found and int(found[1]) < len(episodes):
-                    body = episode_script(int(found[1]), episodes[int(found[1])], dataset)
+                if number and int(number[1]) < len(episodes):
+                    body = episode_script(int(number[1]), episodes[int(number[1])], dataset)
                 elif name in (PAGE, PLOTLY, LIST):
                     body = fixed(name)
                 else:

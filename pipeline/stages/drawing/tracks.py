@@ -22,7 +22,7 @@ from pipeline.world.drawing.silhouettes import solids_of, track_bodies
 def track_arrays(
     appearance: Appearance, log: StateLog, objects: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays by key, "tracks/<camera>/box" and so on (world/silhouettes.Track), of the `objects` in
+    """Arrays by key, "tracks/<camera>/box" and so on (silhouettes.BodyTracks), of the `objects` in
     their order."""
     fixed = [*appearance.furniture, *table_legs(), *table_top(appearance.visuals)]
     solids, poses = solids_of(appearance.bodies, fixed), body_poses(log)

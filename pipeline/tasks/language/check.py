@@ -136,11 +136,11 @@ def _matches(pattern: str | re.Pattern[str]) -> Callable[[str, Wording], bool]:
 
 def _find_names(text: str, wording: Wording) -> list[str]:
     """The longest description of each body that stands in a text."""
-    found, plain = [], f" {' '.join(re.findall(r'[\w-]+', text.lower()))} "
+    names, plain = [], f" {' '.join(re.findall(r'[\w-]+', text.lower()))} "
     for words in wording.objects.values():
-        said = [d for d in (*words.seen, *words.unseen) if f" {d.lower()} " in plain]
-        found += [max(said, key=len)] if said else []
-    return found
+        descriptions = [d for d in (*words.seen, *words.unseen) if f" {d.lower()} " in plain]
+        names += [max(descriptions, key=len)] if descriptions else []
+    return names
 
 
 def _repeats(text: str, wording: Wording) -> bool:
@@ -155,10 +155,10 @@ def _repeats(text: str, wording: Wording) -> bool:
         "code",
         "table",
     }
-    said = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
+    tokens = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
     heads = [
         word
-        for word, after in zip(said, [*said[1:], ""], strict=True)
+        for word, after in zip(tokens, [*tokens[1:], ""], strict=True)
         if word in known and after not in known
     ]
     arms = [m[0].lower() for m in _SIDE.finditer(text)]
@@ -201,7 +201,7 @@ def _is_misattached(text: str, wording: Wording) -> bool:
     Also whether a clause has two phrases "with ..."."""
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
-        said = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]
+        named = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]
         if arm and re.search(
             r" (?:on|onto|in|into|to|over) the (?:(?!and )[\w -])*$", clause[: arm.start()]
         ):
@@ -209,7 +209,7 @@ def _is_misattached(text: str, wording: Wording) -> bool:
         if arm and any(
             clause[: arm.start()].endswith(last)
             and first in clause[: arm.start()].removesuffix(last)
-            for a, b in combinations(said, 2)
+            for a, b in combinations(named, 2)
             for first, last in ((a, b), (b, a))
         ):
             return True

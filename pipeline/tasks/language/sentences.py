@@ -176,12 +176,12 @@ class _Filling:
     """A template with what its slots stand for."""
 
     template: str
-    said: Mapping[str, str]
+    fillers: Mapping[str, str]
 
     def text(self) -> str:
         return sentence(
             _SLOT.sub(
-                lambda m: " ".join(filter(None, ("the", m[2], self.said[m[1]]))), self.template
+                lambda m: " ".join(filter(None, ("the", m[2], self.fillers[m[1]]))), self.template
             )
         )
 
@@ -221,8 +221,10 @@ def _fillings(
 
     @cache
     def heavy(traits: tuple[bool, ...]) -> bool:
-        said = {n: "x with a x" if trait else "x" for n, trait in zip(bodies, traits, strict=True)}
-        return crowded(_Filling(template, {**roles, **said}).text())
+        fillers = {
+            n: "x with a x" if trait else "x" for n, trait in zip(bodies, traits, strict=True)
+        }
+        return crowded(_Filling(template, {**roles, **fillers}).text())
 
     light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
     return [

@@ -1,9 +1,6 @@
-"""Merge the parts of a body into few draw calls, shadow casters and bounds: pure functions of the
-parts, in a fixed order.
+"""Merge the parts of a body into few draw calls, shadow casters and bounds, in a fixed order.
 
-A draw call costs the software rasteriser about 20 us whatever it draws, so the parts of a body
-become one mesh: the materials of untextured parts travel in the vertices' uvs (`packed`), and one
-texture per draw call serves the textured parts.
+A draw call costs the software rasteriser about 20 us whatever it draws.
 """
 
 import hashlib
@@ -40,10 +37,8 @@ def by_material(parts: Parts) -> list[tuple[Mesh, Material]]:
 
 def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
     """The parts as one mesh per texture, at least one: untextured parts carry their material in
-    their uvs and join the first mesh.
-
-    The material returned with a mesh holds for its textured vertices only.
-    """
+    their uvs (`material_uv`) and join the first mesh, whose material holds for its textured
+    vertices only."""
     groups: dict[tuple[Any, ...], list[tuple[Mesh, Material]]] = {}
     plain: list[Mesh] = []
     for mesh, material in parts:
@@ -63,8 +58,8 @@ def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
 
 
 def material_uv(material: Material) -> NDArray[np.float32]:
-    """An untextured material as a uv pair (2,): u = colour as 0xRRGGBB, v = PLAIN - (roughness *
-    256 + metallic), 8 bits each."""
+    """A material as a uv pair (2,): u = colour as 0xRRGGBB, v = PLAIN - (roughness * 256 +
+    metallic), 8 bits each."""
     r, g, b, roughness, metallic = np.rint(
         np.clip([*material.color, material.roughness, material.metallic], 0, 1) * 255
     )
@@ -72,11 +67,8 @@ def material_uv(material: Material) -> NDArray[np.float32]:
 
 
 def caster(parts: Parts, cell: float) -> Mesh:
-    """The shape of the parts without their looks, for the shadow map: vertices in one cube of
-    `cell` (m) become their mean.
-
-    Triangles that lose their area are dropped. Normals and uvs are zero.
-    """
+    """The shape of the parts for the shadow map: vertices in one cube of `cell` (m) become their
+    mean, and triangles without area are dropped. Normals and uvs are zero."""
     whole = merge([mesh for mesh, _ in parts])
     vertices = whole.vertices.astype(np.float64)
     cubes = np.floor(vertices / cell).astype(np.int64) + (1 << 20)
@@ -98,7 +90,6 @@ def bounds(parts: Parts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _content(material: Material) -> bytes:
-    """Equal for textures of equal pixels, whether or not they are one array."""
     if material.texture is None:
         return b""
     return hashlib.blake2b(np.ascontiguousarray(material.texture), digest_size=16).digest()

@@ -19,7 +19,7 @@ from pipeline.world.drawing.light.shadows import (
     SHADOW_MAP,
 )
 from pipeline.world.drawing.presets import Preset
-from pipeline.world.shapes import Parts
+from pipeline.world.shapes import Parts, linear
 
 SHADERS = Path(__file__).parent / "shaders"
 NEAR, FAR = 0.02, 12.0  # m
@@ -28,12 +28,8 @@ BACKGROUND = 0  # the number of what is no body
 
 @dataclass(frozen=True)
 class Drawn:
-    """A body as the engine takes it: its render component and the number that the segmentation
-    shows.
-
-    A plane of the room, which our shaders light per vertex, has in `plane` its channel of the
-    shadow masks, and its roughness.
-    """
+    """A render component and the number that the segmentation shows. A plane of the room, lit
+    per vertex by our shaders, has its channel of the shadow masks and its roughness."""
 
     component: Any
     number: int = BACKGROUND
@@ -42,11 +38,10 @@ class Drawn:
 
 
 class DrawnScene:
-    """Bodies that can be placed, shown and hidden, their lights, and the cameras that look at them,
-    made when first used.
+    """Bodies that can be placed, shown and hidden, their lights, and cameras, made when first used.
 
-    Bodies are drawn in the order given, planes after all others. `scattered` is the light that the
-    table sends back; `textures` are what our shaders sample, by name.
+    Planes are drawn last. `scattered` is the light that the table sends back; `textures` are what
+    our shaders sample, by name.
     """
 
     def __init__(
@@ -88,16 +83,15 @@ class DrawnScene:
         self._bodies[name][0].set_pose(self._pose(pose))
 
     def show(self, names: Iterable[str]) -> None:
-        """Hide all bodies but these. A change makes the engine record its commands again, which
-        costs about a third of a frame."""
+        """Hide all bodies but these. A change costs about a third of a frame."""
         shown = frozenset(names)
         for name in shown ^ self._shown:
             self._bodies[name][1].visibility = float(name in shown)
         self._shown = shown
 
     def take(self, kind: CameraType, shader: str, pose: ArrayLike) -> Any:
-        """Draw an image from a world pose (7,); what is returned holds its targets until the next
-        image of that type and shader."""
+        """Draw an image from a world pose (7,); the camera that is returned holds it until the
+        next image of that type and shader."""
         if (kind, shader) not in self._cameras:
             self._cameras[kind, shader] = self._camera(kind, shader)
         camera = self._cameras[kind, shader]
@@ -159,11 +153,8 @@ class DrawnScene:
 
 
 def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
-    """Render component of the parts of a body: for our shaders one draw call per texture, for stock
-    ones one per material.
-
-    Textures get so many `levels`, each half as fine as the one before.
-    """
+    """Render component of a body's parts: one draw call per texture for our shaders, per
+    material for stock ones. Textures get `levels`, each half as fine as the one before."""
     render, body = sapien.render, sapien.render.RenderBodyComponent()
     for mesh, material in by_material(parts) if stock else packed(parts):
         color = np.asarray(material.color, float)
@@ -189,18 +180,8 @@ def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
     return body
 
 
-def linear(color: ArrayLike) -> NDArray[np.float64]:
-    """sRGB 0-1 -> linear 0-1 (IEC 61966-2-1)."""
-    c = np.asarray(color, float)
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-
-
 def millimetres(depth_buffer: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Depth buffer (H,W) in 0-1 -> distance along the viewing axis in mm, 0 for the background.
-
-    Inverts d = far (z - near) / (z (far - near)), the projection of a camera with planes at NEAR
-    and FAR.
-    """
+    """Depth buffer (H,W) in 0-1 -> distance along the viewing axis in mm, 0 for the background."""
     d = depth_buffer.astype(np.float64)
     z = NEAR * FAR / (FAR - d * (FAR - NEAR))
     return np.where(d < 1.0, np.rint(z * 1000.0), 0).astype(np.uint16)

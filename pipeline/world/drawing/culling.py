@@ -16,13 +16,11 @@ def in_view(
     centres: NDArray[np.float64],
     halves: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Whether each of N bodies may be seen at each of T frames (T,N): never False for a body with a
+    """Whether each of N bodies may be seen at each of T frames (T,N): never False for one with a
     pixel in the image.
 
     `camera` (T,7) and `bodies` (T,N,7) are world poses, the camera's with x forward, y left, z up;
-    `centres` and `halves` (N,3) are the middles and half sizes (m) of boxes in the body frames that
-    contain the bodies. A body is out of view when its box lies behind the camera or beyond one side
-    of its view.
+    `centres` and `halves` (N,3) m are boxes in the body frames that contain the bodies.
     """
     high = np.tan(np.radians(kind.fovy) / 2)
     wide = high * kind.width / kind.height

@@ -16,8 +16,7 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     """Write `image` (H,W,4) with jagged edges blended to `out` (H,W,3): pixels at an edge take a
-    share of the pixel across it, by how far along the edge its ends are. Pixels of the border are
-    copied."""
+    share of the pixel across it, by how far along the edge its ends are. The border is copied."""
     cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=out)
     luma = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGBA2GRAY), np.uint8)
     brightest = np.asarray(cv2.dilate(luma, CROSS), np.uint8)
@@ -31,8 +30,8 @@ def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
 
 @njit(cache=True, error_model="numpy")
 def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, as a lens
-    does; to `out` (H,W,3)."""
+    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, to `out`
+    (H,W,3)."""
     height, width = image.shape[0], 3 * image.shape[1]
     rows, spread, column = (
         image.reshape(height, width),
@@ -60,7 +59,7 @@ def _blend(
     out: NDArray[np.uint8],
 ) -> None:
     """Blend the pixels where the first of `edges` is not 0; the second is the same as words of
-    eight pixels, to skip the rest."""
+    eight pixels."""
     height, width = luma.shape
     edge, words = edges
     flat = luma.ravel()
@@ -121,11 +120,9 @@ def _blend(
 def _end(
     luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
 ) -> tuple[int, np.int32]:
-    """Steps of `stride` to where an edge ends, at most `steps` inside the image, and how far off
-    its brightness is (0: unknown).
-
-    `edge` is the offset of the pixel across it, twice its brightness, and how steep it is.
-    """
+    """Steps of `stride` to where an edge ends, at most `steps`, and how far off its brightness
+    is (0: unknown). `edge` is the offset of the pixel across it, twice its brightness, and how
+    steep it is."""
     side, middle, slope = edge
     for k in range(1, steps + 1):
         p += stride

@@ -22,9 +22,8 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
     """Clouds (T,count,6): x y z (m, world) and r g b (0-1) of what stands on the table or reaches
     over it.
 
-    `view` needs depth. Of the pixels above the table top the `count` that farthest point sampling
-    takes, in its order, so that the first k of them are the sample of size k; where there are fewer
-    they are repeated in turn, where there are none all is zero.
+    `view` needs depth. The first k points are the farthest point sample of size k; fewer pixels are
+    repeated in turn, and where there are none all is zero.
     """
     assert view.depth is not None
     step = max(1, view.camera.type.width // COLUMNS)
@@ -39,17 +38,16 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
     for cloud, depth, rgb, pose in zip(clouds, depths, images, view.poses, strict=True):
         points = quat_rotate(pose[3:], rays * (depth[..., None] * 1e-3)) + pose[:3]
         inside = (depth > 0) & ((points >= lower) & (points <= upper)).all(-1)
-        found = points[inside].astype(np.float32)
-        if len(found):
-            taken = farthest_points(found, min(count, len(found)))
+        candidates = points[inside].astype(np.float32)
+        if len(candidates):
+            taken = farthest_points(candidates, min(count, len(candidates)))
             order = np.resize(taken, count)
-            cloud[:, :3], cloud[:, 3:] = found[order], rgb[inside][order] / np.float32(255.0)
+            cloud[:, :3], cloud[:, 3:] = candidates[order], rgb[inside][order] / np.float32(255.0)
     return clouds
 
 
 def _rays(view: View) -> NDArray[np.float64]:
-    """Rays (H,W,3) of the pixel centres in the camera's axes (x forward, y left, z up) for a depth
-    of 1 along x."""
+    """Rays (H,W,3) of the pixel centres for a depth of 1: x forward, y left, z up."""
     kind = view.camera.type
     k = intrinsics(kind)
     u, v = np.arange(kind.width) + 0.5, (np.arange(kind.height) + 0.5)[:, None]
@@ -60,10 +58,7 @@ def _rays(view: View) -> NDArray[np.float64]:
 @njit(cache=True, error_model="numpy")
 def farthest_points(points: NDArray[np.float32], count: int) -> NDArray[np.int64]:
     """Indices (count,) of points (N,3), N >= count: the first point, then each time the one
-    farthest from all taken.
-
-    Where several are, it is the one with the lowest index.
-    """
+    farthest from all taken, of several the first."""
     x, y, z = (
         np.ascontiguousarray(points[:, 0]),
         np.ascontiguousarray(points[:, 1]),

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Preset:
-    """How to draw: a shader folder of ours or the name of a stock one, its colour target, shadows,
-    samples per pixel.
-
-    `samples` are edge samples of the raster presets and paths of ray tracing; `edges` are smoothed
-    afterwards (edges.py).
-    """
+    """How to draw: a shader folder of ours or the name of a stock one, colour target, shadows.
+    `samples` per pixel are edge samples of raster presets and paths of ray tracing; `edges` are
+    smoothed afterwards."""
 
     shader: str
     target: str = "Image"
@@ -20,7 +17,7 @@ class Preset:
 
     @property
     def stock(self) -> bool:
-        """Whether SAPIEN's own shaders are used; they divide light by pi and want linear
+        """Whether SAPIEN's own shaders are used: they divide light by pi and want linear
         colours."""
         return self.shader in ("default", "minimal", "rt")
 

@@ -31,16 +31,16 @@ SAME_VIEW = 4  # frames that share a set of visible bodies
 
 class Renderer:
     """A render-only scene: `visual_bodies` move, `fixed` and the room of `visuals` do not. `images`
-    are the textures of the room that are not drawn, by kind.
+    are the room's textures that are not drawn, by kind.
 
     Segmentation numbers are positions in `visual_bodies` plus one: give the bodies in the order of
-    `StateLog.bodies`, with an empty sequence for those that have nothing to show. Raises ValueError
-    for an unknown preset or more than 255 bodies, KeyError for a camera on a link that is no body,
-    and NoRenderer where nothing can draw. Close it, or use it as a context manager.
+    `StateLog.bodies`, empty ones included. Raises ValueError for an unknown preset or more than 255
+    bodies, KeyError for a camera on a link that is no body, and NoRenderer where nothing can draw.
+    Close it, or use it as a context manager.
 
-    With the raster presets every camera has a scene of its own, from which the bodies outside of
-    its view are left out, and all share one shadow map. An image depends on no other camera. Stock
-    shaders draw one scene with everything in it, so that their own shadow maps are complete.
+    With the raster presets every camera has a scene of its own, without the bodies outside of its
+    view, and all share one shadow map. An image depends on no other camera. Stock shaders draw one
+    complete scene, for their own shadow maps.
     """
 
     def __init__(
@@ -139,9 +139,8 @@ class Renderer:
     ) -> list[View]:
         """Images of every camera at the given frames (all by default).
 
-        `body_poses` maps body names to world poses (T,7), xyz + wxyz; bodies that show something
-        and links that carry a camera must be there (KeyError names the missing one, ValueError a
-        wrong shape). Views come in camera order with RGB (F,H,W,3) uint8, and where asked depth
+        `body_poses` maps body names to world poses (T,7). KeyError names a missing body, ValueError
+        a wrong shape. Views come in camera order with RGB (F,H,W,3) uint8, and where asked depth
         (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W)
         uint8.
         """
@@ -180,8 +179,7 @@ class Renderer:
     def _visible(
         self, view: View, poses: Mapping[str, NDArray[np.float64]]
     ) -> list[frozenset[str]]:
-        """Names of what the camera of a view may see at each frame; SAME_VIEW frames in a row have
-        one set."""
+        """Names of what the camera of a view may see at each frame."""
         frames = len(view.poses)
         if not frames:
             return []
@@ -238,8 +236,8 @@ class Renderer:
     def _take(
         self, scene: DrawnScene, view: View, k: int, poses: Mapping[str, NDArray[np.float64]]
     ) -> tuple[Any, Any]:
-        """Start drawing a frame of a view; returns the components that hold the image and, where
-        asked for, depth and masks."""
+        """Start drawing a frame of a view; the components that hold the image and, where asked,
+        depth and masks."""
         for name, pose in poses.items():
             scene.place(name, pose)
         kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None

@@ -52,7 +52,6 @@ def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
 
 
 def surface_material(surface: Surface, roughness: float, image: Rgba | None = None) -> Material:
-    """Material of a visuals surface; `image` is the texture of one whose pattern is IMAGE."""
     if surface.pattern == IMAGE:
         return Material(surface.color, roughness, 0.0, image)
     return _drawn(surface, roughness)
@@ -60,7 +59,7 @@ def surface_material(surface: Surface, roughness: float, image: Rgba | None = No
 
 @lru_cache(maxsize=8)
 def _drawn(surface: Surface, roughness: float) -> Material:
-    """A texture takes 5 ms to draw: those of the clean room are kept from scene to scene."""
+    """Kept from scene to scene: drawing a texture takes 5 ms."""
     pixels = texture(surface.pattern, surface.seed, surface.color)
     pixels.flags.writeable = False
     return Material(surface.color, roughness, 0.0, pixels)
@@ -98,8 +97,8 @@ def table_top(
 
 
 def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, float]:
-    """Light (red, green, blue) that a table with this texture scatters: its mean linear colour
-    times the light it gets."""
+    """Light (red, green, blue) that a table scatters: its mean linear colour times the light it
+    gets."""
     assert texture is not None
     albedo = ((texture[::4, ::4, :3] / 255.0) ** 2).mean((0, 1))
     light = np.array(visuals.ambient)
@@ -120,12 +119,8 @@ def table_legs() -> list[tuple[Mesh, Material]]:
 def shell(
     visuals: Visuals, closed: bool = True, images: Mapping[str, Rgba] | None = None
 ) -> dict[str, list[tuple[Mesh, Material]]]:
-    """Floor and back wall, and where `closed` the other walls and the ceiling, by name: they
-    receive shadows and cast none.
-
-    In the first look only the back wall has a texture. Ray tracing lets light in from outside only,
-    so it needs the room open.
-    """
+    """Floor and back wall, and where `closed` the other walls and the ceiling, by name. In the
+    first look only the back wall has a texture; ray tracing needs the room open for its light."""
     (x0, y0, z0), (x1, y1, z1) = ROOM
     w, d, h = x1 - x0, y1 - y0, z1 - z0
     plain = Material(visuals.wall.color, 0.9)

@@ -1,7 +1,6 @@
-"""What real cameras do to a drawn image, as pure functions of arrays and of named random streams.
+"""What real cameras do to a drawn image, as functions of arrays and named random streams.
 
-Light is the square of a pixel value over 255, as the camera response of docs/images.md has it below
-its knee.
+Light is the square of a pixel value over 255, the camera response of docs/images.md below its knee.
 """
 
 import hashlib
@@ -61,11 +60,8 @@ class Sensing:
         )
 
     def developed(self, camera: str, frame: int, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """The image (H,W,3) of the light (H,W,3) that a camera collected at a frame.
-
-        The variance of light L is L g / W + (r g / W)^2 with the gain g, the full well W and the
-        read noise r.
-        """
+        """The image (H,W,3) of the light (H,W,3) collected at a frame. The variance of light L
+        is L g / W + (r g / W)^2 with gain g, full well W and read noise r."""
         if self.sensors.drift:
             light = light * self.drift(camera, frame)
         if self.sensors.noise:
@@ -77,11 +73,8 @@ class Sensing:
         return np.rint(np.sqrt(np.clip(light, 0, 1)) * np.float32(255)).astype(np.uint8)
 
     def measured(self, camera: str, frame: int, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """A depth image (H,W) in mm as a D435 measures it: noisy disparity in steps, holes (0) at
-        edges and out of range.
-
-        The standard deviation grows with the square of the distance: 3.6 mm at 1 m.
-        """
+        """A depth image (H,W) in mm as a D435 measures it: noisy disparity in steps (3.6 mm at 1
+        m, with the square of the distance), holes (0) at edges and out of range."""
         rng = self.rng(camera, "depth", frame)
         z = depth.astype(np.float32) / 1000
         seen = (z >= NEAREST) & (z <= FARTHEST)

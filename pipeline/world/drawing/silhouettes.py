@@ -1,10 +1,8 @@
 """How much of a body a camera sees, without drawing: its triangles and those of all that may stand
 before it, in a depth buffer.
 
-Pixels are covered as a renderer covers them: where their centre lies in the projection of a
-triangle, of which the part beyond the renderer's near plane counts. Of a silhouette whose box has
-more than SAMPLES pixels, pixels of an even grid stand for all: a body that fills the image costs no
-more than a small one.
+Pixels are covered as a renderer covers them. Of a silhouette whose box has more than SAMPLES
+pixels, pixels of an even grid stand for all.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,9 +29,8 @@ FIXED = "what stands still"  # no name of a body: those have no spaces
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Triangles of B bodies, those of one body in a row: vertices (V,3) in the frame of body
-    `owner` (V,), triangles (M,3), and the first triangle and vertex of every body, with their ends,
-    (B,2)."""
+    """Triangles of B bodies: vertices (V,3) in the frame of body `owner` (V,), triangles (M,3),
+    and the first triangle and vertex of every body, with their ends, (B,2)."""
 
     names: tuple[str, ...]
     vertices: Floats
@@ -44,8 +41,7 @@ class Solids:
 
 
 def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
-    """All that may be seen or stand before it; bodies without parts have no triangles. `fixed` is
-    in the world frame."""
+    """All that may be seen or stand before it; `fixed` is in the world frame."""
     vertices: list[NDArray[Any]] = [np.zeros((0, 3))]
     owner: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     triangles: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
@@ -65,12 +61,11 @@ def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class BodyTracks:
     """N bodies in T images. `box` (T,N,4) is left, top, right, bottom (pixels) around the whole
-    silhouette, seen or not, and may reach beyond the image; `centre` (T,N,2) the pixel of the
-    middle of the body's bounding box; both are zeros where the body is not in front of the camera.
-    `visible` (T,N) is the share of the silhouette that is in the image and not occluded; of one
-    that reaches far beyond the image, the part less than an image's width or height away counts.
+    silhouette, seen or not; `centre` (T,N,2) the pixel of the middle of the body's bounding box;
+    both are zeros where the body is not in front of the camera. `visible` (T,N) is the share of
+    the silhouette, up to one image beyond each border, that is in the image and not occluded.
     `pose` (T,N,7) is in the camera frame, x right, y down, z forward."""
 
     box: NDArray[np.float32]
@@ -85,7 +80,7 @@ def track_bodies(
     names: Sequence[str],
     kind: CameraType,
     camera_poses: Floats,
-) -> Track:
+) -> BodyTracks:
     """Tracks of the bodies `names` in a camera at `camera_poses` (T,7); `poses` (T,7) of all bodies
     by name."""
     frames = len(camera_poses)
@@ -107,7 +102,7 @@ def track_bodies(
     front = (at[..., 2:] > NEAR) & (whole > 0)[..., None]
     centre = np.where(front, (at @ k.T)[..., :2] / np.where(front, at[..., 2:], 1.0), 0.0)
     body_poses = compose(inverse(_optical(camera_poses))[:, None], placed[:, index])
-    return Track(
+    return BodyTracks(
         boxes.astype(np.float32),
         centre.astype(np.float32),
         (seen / np.maximum(whole, 1)).astype(np.float32),
@@ -139,7 +134,6 @@ def _track(
     lens: Floats,
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Boxes (T,N,4) and sampled pixels (T,N,2) of whole silhouettes and of their visible parts.
-
     `lens` is f, cx, cy, width, height, near and the number of samples."""
     frames, count = len(matrices), len(index)
     f, cx, cy, width, height, near, samples = lens
@@ -221,8 +215,8 @@ def _box(
     cy: float,
     near: float,
 ) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom in the image of triangles beyond the near plane; left > right if
-    there are none."""
+    """Left, top, right and bottom in the image of triangles beyond the near plane; left > right:
+    none."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     for k in range(len(triangles)):
         for i in range(3):
@@ -247,8 +241,8 @@ def _draw(
     place: tuple[int, int, int],
     depths: Floats,
 ) -> None:
-    """Draw triangles into a buffer of depths (h,w), the nearest one stays: an entry is the middle
-    of `grid` by `grid` pixels, the first of them from (x0, y0) on; `place` is x0, y0 and grid."""
+    """Draw triangles into a buffer of depths (h,w): an entry is the middle of `grid` by `grid`
+    pixels; `place` is the first pixel x0, y0 and grid."""
     f, cx, cy, near = lens
     x0, y0, grid = place
     # entries are one apart: the centre of the pixel in the middle of a grid cell lies on whole

@@ -32,14 +32,12 @@ class NoRenderer(DominoError):
 
 @cache
 def ensure_renderer() -> str:
-    """Make rendering possible in this process and return the device name, e.g. "llvmpipe (LLVM
-    15.0.6, 256 bits)".
+    """Make rendering possible in this process and return the device name.
 
     A driver the user chose (VK_ICD_FILENAMES or VK_DRIVER_FILES) is kept. Without one, and without
-    a GPU that SAPIEN supports, VK_ICD_FILENAMES is set to the lavapipe driver. LP_NUM_THREADS, the
-    threads that lavapipe adds to the one that submits, becomes 0 unless it is 2 or more: one worker
-    per core scales, one worker with many threads does not. Call it before anything of
-    `sapien.render` is used. Raises NoRenderer.
+    a GPU that SAPIEN supports, VK_ICD_FILENAMES is set to lavapipe. LP_NUM_THREADS becomes 0 unless
+    it is 2 or more: one worker per core scales, one worker with many threads does not. Call it
+    before `sapien.render`. Raises NoRenderer.
     """
     name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
     chosen = os.environ.get(name)
@@ -70,7 +68,7 @@ def ensure_renderer() -> str:
 
 def _check_file_limit() -> None:
     """Raise NoRenderer where a limit of file sizes would end this process: lavapipe keeps its
-    memory in files without names."""
+    memory in files."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
         raise NoRenderer(
@@ -80,13 +78,13 @@ def _check_file_limit() -> None:
 
 
 def _lavapipe_icd() -> Path | None:
-    found = sorted(path for folder in ICD_FOLDERS for path in folder.glob("lvp_icd*.json"))
-    return min(found, key=lambda path: platform.machine() not in path.name, default=None)
+    drivers = sorted(path for folder in ICD_FOLDERS for path in folder.glob("lvp_icd*.json"))
+    return min(drivers, key=lambda path: platform.machine() not in path.name, default=None)
 
 
 def _gpu_works() -> bool:
-    """Whether SAPIEN lists a supported device that is not a software one; asked in a subprocess, so
-    that a crash stays there."""
+    """Whether SAPIEN lists a supported hardware device; asked in a subprocess, so that a crash
+    stays there."""
     nodes = [
         *Path("/dev").glob("nvidia[0-9]*"),
         *Path("/dev/dri").glob("renderD*"),
@@ -108,8 +106,7 @@ def _gpu_works() -> bool:
 
 
 def hardware_device(summary: str) -> bool:
-    """Whether SAPIEN's device summary (text) lists a supported device other than a software
-    rasteriser."""
+    """Whether SAPIEN's device summary lists a supported device that is no software rasteriser."""
     for block in summary.split("GPU:")[1:]:
         name, _, rest = block.partition("\n")
         if (

@@ -1,5 +1,4 @@
-"""What bodies look like, kept and brought back: parts to an asset store and from it, textures as
-their sources."""
+"""Parts of bodies kept in an asset store and loaded from it, textures as their sources."""
 
 import hashlib
 from typing import Any
@@ -45,11 +44,8 @@ def store_parts(store: AssetStore, parts: Parts) -> str:
 
 
 def load_parts(store: AssetStore, key: str) -> Parts:
-    """The parts of a body that `store_parts` kept.
-
-    Raises AssetError where they are missing or damaged, or where this version makes another image
-    from a texture's source.
-    """
+    """The parts that `store_parts` kept. Raises AssetError where they are missing or damaged, or
+    where this version makes another image from a texture's source."""
     arrays, described = store.get(key)
     parts = []
     for i, values in enumerate(described):

@@ -34,12 +34,10 @@ def with_textures(
 
 
 def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
-    """The visuals in the light of an image of the surroundings (H,W,3), equirectangular, its middle
-    away from the robot, up on top.
+    """The visuals in the light of an equirectangular image (H,W,3), its middle away from the robot.
 
     The brightest hundredth of the sphere above the table is the directional light, the rest the
-    ambient one. Both are scaled together, so that the table is as bright as in the clean room;
-    there are no lamps.
+    ambient one, scaled so that the table is as bright as in the clean room; there are no lamps.
     """
     toward, solid = _directions(*radiance.shape[:2])
     light = radiance.astype(np.float64) * solid[..., None]

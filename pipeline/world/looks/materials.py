@@ -1,9 +1,7 @@
-"""Materials that objects and robots use, by everyday name: `glaze("teal")`, `metal()`,
-`wood("walnut", seed=3)`.
+"""Materials by everyday name: `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`.
 
 A colour is a name of `PALETTE` or an sRGB triple in 0-1. Textured materials need a mesh with uvs;
-one texture tile covers the unit square of uv. Without a seed a material is plain. Texture arrays
-are shared between equal calls and read-only.
+one tile covers the unit square. Texture arrays are shared between equal calls and read-only.
 """
 
 from collections.abc import Callable
@@ -51,8 +49,7 @@ PALETTE: dict[str, tuple[float, float, float]] = {
     "dark green": (0.09, 0.30, 0.18),
     "rust": (0.60, 0.31, 0.18),
 }
-"""sRGB of every colour word the project uses, as products have it. A description that names a
-colour must be true of the image."""
+"""sRGB of every colour word that descriptions use."""
 
 WOODS: dict[str, tuple[float, float, float]] = {
     "oak": (0.76, 0.58, 0.38),
@@ -69,29 +66,25 @@ def srgb(color: Color) -> tuple[float, float, float]:
     if not isinstance(color, str):
         r, g, b = color
         return float(r), float(g), float(b)
-    found = PALETTE.get(color) or WOODS.get(color)
-    if found is None:
+    triple = PALETTE.get(color) or WOODS.get(color)
+    if triple is None:
         raise KeyError(f"colour {color!r} is unknown: colours are {', '.join([*PALETTE, *WOODS])}")
-    return found
+    return triple
 
 
 def glaze(color: Color) -> Material:
-    """Glazed ceramic: smooth, clear highlight."""
     return Material(srgb(color), roughness=0.22)
 
 
 def plastic(color: Color) -> Material:
-    """Moulded plastic: satin."""
     return Material(srgb(color), roughness=0.42)
 
 
 def painted(color: Color) -> Material:
-    """Painted metal or wood: semi-gloss."""
     return Material(srgb(color), roughness=0.5)
 
 
 def rubber(color: Color = "charcoal") -> Material:
-    """Rubber: matt."""
     return Material(srgb(color), roughness=0.9)
 
 
@@ -119,13 +112,12 @@ def wrapped(
 
 
 def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
-    """Painted wood or plastic in use: rubbed edges, faint marks. For meshes whose sides each cover
-    the uv square."""
+    """Painted wood or plastic in use, for meshes whose sides each cover the uv square."""
     return printed(print_texture(color, "cream", "worn", seed=seed), roughness)
 
 
 def printed(source: TextureSource, roughness: float = 0.45) -> Material:
-    """A label or a printed box: the texture of `print_texture` over the uv square."""
+    """A label or a printed box: the texture over the uv square."""
     image = texture_pixels(source)
     r, g, b = (image[..., :3].reshape(-1, 3).mean(0) / 255.0).tolist()
     return Material((r, g, b), roughness=roughness, texture=image, source=source)
@@ -134,14 +126,8 @@ def printed(source: TextureSource, roughness: float = 0.45) -> Material:
 def print_texture(
     base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128
 ) -> TextureSource:
-    """Printed packaging, `size` pixels square: ground `base`, ink `accent`.
-
-    kind: "label" (band with text), "product" (band with text, small print, a bar code), "worn"
-    (ground with rubbed edges), "hem" (woven ground with stitches along its edge), "stripes"
-    (horizontal bands), "dots", "diamond", "qr" (black modules, three finder squares), "keys" (grid
-    of buttons), "panel" (dark display with text), "pressed" (text and an oval in the ground).
-    Raises KeyError for an unknown kind or colour.
-    """
+    """Printed packaging, `size` pixels square: ground `base`, ink `accent`, a kind of
+    `prints.PRINTS`. Raises KeyError for an unknown kind or colour."""
     if kind not in PRINTS:
         raise KeyError(f"print {kind!r} is unknown: prints are {', '.join(PRINTS)}")
     return TextureSource("packaging", (srgb(base), srgb(accent), kind, text, seed, size))

@@ -10,7 +10,7 @@ from pipeline.world.looks.textures import Rgba, mix, rgba, value_noise
 Triple = tuple[float, float, float]
 BUSY = frozenset({"label", "product", "stripes", "dots", "diamond"})
 HANDLED = BUSY | {"worn"}
-"""Kinds that packaging adds pictures and small print to, and those that show handling."""
+"""Kinds with pictures and small print, and those that show handling."""
 
 
 def printing(base: Triple, accent: Triple, kind: str, text: str, seed: int, size: int) -> Rgba:
@@ -73,8 +73,6 @@ def _label(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Genera
 
 
 def _product(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
-    """The band covers the image from side to side; paper with small print and a bar code follows
-    below it."""
     n = canvas.shape[0]
     paper = np.array([0.93, 0.92, 0.88], np.float32)
     canvas[int(0.16 * n) : int(0.56 * n)] = ink

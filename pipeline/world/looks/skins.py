@@ -17,8 +17,7 @@ STRANDS = 8  # of a tile of wicker, both ways
 
 
 def wicker(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """Plain weave of round strands: each goes over one stake and under the next, and has a tone and
-    fibres of its own."""
+    """Plain weave of round strands, each with a tone and fibres of its own."""
     u = (np.arange(size, dtype=np.float32) + 0.5) * (STRANDS / size)
     k, within = np.floor(u).astype(int), u % 1
     tones = rng.uniform(0.80, 1.12, (2, STRANDS)).astype(np.float32)
@@ -74,8 +73,7 @@ def turned(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> 
 
 
 def shell(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """The shell of a mouse from above, its buttons at v = 1: seams, ribbed grips at the sides, a
-    mark."""
+    """The shell of a mouse from above, its buttons at v = 1: seams, ribbed grips, a mark."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 2 - 1, (np.arange(size) + 0.5) / size)
     seam = np.exp(-((u * size / 3) ** 2)) * (v > 0.55)
     seam += np.exp(-(((v - 0.55 + 0.10 * u * u) * size / 2.2) ** 2))
@@ -91,8 +89,7 @@ def shell(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> F
 
 
 def runner(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A woven mat as a whole: ribs with uneven yarn, bands near both ends, shallow waves, places
-    where cups stood."""
+    """A woven mat: ribs with uneven yarn, bands near both ends, waves, places where cups stood."""
     at = (np.arange(size, dtype=np.float32) + 0.5) / size
     ribs = 0.90 + 0.12 * (np.arange(size) // 2 % 2) * value_noise(rng, size, (size // 2, 12))
     yarn = value_noise(rng, size, (size // 2, 5)) + value_noise(rng, size, (9, size // 2)) - 1
@@ -115,8 +112,7 @@ def runner(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> 
 
 
 def upper(rng: np.random.Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A shoe's upper, u round it from flank to flank and v from toe (0) to heel: knitted cloth,
-    panels of leather, stitches."""
+    """A shoe's upper, u round it from flank to flank and v from toe (0) to heel."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 12 / 11, (np.arange(size) + 0.5) / size)
     side = np.minimum(np.abs(u), np.abs(1 - u)) * 2  # 0 at the sole, 1 on the ridge
     wave = 0.05 * np.sin(2 * np.pi * v * 2 + rng.uniform(0, 6))
@@ -168,11 +164,8 @@ def skin(kind: str, seed: int, colour: ArrayLike, size: int) -> Rgba:
 
 
 def packaging(printed: Rgba, ink: ArrayLike, seed: int, busy: bool) -> Rgba:
-    """A print that was handled: gradients and worn edges, and where it is `busy` small print, a bar
-    code and a picture.
-
-    `printed` (N,N,4) is the plain design.
-    """
+    """A print (N,N,4) that was handled: gradients and worn edges, and where it is `busy` small
+    print, a bar code and a picture."""
     rng = np.random.Generator(np.random.Philox(seed))
     canvas, n = printed[..., :3].astype(np.float32) / 255, len(printed)
     at = np.linspace(0, 1, n, dtype=np.float32)
@@ -192,7 +185,6 @@ def packaging(printed: Rgba, ink: ArrayLike, seed: int, busy: bool) -> Rgba:
 
 
 def _picture(canvas: Field, rng: np.random.Generator, ink: NDArray[np.float32]) -> None:
-    """Some fruit in the upper and lower part: balls of close hues, lit from the left."""
     n = len(canvas)
     y, x = np.mgrid[:n, :n].astype(np.float32) / n
     hue = np.clip(ink * 0.6 + rng.uniform(0.1, 0.5, 3), 0, 1)
@@ -212,7 +204,6 @@ def _picture(canvas: Field, rng: np.random.Generator, ink: NDArray[np.float32]) 
 
 
 def _small_print(canvas: Field, rng: np.random.Generator) -> None:
-    """Lines of words too small to read, and a bar code on a white field."""
     n = len(canvas)
     for left, top, lines in ((0.06, 0.68, 4), (0.60, 0.30, 3)):
         tone = 0.12 if float(canvas[int(top * n), int(left * n)].mean()) > 0.45 else 0.92

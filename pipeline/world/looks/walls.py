@@ -1,8 +1,7 @@
-"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings, by the seed, as
-`textures` makes patterns.
+"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings.
 
-A tile is 3 m of wall from the floor up, row 0 at the floor. What hangs on it is drawn with its own
-shading, without geometry. Lengths below are metres from the left of the tile and from the floor.
+A tile is 3 m of wall from the floor up, row 0 at the floor. Lengths are metres from the left of the
+tile and from the floor.
 """
 
 from collections.abc import Callable

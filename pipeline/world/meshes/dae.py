@@ -15,7 +15,7 @@ from lxml import etree
 
 from pipeline.poses import matrix, pose, quat_about
 from pipeline.world.meshes.files import find_file, parse_xml, pixels, read_bytes
-from pipeline.world.meshes.part import Floats, Ints, Look, MeshError, MeshFile, Part, painted
+from pipeline.world.meshes.part import Floats, Ints, MeshError, MeshFile, MeshLook, Part, painted
 
 SKIPPED = ("lines", "linestrips")
 DEEPEST = 100  # instances of nodes inside each other
@@ -128,7 +128,7 @@ class _Reader:
         if not len(which) or which.min() < 0 or which.max() >= len(points):
             raise MeshError("has a triangle of vertices that it does not hold")
         part = Part(points[which].reshape(-1, 3), np.arange(which.size).reshape(-1, 3))
-        look = Look() if bound is None else self._look(self._target(bound, "target"))
+        look = MeshLook() if bound is None else self._look(self._target(bound, "target"))
         if look.texture is not None and "TEXCOORD" in chosen:
             offset, source = chosen["TEXCOORD"]
             uv = self._source(source)[:, :2][corners[..., offset].ravel()]
@@ -138,7 +138,7 @@ class _Reader:
         if bound is None and "COLOR" in chosen:
             offset, source = chosen["COLOR"]
             return painted(part, self._source(source)[:, :3][corners[..., offset].ravel()])
-        return replace(part, look=Look(look.color))
+        return replace(part, look=MeshLook(look.color))
 
     def _source(self, element: Element) -> Floats:
         """The numbers (N,W) of a source."""
@@ -151,7 +151,7 @@ class _Reader:
         values = np.array((array.text or "").split(), float)[offset:]
         return values[: len(values) // stride * stride].reshape(-1, stride)
 
-    def _look(self, material: Element) -> Look:
+    def _look(self, material: Element) -> MeshLook:
         """The diffuse color or texture of a material; a lamp's color of one that only shines."""
         effect = self._target(_child(material, "instance_effect"))
         profile = _child(effect, "profile_COMMON")
@@ -164,12 +164,12 @@ class _Reader:
             color = None if light is None else light.find("color")
             texture = None if light is None else light.find("texture")
             if texture is not None:
-                return Look((0.8, 0.8, 0.8), self._texture(texture.get("texture", ""), profile))
+                return MeshLook((0.8, 0.8, 0.8), self._texture(texture.get("texture", ""), profile))
             if color is not None:
                 r, g, b = np.clip([float(v) for v in (color.text or "").split()][:3], 0, 1).tolist()
-                return Look((r, g, b))
+                return MeshLook((r, g, b))
         self.notes.append("has a material without a diffuse color")
-        return Look()
+        return MeshLook()
 
     def _texture(self, name: str, profile: Element) -> np.ndarray | None:
         """The pixels (H,W,4) of a texture; None, and a note, where its file is missing."""
@@ -179,11 +179,13 @@ class _Reader:
             )
             if parameter is None:
                 break
-            found = next((e for e in parameter.iter("source", "init_from", "instance_image")), None)
+            element_above = next(
+                (e for e in parameter.iter("source", "init_from", "instance_image")), None
+            )
             name = (
                 ""
-                if found is None
-                else (found.get("url", "").lstrip("#") or found.text or "").strip()
+                if element_above is None
+                else (element_above.get("url", "").lstrip("#") or element_above.text or "").strip()
             )
         image = self._by_id.get(name)
         start = None if image is None else next(image.iter("init_from"), None)
@@ -206,10 +208,10 @@ class _Reader:
 
 
 def _child(element: Element, tag: str) -> Element:
-    found = element.find(tag)
-    if found is None:
+    child = element.find(tag)
+    if child is None:
         raise MeshError(f"has a <{element.tag}> without a <{tag}>")
-    return found
+    return child
 
 
 def _placement(node: Element) -> Floats:

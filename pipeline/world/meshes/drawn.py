@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from pipeline.world.meshes.part import Color, Floats, Ints, Part
+from pipeline.world.meshes.part import Color, Floats, Ints, Part, stacked
 from pipeline.world.objects.surface import finish
 from pipeline.world.shapes import Material, Mesh, Parts
 
@@ -16,10 +16,8 @@ CREASE = 40.0
 
 
 def drawn(parts: Sequence[Part], budget: int, fewest: int, plain: Color = PLAIN) -> Parts:
-    """Meshes and materials of parts (m, their own frame), of about `budget` triangles in all.
-
-    A part keeps `fewest` at least. Parts whose file states no color are `plain`.
-    """
+    """Meshes and materials of parts (m), of about `budget` triangles in all and `fewest` a part.
+    Parts whose file states no color are `plain`."""
     total = max(1, sum(len(part.faces) for part in parts))
     return tuple(
         (
@@ -45,11 +43,8 @@ def _mesh(part: Part, budget: int) -> Mesh:
 
 def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
     """Texture coordinates (M,3,2) of new triangles (M,3,3), from old ones (N,3,3) with theirs
-    (N,3,2).
-
-    They are those of the old triangle nearest to each one's middle, continued over its plane, so
-    that no triangle reaches over a seam of the texture.
-    """
+    (N,3,2): those of the old triangle nearest to each one's middle, continued over its plane, so
+    that no triangle reaches over a seam."""
     a, edges = old[:, 0], old[:, 1:] - old[:, :1]
     nearest = np.asarray(KDTree(old.mean(1)).query(corners.mean(1))[1])
     basis, origin, texels = edges[nearest], a[nearest], uv[nearest]
@@ -61,19 +56,14 @@ def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
 
 def welded(parts: Sequence[Part]) -> tuple[Floats, Ints]:
     """Points (P,3) and faces (M,3) of all parts as one mesh, its seams closed."""
-    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)])
-    points = np.concatenate([part.points for part in parts])
-    mesh = trimesh.Trimesh(points, faces, process=False)
+    mesh = trimesh.Trimesh(*stacked(parts), process=False)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
 def thinned(points: Floats, faces: Ints, budget: int) -> tuple[Floats, Ints]:
-    """Points (P,3) m and faces (M,3), clustered until `budget` faces are left.
-
-    Points snap to the means of the finest grid cells that leave so many.
-    """
+    """Points (P,3) m and faces (M,3), snapped to the means of the finest grid cells that leave
+    `budget` faces."""
     facing = area_vectors(points, faces)
     area = float(np.linalg.norm(facing, axis=1).sum()) / 2
     # cells of this size leave about 3 faces per budgeted one: a start on the fine side

@@ -39,10 +39,8 @@ def read_bytes(path: Path) -> bytes:
 
 
 def find_file(name: str, beside: Path, within: Path) -> Path:
-    """The file `name`, relative to the folder `beside`, below the folder `within`.
-
-    Raises MeshError, which names the cause: another way of writing, a place outside, no file.
-    """
+    """The file `name`, relative to the folder `beside`, below the folder `within`. Raises
+    MeshError with the cause: another way of writing, a place outside, no file."""
     check_name(name)
     path = _below(beside / name, within, name)
     if path.is_file():
@@ -92,13 +90,13 @@ def _in_any_case(folder: Path, name: str) -> Path | None:
 
 
 def _below(path: Path, within: Path, name: str) -> Path:
-    found = path.resolve()
-    if not found.is_relative_to(within.resolve()):
+    target = path.resolve()
+    if not target.is_relative_to(within.resolve()):
         plain = Path(os.path.normpath(path.absolute()))
         linked = any(plain.is_relative_to(top) for top in (within.absolute(), within.resolve()))
         why = "is a link to a file outside of" if linked else "is outside of"
         raise MeshError(f"{name!r} {why} {within}; copy the file there")
-    return found
+    return target
 
 
 def parse_xml(data: bytes) -> Any:
@@ -115,10 +113,8 @@ def parse_xml(data: bytes) -> Any:
 
 
 def pixels(data: bytes) -> NDArray[np.uint8]:
-    """An image file as (H,W,4) sRGB, not larger than is kept.
-
-    Raises MeshError for one that is damaged, or unpacks to more than MAX_PIXELS.
-    """
+    """An image file as (H,W,4) sRGB, its longer edge at most TEXTURE. Raises MeshError for one
+    that is damaged, or of more than MAX_PIXELS."""
     from PIL import Image  # takes longer than a robot without textures
 
     try:

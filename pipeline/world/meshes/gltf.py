@@ -1,8 +1,5 @@
-"""Reads glTF 2.0, as .glb or .gltf: what changes shapes or colors is applied, or refused by name.
-
-The table of what is read is in docs/mesh_files.md. The arrays of a file are decoded by
-`_Accessors`, its looks by `_Looks`; the nodes of its scene place meshes.
-"""
+"""Reads glTF 2.0, as .glb or .gltf: what changes shapes or colors is applied, or refused by name
+(docs/mesh_files.md)."""
 
 import base64
 import json
@@ -20,9 +17,9 @@ from pipeline.world.meshes.files import MAX_TRIANGLES, find_file, pixels, read_b
 from pipeline.world.meshes.part import (
     Floats,
     Ints,
-    Look,
     MeshError,
     MeshFile,
+    MeshLook,
     Part,
     painted,
     srgb,
@@ -258,12 +255,12 @@ class _Reader:
                 self.notes.append("has a texture and colors of vertices: the mean of these is used")
                 factor = factor * vertex.mean(0)
             return Part(
-                part.points, part.faces, Look((1.0, 1.0, 1.0), tinted(image, srgb(factor))), uv
+                part.points, part.faces, MeshLook((1.0, 1.0, 1.0), tinted(image, srgb(factor))), uv
             )
         if vertex is not None:
             return painted(part, srgb(vertex * factor))
         r, g, b = srgb(factor).tolist()
-        return Part(part.points, part.faces, Look((r, g, b) if stated else None))
+        return Part(part.points, part.faces, MeshLook((r, g, b) if stated else None))
 
     def _uv(self, info: dict[str, Any], at: dict[str, int], count: int) -> Floats | None:
         """Coordinates (P,2) of a texture, transformed; None where the mesh has none."""

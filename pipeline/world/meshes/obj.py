@@ -11,9 +11,9 @@ from pipeline.world.meshes.files import find_file, pixels, read_bytes, similar
 from pipeline.world.meshes.part import (
     Color,
     Floats,
-    Look,
     MeshError,
     MeshFile,
+    MeshLook,
     Part,
     painted,
     tinted,
@@ -56,10 +56,10 @@ class _Faces:
 def _index(text: str, count: int) -> int:
     """The number from 0 of an element that is counted from 1, or back from the last one."""
     number = int(text)
-    found = number - 1 if number > 0 else count + number
-    if number == 0 or found < 0:
+    index = number - 1 if number > 0 else count + number
+    if number == 0 or index < 0:
         raise MeshError("has a triangle of vertices that it does not hold")
-    return found
+    return index
 
 
 def read_obj(file: Path, within: Path) -> MeshFile:
@@ -122,8 +122,8 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
 def _gather(
     faces: _Faces, at: Floats, texels: Floats, colors: Floats | None
 ) -> tuple[Part, Floats | None, Floats | None]:
-    """The triangles of one material, their coordinates (P,2), and their colors (P,3), where there
-    are some."""
+    """The triangles of one material, their coordinates (P,2) and colors (P,3), where there are
+    some."""
     corners = np.stack([faces.points, faces.uvs], 1)
     if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
         raise MeshError("has a triangle of vertices that it does not hold")
@@ -151,18 +151,16 @@ def _looked(
     if image is not None and uv is not None:
         moved = uv * material.scale + material.offset
         return replace(
-            part, look=Look((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1]
+            part, look=MeshLook((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1]
         )
     if shade is not None:
         return painted(part, shade * kd)
-    return replace(part, look=Look(material.kd))
+    return replace(part, look=MeshLook(material.kd))
 
 
 def _texture(name: str, file: Path, within: Path, notes: list[str]):
-    """The pixels (H,W,4) of a texture; None, and a note, for one that is missing.
-
-    Raises MeshError for one outside of `within`, and for a damaged one.
-    """
+    """The pixels (H,W,4) of a texture; None, and a note, for one that is missing. Raises
+    MeshError for one outside of `within`, and for a damaged one."""
     try:
         return pixels(read_bytes(find_file(name, file.parent, within)))
     except MeshError as error:
@@ -191,19 +189,19 @@ def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict
             return {}
         path = guesses[0][0]
         notes.append(f"takes {path.name} for the material library {name!r}")
-    found: dict[str, _Material] = {}
+    materials: dict[str, _Material] = {}
     current = ""
     for word, rest in _lines(read_bytes(path)):
         if word == "newmtl":
             current = rest
-            found[current] = _Material()
-        elif word == "Kd" and current in found:
-            found[current] = replace(found[current], kd=_color(rest))
-        elif word.lower() == "map_kd" and current in found:
-            found[current] = _mapped(found[current], rest, notes)
+            materials[current] = _Material()
+        elif word == "Kd" and current in materials:
+            materials[current] = replace(materials[current], kd=_color(rest))
+        elif word.lower() == "map_kd" and current in materials:
+            materials[current] = _mapped(materials[current], rest, notes)
         elif word in ("d", "Tr") and float(rest.split()[-1]) != (1.0 if word == "d" else 0.0):
             notes.append("draws a transparent material as opaque")
-    return found
+    return materials
 
 
 def _color(text: str) -> Color:
@@ -215,8 +213,8 @@ def _color(text: str) -> Color:
 
 
 def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
-    """The material with the texture of a line map_Kd: options first, then the name, in which spaces
-    may be."""
+    """The material with the texture of a line map_Kd: options first, then the name, in which
+    spaces may be."""
     words = text.split()
     values: dict[str, list[float]] = {}
     while len(words) > 1 and words[0].startswith("-"):

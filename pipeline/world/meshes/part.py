@@ -1,6 +1,6 @@
 """What a mesh file holds: triangles of one look each, and what was guessed or left out."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
+from pipeline.world.shapes import linear, srgb_of
 
 type Floats = NDArray[np.float64]
 type Ints = NDArray[np.int64]
@@ -18,7 +19,7 @@ class MeshError(DominoError):
     """A mesh file that cannot be used; the message is one line that names it."""
 
 
-class Look(NamedTuple):
+class MeshLook(NamedTuple):
     """What a file states of a surface: sRGB color 0-1, and a texture (H,W,4) uint8 that replaces
     it."""
 
@@ -26,7 +27,7 @@ class Look(NamedTuple):
     texture: NDArray[np.uint8] | None = None
 
 
-NOTHING = Look()
+NOTHING = MeshLook()
 """Of a file that states no color."""
 
 
@@ -36,7 +37,7 @@ class Part:
 
     points: Floats
     faces: Ints
-    look: Look = NOTHING
+    look: MeshLook = NOTHING
     uv: Floats | None = None
 
     def moved(self, matrix: Floats) -> "Part":
@@ -64,32 +65,32 @@ def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
     return tuple(_join(group) for group in groups.values())
 
 
+def stacked(parts: Sequence[Part]) -> tuple[Floats, Ints]:
+    """Points (P,3) and faces (M,3) of all parts, one after the other."""
+    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+    return np.concatenate([part.points for part in parts]), np.concatenate(faces)
+
+
 def _join(parts: list[Part]) -> Part:
     if len(parts) == 1:
         return parts[0]
-    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
     uvs = [part.uv for part in parts if part.uv is not None]
-    return Part(
-        np.concatenate([part.points for part in parts]),
-        np.concatenate([p.faces + start for p, start in zip(parts, starts, strict=True)]),
-        parts[0].look,
-        np.concatenate(uvs) if uvs else None,
-    )
+    return Part(*stacked(parts), parts[0].look, np.concatenate(uvs) if uvs else None)
 
 
 SHADES = 31  # per channel: what two colors of a palette differ by at least is 1/31
 
 
 def painted(part: Part, colors: Floats) -> Part:
-    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1.
-
-    The renderer has no colors of vertices: the texture is a palette, with one texel a triangle.
-    """
+    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1:
+    the renderer has no colors of vertices, so its texture is a palette with one texel a
+    triangle."""
     mean = np.clip(colors, 0, 1)[part.faces].mean(1)
     shades, which = np.unique(np.round(mean * SHADES), axis=0, return_inverse=True)
     if len(shades) == 1:
         r, g, b = mean.mean(0).tolist()
-        return replace(part, look=Look((r, g, b)), uv=None)
+        return replace(part, look=MeshLook((r, g, b)), uv=None)
     side = int(np.ceil(np.sqrt(len(shades))))
     texture = np.full((side * side, 4), 255, np.uint8)
     texture[: len(shades), :3] = np.round(shades / SHADES * 255)
@@ -99,20 +100,14 @@ def painted(part: Part, colors: Floats) -> Part:
     return Part(
         part.points[part.faces].reshape(-1, 3),
         np.arange(3 * len(part.faces)).reshape(-1, 3),
-        Look((r, g, b), texture.reshape(side, side, 4)),
+        MeshLook((r, g, b), texture.reshape(side, side, 4)),
         np.repeat(uv, 3, axis=0),
     )
 
 
-def linear(srgb: Floats) -> Floats:
-    """Linear light of sRGB values 0-1."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
 def srgb(light: Floats) -> Floats:
-    """sRGB values of linear light 0-1."""
-    light = np.clip(light, 0, 1)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    """sRGB values of linear light, clipped to 0-1."""
+    return srgb_of(np.clip(light, 0, 1))
 
 
 def tinted(image: NDArray[np.uint8], color: Floats) -> NDArray[np.uint8]:

@@ -10,7 +10,7 @@ from pipeline.world.meshes.dae import read_dae
 from pipeline.world.meshes.files import MAX_TRIANGLES, read_bytes
 from pipeline.world.meshes.gltf import read_gltf
 from pipeline.world.meshes.obj import read_obj
-from pipeline.world.meshes.part import Look, MeshError, MeshFile, Part, joined, painted
+from pipeline.world.meshes.part import MeshError, MeshFile, MeshLook, Part, joined, painted
 
 READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".dae": read_dae}
 BARE = (".stl", ".ply", ".off")
@@ -19,11 +19,9 @@ MAX_PARTS = 200
 
 
 def read_mesh(file: Path, within: Path | None = None) -> MeshFile:
-    """The parts of a mesh file, one a look, in its own frame and the units that it states.
-
-    Files that it names are opened below the folder `within` only, by default its own. Raises
-    MeshError, one line that names the file.
-    """
+    """The parts of a mesh file, one a look, in its own frame and units. Files that it names are
+    opened below the folder `within` only, by default its own. Raises MeshError, one line that
+    names the file."""
     kind = file.suffix.lower()
     if kind not in FORMATS:
         raise MeshError(
@@ -64,7 +62,7 @@ def _read_bare(file: Path, within: Path) -> MeshFile:
     elif visual.kind == "face" and len(visual.face_colors) == len(part.faces):
         corners = part.points[part.faces].reshape(-1, 3)
         shades = np.repeat(np.asarray(visual.face_colors, float)[:, :3] / 255, 3, axis=0)
-        part = painted(Part(corners, np.arange(len(corners)).reshape(-1, 3), Look()), shades)
+        part = painted(Part(corners, np.arange(len(corners)).reshape(-1, 3), MeshLook()), shades)
     return MeshFile((part,))
 
 

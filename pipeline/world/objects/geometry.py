@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from pipeline.poses import pose, quat_about
 from pipeline.world.objects.surface import box_uv, finish
-from pipeline.world.shapes import Mesh, deferred
+from pipeline.world.shapes import Mesh, deferred, quads
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
@@ -52,14 +52,15 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     k = len(profile)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(sides), np.arange(k - 1), indexing="ij"))
     n = (i + 1) % sides
-    low, low_next, high, high_next = i * k + j, n * k + j, i * k + j + 1, n * k + j + 1
-    u0, u1, v0, v1 = i / sides, (i + 1) / sides, v[j], v[j + 1]
-    faces = np.concatenate(
-        [np.stack([low, low_next, high_next], 1), np.stack([low, high_next, high], 1)]
-    )
-    first = np.stack([np.stack([u0, v0], 1), np.stack([u1, v0], 1), np.stack([u1, v1], 1)], 1)
-    second = np.stack([np.stack([u0, v0], 1), np.stack([u1, v1], 1), np.stack([u0, v1], 1)], 1)
-    return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
+    faces = quads(i * k + j, n * k + j, n * k + j + 1, i * k + j + 1)
+    uvs = _quad_uvs(i / sides, (i + 1) / sides, v[j], v[j + 1])
+    return finish(points.reshape(-1, 3), faces, np.concatenate(uvs), crease)
+
+
+def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[NDArray[np.float64]]:
+    """Corner uvs (M,3,2), twice, of the triangles of `quads` that span u0 to u1 and v0 to v1."""
+    a, b, c, d = (np.stack(uv, 1) for uv in ((u0, v0), (u1, v0), (u1, v1), (u0, v1)))
+    return [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
 
 
 @deferred
@@ -74,9 +75,7 @@ def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int
         [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
     )
     i = np.arange(sides)
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)]
-    )
+    faces = quads(i, i + 1, i + sides + 2, i + sides + 1)
     uv = np.column_stack(
         [np.tile(np.linspace(0, prints, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)]
     )
@@ -128,21 +127,10 @@ def hull_faces(points: NDArray) -> NDArray[np.integer]:
 @deferred
 def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) -> Mesh:
     """Closed cylinder from z = 0 to `height`, rims chamfered by `bevel`."""
-    if bevel <= 0:
-        return revolve([(0, 0), (radius, 0), (radius, height), (0, height)], sides)
-    b = bevel
-    return revolve(
-        [
-            (0, 0),
-            (radius - b, 0),
-            (radius, b),
-            (radius, height - b),
-            (radius - b, height),
-            (0, height),
-        ],
-        sides,
-        50.0,
-    )
+    r, h, b = radius, height, bevel
+    if b <= 0:
+        return revolve([(0, 0), (r, 0), (r, h), (0, h)], sides)
+    return revolve([(0, 0), (r - b, 0), (r, b), (r, h - b), (r - b, h), (0, h)], sides, 50.0)
 
 
 def arc(
@@ -189,13 +177,8 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
     points = sections.reshape(-1, 3)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(s - 1), np.arange(k), indexing="ij"))
     n = (j + 1) % k
-    a, b, c, d = i * k + j, i * k + n, (i + 1) * k + n, (i + 1) * k + j
-    u0, u1, v0, v1 = j / k, (j + 1) / k, 1 - i / (s - 1), 1 - (i + 1) / (s - 1)
-    faces = [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
-    uvs = [
-        np.stack([np.stack([u0, v0], 1), np.stack([u1, v0], 1), np.stack([u1, v1], 1)], 1),
-        np.stack([np.stack([u0, v0], 1), np.stack([u1, v1], 1), np.stack([u0, v1], 1)], 1),
-    ]
+    faces = [quads(i * k + j, i * k + n, (i + 1) * k + n, (i + 1) * k + j)]
+    uvs = _quad_uvs(j / k, (j + 1) / k, 1 - i / (s - 1), 1 - (i + 1) / (s - 1))
     if caps:
         ring = np.arange(k)
         for index, reverse in ((0, True), (s - 1, False)):
@@ -262,13 +245,7 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
     j = np.arange(k)
     n = (j + 1) % k
     walls = [
-        np.concatenate(
-            [
-                np.stack([s * k + j, s * k + n, s * k + k + n], 1),
-                np.stack([s * k + j, s * k + k + n, s * k + k + j], 1),
-            ]
-        )
-        for s in range(len(rings) - 1)
+        quads(s * k + j, s * k + n, s * k + k + n, s * k + k + j) for s in range(len(rings) - 1)
     ]
     lid = np.asarray(triangulate([rings[0][0].tolist()]), int)
     faces = np.concatenate([*walls, lid[:, ::-1], lid + (len(rings) - 1) * k])

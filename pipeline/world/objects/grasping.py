@@ -7,7 +7,7 @@ bodies) is for the planner to reject. One of the two wrist rolls of a pinch is l
 the same pinch with the jaws exchanged.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +52,13 @@ def _low_enough(height: float, pitch: float, top: float) -> bool:
     return height - 0.010 * np.sin(pitch) <= top - 0.002
 
 
+def _tilts(pitches: Sequence[float]) -> Iterator[tuple[float, int]]:
+    """Every pitch (rad) to both sides (1, -1); straight down once."""
+    for pitch in pitches:
+        for side in (1, -1) if pitch < 90 else (1,):
+            yield np.radians(pitch), side
+
+
 def turned(grasps: Grasps, yaw: float) -> Grasps:
     """The same grasps turned about the object's z axis by `yaw` (rad)."""
     return tuple(replace(g, pose=compose(yawed((0, 0, 0), yaw), g.pose)) for g in grasps)
@@ -94,7 +101,7 @@ def side_pinches(
             )
         )
 
-    found = []
+    tcps = []
     for height in np.atleast_1d(np.asarray(heights, float)):
         for p in np.radians(pitches):
             retreat = _retreat(hits, height, p)
@@ -107,8 +114,8 @@ def side_pinches(
                 )
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
                 position = out * retreat * np.cos(p) + [0, 0, height + retreat * np.sin(p)]
-                found.append((position, approach, across))
-    return pinches(found, 2 * radius, kind)
+                tcps.append((position, approach, across))
+    return pinches(tcps, 2 * radius, kind)
 
 
 def _retreat(
@@ -142,17 +149,15 @@ def rim_pinches(
     The wall leans outwards by `flare` degrees; the opening is across it and the approach comes down
     along it, tilted along the rim to both sides. The tcp lies `depth` below the rim.
     """
-    found = []
+    tcps = []
     f = np.radians(flare)
     for a in 2 * np.pi * np.arange(16) / 16:
         out, along = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
         up, across = out * np.sin(f) + [0, 0, np.cos(f)], out * np.cos(f) - [0, 0, np.sin(f)]
         position = out * radius + [0, 0, height] - up * depth - across * wall / 2
-        for pitch in pitches:
-            p = np.radians(pitch)
-            for side in (1, -1) if pitch < 90 else (1,):
-                found.append((position, side * along * np.cos(p) - up * np.sin(p), across))
-    return pinches(found, wall, "rim")
+        for p, side in _tilts(pitches):
+            tcps.append((position, side * along * np.cos(p) - up * np.sin(p), across))
+    return pinches(tcps, wall, "rim")
 
 
 def box_pinches(
@@ -182,38 +187,30 @@ def box_pinches(
         if 2 * half[axis] > widest:
             continue
         opening, along, reach = np.eye(3)[axis], np.eye(3)[1 - axis], half[1 - axis]
-        found = []
+        tcps = []
         for shift in np.asarray(offsets) * reach:
             for height in low_heights(2 * hz) if heights is None else heights:
-                for pitch in pitches:
-                    p = np.radians(pitch)
+                for p, side in _tilts(pitches):
                     if not _low_enough(height, p, 2 * hz):
                         continue
-                    for side in (1, -1) if pitch < 90 else (1,):
-                        # the box's middle lies here as seen from the palm's side
-                        centre_line = -side * shift
 
-                        def hits(
-                            r: np.ndarray,
-                            z: np.ndarray,
-                            middle: float = centre_line,
-                            reach: float = reach,
-                        ) -> bool:
-                            return bool(
-                                np.any(
-                                    (np.abs(r + middle) < reach + 0.001)
-                                    & (z < 2 * hz + 0.001)
-                                    & (z > 0)
-                                )
-                            )
+                    # the box's middle lies at -side * shift as seen from the palm's side
+                    def hits(
+                        r: np.ndarray,
+                        z: np.ndarray,
+                        middle: float = -side * shift,
+                        reach: float = reach,
+                    ) -> bool:
+                        beside = np.abs(r + middle) < reach + 0.001
+                        return bool(np.any(beside & (z < 2 * hz + 0.001) & (z > 0)))
 
-                        retreat = _retreat(hits, height, p, retreats)
-                        if retreat is None:
-                            continue
-                        approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
-                        position = base + along * shift + [0, 0, height] - approach * retreat
-                        found.append((position, approach, opening))
-        grasps += pinches(found, 2 * half[axis], kind)
+                    retreat = _retreat(hits, height, p, retreats)
+                    if retreat is None:
+                        continue
+                    approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
+                    position = base + along * shift + [0, 0, height] - approach * retreat
+                    tcps.append((position, approach, opening))
+        grasps += pinches(tcps, 2 * half[axis], kind)
     return grasps
 
 
@@ -233,23 +230,19 @@ def bar_pinches(
     `low_heights` says.
     """
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
-    found = []
+    tcps = []
     for x in positions:
-        for pitch in pitches:
-            p = np.radians(pitch)
-            for side in (1, -1) if pitch < 90 else (1,):
-                for t in np.radians(rolls):
-                    down, across = (
-                        np.array([0, np.sin(t), -np.cos(t)]),
-                        np.array([0, np.cos(t), np.sin(t)]),
-                    )
-                    approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
-                    found += [
-                        (np.array([x, 0, height]) - lift * down, approach, across)
-                        for lift in lifts
-                        if _low_enough(lift, p, 0.6 * radius)
-                    ]
-    return pinches(found, 2 * radius, kind)
+        for p, side in _tilts(pitches):
+            for t in np.radians(rolls):
+                down = np.array([0, np.sin(t), -np.cos(t)])
+                across = np.array([0, np.cos(t), np.sin(t)])
+                approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
+                tcps += [
+                    (np.array([x, 0, height]) - lift * down, approach, across)
+                    for lift in lifts
+                    if _low_enough(lift, p, 0.6 * radius)
+                ]
+    return pinches(tcps, 2 * radius, kind)
 
 
 def handle_pinches(

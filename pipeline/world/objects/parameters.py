@@ -56,10 +56,10 @@ def one_of(
     """
 
     def how(rng: np.random.Generator, so_far: Any) -> Any:
-        found = options[getattr(so_far, by)] if isinstance(options, Mapping) else options
+        choices = options[getattr(so_far, by)] if isinstance(options, Mapping) else options
         if other_than:
-            return other(rng, found, getattr(so_far, other_than))
-        return pick(rng, (getattr(so_far, also), *found) if also else found)
+            return other(rng, choices, getattr(so_far, other_than))
+        return pick(rng, (getattr(so_far, also), *choices) if also else choices)
 
     return drawn(how, says=says, also=also)
 
@@ -90,19 +90,19 @@ class Parametric(Family):
 
         Wood is called wooden; any other material is `plain`, too.
         """
-        found = {name: value for name, value in vars(self).items() if isinstance(value, str)}
-        if material := found.get("material"):
-            found |= (
+        facts = {name: value for name, value in vars(self).items() if isinstance(value, str)}
+        if material := facts.get("material"):
+            facts |= (
                 {"material": "wooden", "plain": ""} if material == "wood" else {"plain": material}
             )
         for parameter in fields(self):  # pyright: ignore[reportArgumentType]
             notes, value = parameter.metadata, getattr(self, parameter.name)
             if words := notes.get("size"):
-                found["size"] = size_word(value, notes["range"], words)
+                facts["size"] = size_word(value, notes["range"], words)
             if name := notes.get("says"):
                 same = notes["also"] and value == getattr(self, notes["also"])
-                found[name] = "" if same else value
-        return found
+                facts[name] = "" if same else value
+        return facts
 
     def words(self) -> Words:
         """Noun and descriptions that are true of this instance."""

@@ -9,7 +9,7 @@ from manifold3d import Manifold
 from manifold3d import Mesh as SolidMesh
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.world.shapes import Mesh, deferred
+from pipeline.world.shapes import Mesh, deferred, merge
 
 WELD = 1e-6  # m: points closer than this are one point
 
@@ -97,16 +97,8 @@ def box_uv(points: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
 @deferred
 def join(*meshes: Mesh) -> Mesh:
     """One mesh of several; uvs survive only if all have them."""
-    offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
-    uvs = [m.uvs for m in meshes if m.uvs is not None]
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(
-            np.uint32
-        ),
-        np.concatenate([m.normals for m in meshes]),
-        np.concatenate(uvs) if len(uvs) == len(meshes) else None,
-    )
+    bare = any(m.uvs is None for m in meshes)
+    return merge([Mesh(m.vertices, m.triangles, m.normals, None) if bare else m for m in meshes])
 
 
 def cut(body: Mesh, *tools: Mesh, crease: float = 40.0) -> Mesh:

@@ -34,18 +34,18 @@ def describe(family: str, noun: str, **facts: str) -> Words:
         )
     known = {name: fact for name, fact in facts.items() if fact}
     splits, met = [], set[str]()
-    for split, phrases, wanted in zip(
+    for split, phrases, count in zip(
         ("seen", "unseen"), read_phrases(family), (SEEN, UNSEEN), strict=True
     ):
         true = [english(p.format(**known)) for p in phrases if facts_of(p) <= known.keys()]
-        found = [p for p in dict.fromkeys(true) if p not in met][:wanted]
-        if len(found) < wanted:
+        phrases_left = [p for p in dict.fromkeys(true) if p not in met][:count]
+        if len(phrases_left) < count:
             raise LanguageError(
-                f"phrases/{family}.txt gives {len(found)} {split} phrases for {known}: write at"
-                f" least {wanted}"
+                f"phrases/{family}.txt gives {len(phrases_left)} {split} phrases for {known}: write"
+                f" at least {count}"
             )
-        met |= set(found)
-        splits.append(tuple(found))
+        met |= set(phrases_left)
+        splits.append(tuple(phrases_left))
     return Words(noun, *splits)
 
 

@@ -33,16 +33,16 @@ def canonical_name(name: str) -> str:
 
     Raises UnknownEmbodiment.
     """
-    found = []
+    parts = []
     for part in name.split("+"):
         key = part.strip().lower().replace("_", "-")
         key = ALIASES.get(key, key)
         if key not in MODELS and key != NONE:
             raise UnknownEmbodiment(name)
-        found.append(key)
-    if len(found) > 2 or found[0] == found[-1] == NONE:
+        parts.append(key)
+    if len(parts) > 2 or parts[0] == parts[-1] == NONE:
         raise UnknownEmbodiment(name)
-    return found[0] if len(set(found)) == 1 else "+".join(found)
+    return parts[0] if len(set(parts)) == 1 else "+".join(parts)
 
 
 def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:

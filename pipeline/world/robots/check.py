@@ -26,12 +26,12 @@ def _tree(arm: Arm) -> Iterator[str]:
     moved = {joint.child for joint in arm.joints}
     roots = [link.name for link in arm.links if link.name not in moved]
     if len(roots) != 1:
-        said = (
+        problem = (
             f"links {', '.join(map(repr, roots))} hang on no joint"
             if roots
             else "its joints form a ring"
         )
-        yield f"{said}: every link but the base needs one joint above it"
+        yield f"{problem}: every link but the base needs one joint above it"
     placed = set(roots)
     for joint in arm.joints:
         if joint.parent not in placed:

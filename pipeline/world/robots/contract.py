@@ -1,5 +1,4 @@
-"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data; urdf.py
-turns it into URDF.
+"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data.
 
 An arm's joint and link names are local to the arm; in the world every name carries its side:
 `left_joint1`, `right_link6`.

@@ -63,7 +63,7 @@ class WristCamera(Table):
     pitch: float = 0.55
 
 
-class Place(Table):
+class RootPlace(Table):
     """World pose of a root link: position (m) and unit quaternion wxyz; (0.707..., 0, 0, 0.707...)
     faces the table along its x."""
 
@@ -71,7 +71,7 @@ class Place(Table):
     quaternion: tuple[float, float, float, float]
 
 
-class Drive(Table):
+class JointDrives(Table):
     """The drives of the arm's joints: stiffness N m/rad, damping N m s/rad; acceleration rad/s2 is
     a limit of planning."""
 
@@ -80,7 +80,7 @@ class Drive(Table):
     acceleration: float = 10.0
 
 
-class Limit(Table):
+class JointLimit(Table):
     """Limits of a joint that replace those of the URDF: rad or m, rad/s or m/s, N m or N."""
 
     lower: float | None = None
@@ -89,7 +89,7 @@ class Limit(Table):
     effort: float | None = None
 
 
-class Body(Table):
+class Torso(Table):
     """What carries both arms in place of two stands: a GLB and boxes (lower and upper corner, m),
     both in the world frame."""
 
@@ -107,17 +107,17 @@ class RobotToml(Table):
     tcp: Tcp
     gripper: Jaws
     home: BySide[tuple[float, ...]]
-    place: BySide[Place]
+    place: BySide[RootPlace]
     foot: float = Field(gt=0)
     original: BySide[Triple] | None = None
     camera: WristCamera = WristCamera()
-    drive: Drive = Drive()
-    limits: dict[str, Limit] = Field(default_factory=dict)
+    drive: JointDrives = JointDrives()
+    limits: dict[str, JointLimit] = Field(default_factory=dict)
     allowed_overlap: tuple[tuple[str, str], ...] = ()
-    body: Body | None = None
+    body: Torso | None = None
 
 
-class Model:
+class RobotModel:
     """A robot of a directory. `settings` are read at once; links and joints when an arm is first
     asked for."""
 
@@ -222,7 +222,7 @@ def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
     return path[::-1]
 
 
-def _limited(joint: Joint, limit: Limit | None) -> Joint:
+def _limited(joint: Joint, limit: JointLimit | None) -> Joint:
     return joint if limit is None else replace(joint, **limit.model_dump(exclude_none=True))
 
 

@@ -11,15 +11,15 @@ from pipeline.data.rules import Layout
 from pipeline.registry import Registry
 from pipeline.world.robots.check import RobotError, check_arm
 from pipeline.world.robots.contract import Arm, Embodiment
-from pipeline.world.robots.directory import TOML, Model
+from pipeline.world.robots.directory import TOML, RobotModel
 from pipeline.world.robots.notation import HEAD_CAMERA
 from pipeline.world.robots.stands import Stand, pedestal
 
-MODELS = Registry[Model]("robot")
+MODELS = Registry[RobotModel]("robot")
 ALIASES: dict[str, str] = {}
 
 
-def register(directory: Path) -> Model:
+def register(directory: Path) -> RobotModel:
     """Enter the robot of a directory under the directory's name, which is lower case with hyphens;
     one that is entered stays.
 
@@ -29,7 +29,7 @@ def register(directory: Path) -> Model:
     known = MODELS.get(directory.name)
     if known is not None and known.directory == directory:
         return known
-    model = Model(directory)
+    model = RobotModel(directory)
     for word in (model.name, *model.settings.aliases):
         if word in MODELS or word in ALIASES:
             raise RobotError(
@@ -56,7 +56,7 @@ def register_all(folder: Path) -> None:
         register(path.parent)
 
 
-def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]:
+def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, Stand]:
     """An arm and what stands under it; its base where the original system has it, turned as ours
     is, for that layout."""
     arm = model.arm(side)
@@ -66,7 +66,7 @@ def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]
     return arm, pedestal((x, y, z), model.settings.foot)
 
 
-def pair(left: Model | None, right: Model | None, layout: Layout = "ours") -> Embodiment:
+def pair(left: RobotModel | None, right: RobotModel | None, layout: Layout = "ours") -> Embodiment:
     """Embodiment with the left arm of one model and the right arm of another, each at its own place
     and on its own stand.
 

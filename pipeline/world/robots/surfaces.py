@@ -9,7 +9,7 @@ import trimesh
 
 from pipeline.poses import transform
 from pipeline.world.meshes.drawn import PLAIN, area_vectors, drawn
-from pipeline.world.meshes.part import Floats, Ints, Look, MeshError, Part
+from pipeline.world.meshes.part import Floats, Ints, MeshError, MeshLook, Part, stacked
 from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
 from pipeline.world.shapes import Parts
@@ -25,17 +25,17 @@ def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> 
     Colors of a mesh file come before those of the URDF, as in ROS. `notes` gets a line for what
     was guessed or left out. Raises UrdfError for a file that cannot be used.
     """
-    found = list[Part]()
+    looks_of_parts = list[Part]()
     for shape in shapes:
         parts, read = parts_of(shape)
-        found += (replace(p, look=_stated(p.look, shape)) for p in parts)
+        looks_of_parts += (replace(p, look=_stated(p.look, shape)) for p in parts)
         if notes is not None:
             notes += read
-    return drawn(found, TRIANGLES_PER_LINK, FEWEST)
+    return drawn(looks_of_parts, TRIANGLES_PER_LINK, FEWEST)
 
 
-def _stated(look: Look, shape: UrdfShape) -> Look:
-    return Look(look.color or shape.color or PLAIN, look.texture)
+def _stated(look: MeshLook, shape: UrdfShape) -> MeshLook:
+    return MeshLook(look.color or shape.color or PLAIN, look.texture)
 
 
 def hull(shape: UrdfShape) -> Floats:
@@ -51,10 +51,7 @@ def hull(shape: UrdfShape) -> Floats:
 
 def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
     """Points (P,3) m in the link frame and faces (M,3) of a shape. Raises UrdfError."""
-    parts, _ = parts_of(shape)
-    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
-    return np.concatenate([part.points for part in parts]), np.concatenate(faces)
+    return stacked(parts_of(shape)[0])
 
 
 def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:

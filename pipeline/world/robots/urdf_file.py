@@ -119,13 +119,13 @@ class UrdfRobot:
 
     def below(self, base: str) -> list[str]:
         """`base` and the links that hang on it, each after the one above it."""
-        found, known = [base], {base}
+        below, known = [base], {base}
         pending = [link for link in self.links if link in self.parent_joint]
         while ready := [link for link in pending if self.parent_joint[link].parent in known]:
-            found += ready
+            below += ready
             known.update(ready)
             pending = [link for link in pending if link not in known]
-        return found
+        return below
 
 
 def read_urdf(
@@ -229,35 +229,35 @@ class _Shapes:
         """The shapes of a link under one tag. Raises UrdfError."""
         for element in link.findall(tag):
             geometry, material = element.find("geometry"), element.find("material")
-            found = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
-            if found is not None:
+            solid = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
+            if solid is not None:
                 color = (
                     None
                     if material is None
                     else _color(material) or self.paints.get(material.get("name"))
                 )
-                yield self._shape(found, _origin(element), color)
+                yield self._shape(solid, _origin(element), color)
 
-    def _shape(self, found: Any, origin: Pose, color: Color | None) -> UrdfShape:
+    def _shape(self, solid: Any, origin: Pose, color: Color | None) -> UrdfShape:
         urdf = self.folders.urdf
-        if found.tag == "mesh":
-            x, y, z = np.broadcast_to(_vector(found, "scale", (1.0,)), 3).tolist()
+        if solid.tag == "mesh":
+            x, y, z = np.broadcast_to(_vector(solid, "scale", (1.0,)), 3).tolist()
             try:
-                file, within = self.folders.find(found.get("filename", ""))
+                file, within = self.folders.find(solid.get("filename", ""))
             except MeshError as error:
                 raise UrdfError(f"{urdf}: mesh {error}") from error
             return UrdfShape("mesh", origin, (), file, (x, y, z), color, within)
         sizes = {
-            "box": lambda: tuple((_vector(found, "size", (0.0, 0.0, 0.0)) / 2).tolist()),
-            "cylinder": lambda: (_number(found, "radius"), _number(found, "length") / 2),
-            "sphere": lambda: (_number(found, "radius"),),
+            "box": lambda: tuple((_vector(solid, "size", (0.0, 0.0, 0.0)) / 2).tolist()),
+            "cylinder": lambda: (_number(solid, "radius"), _number(solid, "length") / 2),
+            "sphere": lambda: (_number(solid, "radius"),),
         }
-        if found.tag not in sizes or min(size := sizes[found.tag]()) <= 0:
+        if solid.tag not in sizes or min(size := sizes[solid.tag]()) <= 0:
             raise UrdfError(
-                f"{urdf}: line {found.sourceline}: <{found.tag}> is no mesh, box, cylinder or"
+                f"{urdf}: line {solid.sourceline}: <{solid.tag}> is no mesh, box, cylinder or"
                 " sphere with a size above 0"
             )
-        return UrdfShape(found.tag, origin, size, color=color)
+        return UrdfShape(solid.tag, origin, size, color=color)
 
 
 def _link(e: Any, shapes: _Shapes) -> UrdfLink:

@@ -1,6 +1,8 @@
 """`robots add`: what is found in a URDF, what is written, and that it comes back as the same
 robot."""
 
+# pyright: reportArgumentType=false, reportOptionalSubscript=false
+
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +15,7 @@ from pipeline.poses import quat_rotate
 from pipeline.world.robots import MODELS
 from pipeline.world.robots.check import RobotError, check_arm
 from pipeline.world.robots.contract import jaw_positions
-from pipeline.world.robots.directory import Model
+from pipeline.world.robots.directory import RobotModel
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.pairs import pair
 from pipeline.world.robots.urdf_file import read_urdf
@@ -76,7 +78,7 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
     source = Tiny(LINKAGE, mesh="meshes/upper.stl").write(tmp_path)
     directory, _ = add_robot(source, Options("tiny", tmp_path / "mine", licence='BSD "3"'))
     assert directory == tmp_path / "mine" / "robots" / "tiny"
-    model = Model(directory)
+    model = RobotModel(directory)
     assert (
         model.settings.licence == "BSD 3"
         and len((directory / "robot.toml").read_text().splitlines()) < 45
@@ -111,14 +113,14 @@ def test_a_directory_of_robotwin_is_read_with_its_configuration(tmp_path):
         " [[jaw_b, 1.0, 0.0]]}\ngripper_scale: [0.0, 0.025]\n"
     )
     directory, _ = add_robot(tmp_path / "their", Options("tiny", tmp_path))
-    jaws = Model(directory).settings.gripper
+    jaws = RobotModel(directory).settings.gripper
     assert (jaws.joints, jaws.closed, jaws.opened) == (
         ("jaw_a", "jaw_b"),
         (0.0, 0.0),
         (0.025, 0.025),
     )
     assert jaws.opening == pytest.approx(2 * (0.035 - 0.005))
-    assert Model(directory).settings.source == source.name
+    assert RobotModel(directory).settings.source == source.name
 
 
 def test_of_two_arms_in_a_file_the_one_that_is_named_is_taken(tmp_path):

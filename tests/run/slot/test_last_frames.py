@@ -11,7 +11,7 @@ import pytest
 from pipeline.data.dataset import Dataset
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.planning.failure import PlanFailure
-from pipeline.report.summary import Material, cell_of, write_report
+from pipeline.report.summary import ReportData, cell_of, write_report
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.failures import FRAMES, WIDTH, keep_last_frames
 from pipeline.stages.failure import Failure, failing_as
@@ -57,7 +57,7 @@ def test_the_last_frames_are_in_the_report_once(tmp_path, blocked):
         "reason": "grasp_blocked",
     }
     rows = [asdict(first.cell) | row | {"sim_steps": 1, "seconds": 1.0}]
-    page = write_report(dataset.root, Material([], {cell_of(rows[0]): rows})).read_text()
+    page = write_report(dataset.root, ReportData([], {cell_of(rows[0]): rows})).read_text()
     # the caption, and what is said for the image
     assert page.count("failed: dry run: grasp blocked (slot 0, attempt 0)") == 2
     assert base64.b64encode(path.read_bytes()).decode() in page

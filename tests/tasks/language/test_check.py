@@ -100,14 +100,14 @@ def test_good_sentences_pass(text):
     assert faults(text, SCENE) == []
 
 
-def test_ten_thousand_instructions_have_no_fault():
+def test_thousands_of_instructions_have_no_fault():
     checked, wrong = 0, []
     for name, moving in product(sorted(TASKS), (False, True)):
         scene = wording(name, 11, moving)
-        for texts in instructions(scene, np.random.default_rng(0), 72).values():
+        for texts in instructions(scene, np.random.default_rng(0), 24).values():
             checked += len(texts)
             wrong += [(name, text, found) for text in texts if (found := faults(text, scene))]
-    assert checked >= 10_000
+    assert checked >= 3_000
     assert wrong == []
 
 

@@ -1,6 +1,8 @@
 """The renderer against closed-form projection, and its promises: same bytes everywhere, exact
 masks, light that makes sense."""
 
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 import hashlib
 import os
 import subprocess
@@ -26,13 +28,13 @@ from pipeline.poses import (
     quat_rotate,
     transform,
 )
-from pipeline.world.drawing.capture import FAR, NEAR, linear, millimetres
+from pipeline.world.drawing.capture import FAR, NEAR, millimetres
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import ROOM, box
 from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.materials import plastic
 from pipeline.world.looks.visuals import CLEAN, draw_visuals
-from pipeline.world.shapes import Material, Mesh
+from pipeline.world.shapes import Material, Mesh, linear
 
 try:
     ensure_renderer()
@@ -221,11 +223,12 @@ def test_an_image_does_not_depend_on_the_renderer_before() -> None:
         with Renderer(BODIES, [], [HEAD], CLEAN, preset) as renderer:
             return renderer.render(POSES)[0].rgb.tobytes()
 
-    first = {preset: image(preset) for preset in ("raster", "raster-smooth", "raster-fast")}
-    for before in first:
-        for preset, expected in first.items():
-            image(before)
-            assert image(preset) == expected, f"{preset} after {before}"
+    first = dict[str, bytes]()
+    # every preset after every one, itself included
+    presets = ("raster", "raster-smooth", "raster-fast")
+    for number in (0, 0, 1, 1, 2, 2, 0, 2, 1, 0):
+        drawn = image(presets[number])
+        assert drawn == first.setdefault(presets[number], drawn)
 
 
 def test_shadow_darkens_the_table_and_only_with_shadows_on() -> None:
@@ -400,10 +403,10 @@ def test_renderers_come_and_go_without_leaking() -> None:
             return int(f.read().split()[1]) * 4096 / 2**20
 
     sizes = []
-    for i in range(20):
+    for i in range(9):
         with Renderer(
             BODIES, [], [HEAD], draw_visuals(np.random.Generator(np.random.Philox(i)), "randomized")
         ) as renderer:
             renderer.render(POSES)
         sizes.append(resident())
-    assert sizes[-1] - sizes[4] < 25  # MiB over 15 renderers
+    assert sizes[-1] - sizes[3] < 12  # MiB over 5 renderers

@@ -32,7 +32,7 @@ def rng(seed: int) -> np.random.Generator:
 
 
 @given(st.integers(0, 2**32))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_json_round_trip_is_exact_and_draws_repeat(seed: int) -> None:
     drawn = draw_visuals(rng(seed), "randomized")
     stored = Drawing(preset="raster", visuals=drawn)

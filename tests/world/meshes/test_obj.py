@@ -1,11 +1,15 @@
 """OBJ and MTL of others: what is stated is read; what is guessed or missing has a line each."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false
+# pyright: reportOptionalSubscript=false
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from pipeline.world.meshes.part import MeshError, linear, srgb
+from pipeline.world.meshes.part import MeshError, srgb
 from pipeline.world.meshes.reader import read_mesh
+from pipeline.world.shapes import linear
 from tests.world.meshes.files import RED_LEFT, png
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

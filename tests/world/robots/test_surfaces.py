@@ -11,7 +11,7 @@ from pipeline.poses import pose
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.meshes.drawn import drawn
-from pipeline.world.meshes.part import Look, Part, srgb
+from pipeline.world.meshes.part import MeshLook, Part, srgb
 from pipeline.world.robots.surfaces import load_visual, surface
 from pipeline.world.robots.urdf_file import UrdfError, UrdfShape, read_urdf
 from tests.world.meshes.files import SQUARE, TWO, Glb, dae
@@ -127,7 +127,7 @@ def test_the_colors_of_obj_dae_glb_and_urdf_reach_the_image(tmp_path):
         place = f"<origin xyz='{0.5 * k - 1} -0.2 0'/>"
         shapes.append(only(read_urdf(urdf(tmp_path / f"{k}.urdf", name, "0.45", material, place))))
         points = SQUARE.astype(float) * 0.45 + [0.5 * k - 1, -0.2, 0]
-        expected += [Part(points, np.array(faces), Look(color)) for color, faces in looks]
+        expected += [Part(points, np.array(faces), MeshLook(color)) for color, faces in looks]
     found, reference = image(load_visual(shapes)), image(drawn(expected, 100, 2))
     assert_allclose(found, reference, atol=3)
     # a color for each: not all grey

@@ -15,12 +15,9 @@ from pipeline.world.shapes import Parts
 
 @dataclass(frozen=True)
 class Look:
-    """How light is computed.
-
-    `shaders` is added to the names of our shader folders, `masks` makes the planes' shadow masks
-    from the depths of the shadow map, `prepare` gets bodies ready, `surface` the table for the
-    direction of the sun, and `edges` allows presets to smooth edges.
-    """
+    """How light is computed. `shaders` is added to the names of our shader folders; `masks`
+    makes the planes' shadow masks. `prepare` gets bodies ready, `surface` the table for the
+    direction of the sun. `edges` allows presets to smooth edges."""
 
     shaders: str
     masks: Callable[[Depths, Ground], Masks]

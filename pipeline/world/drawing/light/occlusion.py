@@ -1,9 +1,5 @@
 """How much of the room's light reaches each vertex of a body past the body itself, kept as the
-length of its normal.
-
-The body is filled into a grid of cells; from every vertex rays walk through it. What is farther off
-than `REACH` takes no light.
-"""
+length of its normal: rays from every vertex through a grid of filled cells, up to `REACH`."""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -34,8 +30,7 @@ class _Body:
 
 
 def opened(parts: Parts) -> Parts:
-    """The parts with normals as long as the share of the room's light, 0-1, that arrives at their
-    vertices."""
+    """The parts with normals as long as the share of the room's light, 0-1, at their vertices."""
     if not parts:
         return parts
     content = hashlib.sha256()
@@ -55,8 +50,8 @@ def _with(mesh: Mesh, share: NDArray[np.float32]) -> Mesh:
 
 @lru_cache(maxsize=256)
 def _shares(body: _Body) -> tuple[NDArray[np.float32], ...]:
-    """Share of light (N,) of the vertices of each mesh. Robots come again in every episode of a
-    worker."""
+    """Share of light (N,) of the vertices of each mesh; a worker's robots come again in every
+    episode."""
     points = [mesh.vertices.astype(float) for mesh, _ in body.parts]
     every = np.concatenate(points)
     lower, extent = every.min(0), np.ptp(every, axis=0).max()
@@ -108,8 +103,8 @@ def _open(
     rays: Points,
     reach: float,
 ) -> NDArray[np.float32]:
-    """Share of light (N,) from the half space of each normal, weighted by the cosine; near things
-    take more than far ones."""
+    """Share of light (N,) from the half space of each normal, weighted by the cosine and
+    nearness."""
     out = np.ones(len(points), np.float32)
     nx, ny, nz = grid.shape
     steps = int(reach / cell)

@@ -26,12 +26,8 @@ DARKEST = 0.85  # share of the room's light that goes below a body which lies on
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What shadows fall on: depths (N,N) of the `table` and of the `floor` in the map, 0-1 over
-    `depth` (m).
-
-    `window` are the rows and columns that hold the table and FAR // 2 texels around it; `inside` is
-    the table's part there.
-    """
+    """What shadows fall on: depths (N,N) of `table` and `floor` in the map, 0-1 over `depth`
+    (m). `window` are the rows and columns of the table and FAR // 2 texels around it."""
 
     table: Depths
     floor: Depths
@@ -49,12 +45,8 @@ def hard(depths: Depths, ground: Ground) -> Masks:
 
 
 def soft(depths: Depths, ground: Ground) -> Masks:
-    """The masks as (N,N,4): the sun's light on the table, that on the floor, the room's light on
-    the table, and 255.
-
-    Edges of shadows widen with the distance between body and table. Nothing shades what is outside
-    of the window.
-    """
+    """Masks (N,N,4), 0-255: the sun's light on the table, on the floor, the room's light on the
+    table, and 255. Edges of shadows widen with the distance between body and table."""
     inside = np.ascontiguousarray(depths[ground.window])
     blocked, height, contact = np.empty((3, *inside.shape), np.uint8)
     _above(inside, ground.inside, ground.depth, (blocked, height, contact))
@@ -71,8 +63,8 @@ def soft(depths: Depths, ground: Ground) -> Masks:
 
 @njit(cache=True, error_model="numpy")
 def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks, Masks]) -> None:
-    """For every texel, 0-255: whether a body is in the sun's way to the table, how high, and what
-    it takes of the room's light."""
+    """For every texel, 0-255: whether a body is in the sun's way to the table, how high, and
+    what it takes of the room's light."""
     blocked, height, contact = out
     scale, close, below = (
         np.float32(depth * 255 / SOFTEST),
@@ -94,8 +86,8 @@ def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks,
 def _mix(
     shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], out: Masks
 ) -> None:
-    """The table's channels; the shadow is mixed of three by the mean height of what is in the
-    light's way around a texel."""
+    """The table's channels; the shadow is mixed of three by the mean height of bodies around a
+    texel."""
     near, middle, far = shadows
     line, wide = contact
     for y in range(out.shape[0]):

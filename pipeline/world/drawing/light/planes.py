@@ -1,8 +1,7 @@
 """The planes of the room, table top included, as our shaders want them.
 
-They fill most of an image, so they get a cheaper shader than bodies: light is computed at the
-points of a grid, shadows come from a mask of the plane, and a texture has one level, chosen for the
-camera, instead of mipmaps, which cost more per pixel than all light.
+They fill most of an image: light is computed at the points of a grid, shadows come from a mask, and
+a texture has one level, chosen for the camera; mipmaps cost more per pixel than all light.
 """
 
 from dataclasses import replace
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
-from pipeline.world.shapes import Mesh, Parts, merge
+from pipeline.world.shapes import Mesh, Parts, merge, quads
 
 TABLE = "the table"
 SHADOWED = (TABLE, "the floor")
@@ -27,18 +26,14 @@ RELIEF = 4.0  # texels between the deepest and the highest of a texture
 
 
 def channel(name: str) -> int:
-    """Channel of the shadow masks for a plane; those that no shadow falls on take alpha, which is 1
-    in a texture without it."""
+    """Channel of the shadow masks for a plane; planes without shadows take alpha, which is 1."""
     return SHADOWED.index(name) if name in SHADOWED else 3
 
 
 def embossed(parts: Parts, direction: ArrayLike) -> Parts:
-    """The parts with what light from one `direction` makes of the relief of their textures: where
-    they are darker, they are deeper.
-
-    For surfaces that face up, their texture's columns along x and its rows along y. It costs
-    nothing per frame.
-    """
+    """The parts with what light from one `direction` makes of the relief of their textures:
+    darker is deeper. For surfaces that face up, their texture's columns along x and its rows
+    along y."""
     dx, dy, dz = np.asarray(direction, float)
     out = []
     for mesh, material in parts:
@@ -69,12 +64,8 @@ def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
 
 
 def grid(mesh: Mesh, cell: float) -> Mesh:
-    """The mesh with its rectangles cut into grids of about `cell` (m), but for the underside of a
-    box, which no light falls on.
-
-    Expects the rectangles of `room.quad`: four vertices and two triangles each. Positions and uvs
-    are interpolated.
-    """
+    """The mesh with its rectangles (of `room.quad`) cut into grids of about `cell` (m), but for
+    the underside of a box."""
     pieces = []
     for k in range(0, len(mesh.vertices), 4):
         a, b, _, d = mesh.vertices[k : k + 4].astype(np.float64)
@@ -85,7 +76,7 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
         weights = np.stack([1 - u - v, u, v], -1).reshape(-1, 3)  # of a, b and d
         i = np.arange((nu + 1) * (nv + 1)).reshape(nv + 1, nu + 1)
         p, q, r, s = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
-        triangles = np.concatenate([np.stack([p, q, r], 1), np.stack([p, r, s], 1)])
+        triangles = quads(p, q, r, s)
         uvs = (
             None if mesh.uvs is None else (weights @ mesh.uvs[[k, k + 1, k + 3]]).astype(np.float32)
         )
@@ -102,8 +93,8 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
 
 
 def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
-    """How often to halve the texture of a mesh so that a texel is about as large as a `pixel` (m),
-    0 to MAX_LEVEL."""
+    """How often to halve a texture so that a texel is about as large as a `pixel` (m), 0 to
+    MAX_LEVEL."""
     if mesh.uvs is None:
         return 0
     a, b = mesh.triangles[0][:2]

@@ -31,10 +31,9 @@ class ShadowMap:
     """What the sun does not reach, as two `textures` that `draw` brings up to date.
 
     "ShadowMap" is the depth along the light, 0-1, of the far side of every body that casts a
-    shadow. "ShadowMasks" holds the share of light, 0-1, that reaches table and floor, as the look
-    of the visuals makes it (penumbra.py). `moving` bodies follow the poses given to `follow`, on a
-    grid of POSE_STEP; those that keep still for SAME_STILL frames are drawn once for all of them,
-    which changes no bit of the map.
+    shadow, "ShadowMasks" the share of light, 0-1, that reaches table and floor. `moving` bodies
+    follow the poses given to `follow`, on a grid of POSE_STEP; those that keep still for SAME_STILL
+    frames are drawn once for all of them.
     """
 
     def __init__(
@@ -79,8 +78,7 @@ class ShadowMap:
         ]
 
     def draw(self, k: int) -> None:
-        """Bring the textures up to date with frame `k` of those to come; frames must be drawn in
-        order, from 0."""
+        """Bring the textures up to date with frame `k` of those to come, in order from 0."""
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
             self._place(self._bodies.keys() - movers, k)
@@ -137,7 +135,7 @@ class ShadowMap:
 
 
 def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
-    """Rows (3,3): across the light, across it again, along it; the axes of `sun_coordinates` in
+    """Rows (3,3): across the light twice, and along it; `sun_coordinates` in
     shaders/common/sun.glsl."""
     forward = np.asarray(direction, float) / np.linalg.norm(direction)
     right = np.cross((1.0, 0.0, 0.0) if abs(forward[0]) < 0.9 else (0.0, 1.0, 0.0), forward)
@@ -146,8 +144,8 @@ def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
 
 
 def table_window(direction: ArrayLike) -> tuple[slice, slice]:
-    """Rows and columns of the map that the light which meets the table top goes through, with FAR
-    // 2 texels around them."""
+    """Rows and columns of the map with the light that meets the table top, and FAR // 2 texels
+    around."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0)])
     corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
     x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T
@@ -161,8 +159,8 @@ def table_window(direction: ArrayLike) -> tuple[slice, slice]:
 
 
 def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
-    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through a texel meets z = `height` (m), at
-    most 1; 0 if it never does."""
+    """Depth (SHADOW_MAP, SHADOW_MAP) at which light meets z = `height` (m), at most 1; 0 if it
+    never does."""
     right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE
     distance = height + SHADOW_OFFSET - SHADOW_CENTRE[2]

@@ -113,7 +113,7 @@ class QrSign(Parametric):
 
 @register("scale")
 @dataclass(frozen=True)
-class Scale(Parametric):
+class KitchenScale(Parametric):
     """An electronic kitchen scale with a display towards -y."""
 
     hx: float = between(0.07, 0.09, size=LARGE)

@@ -68,7 +68,7 @@ class Phone(Parametric):
 
 @register("remote")
 @dataclass(frozen=True)
-class Remote(Parametric):
+class RemoteControl(Parametric):
     """A remote control lying on its back, its top towards +y."""
 
     noun = "remote control"

@@ -99,7 +99,7 @@ class Microphone(Parametric):
             point = self.axis(share)
             radius = self.tail + (self.neck - self.tail) * share / 0.82
             pitches = (15, 30, 45, 60, 75, 90)
-            found = bar_pinches(
+            pinches = bar_pinches(
                 [float(point[0])],
                 radius,
                 float(point[2]),
@@ -107,7 +107,7 @@ class Microphone(Parametric):
                 kind=kind,
                 rolls=(-30, -15, 0, 15, 30),
             )
-            return [g for g in found if lean * quat_rotate(g.pose[3:], (1, 0, 0))[0] > -1e-6]
+            return [g for g in pinches if lean * quat_rotate(g.pose[3:], (1, 0, 0))[0] > -1e-6]
 
         tail = [g for s in (0.08, 0.16) for g in grips(s, "tail", 1)]
         neck = [g for s in (0.58, 0.70) for g in grips(s, "neck", -1)]

@@ -106,7 +106,7 @@ class Shoe(Parametric):
     def _stripes(self) -> list[Mesh]:
         rings = self.sections()
         flat = rings.reshape(len(rings), -1)
-        found = []
+        stripes = []
         for share in (0.52, 0.58, 0.64):
             ends = [
                 np.array([np.interp(s, STATIONS, column) for column in flat.T]).reshape(
@@ -115,8 +115,8 @@ class Shoe(Parametric):
                 for s in (share - 0.014, share + 0.014)
             ]
             for flank in (slice(0, 4), slice(8, 12)):
-                found.append(_ribbon(*(end[flank] * [1, 1.02, 1] for end in ends)))
-        return found
+                stripes.append(_ribbon(*(end[flank] * [1, 1.02, 1] for end in ends)))
+        return stripes
 
     def shape(self) -> Shape:
         rings = self.sections()
