@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import INFLATION
-from pipeline.data.episode.hdf5 import open_hdf5
+from pipeline.data.episode.hdf5 import check_dataset, open_hdf5
 from pipeline.data.keys import arrays_digest, canonical
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
@@ -65,8 +65,10 @@ def read_entry(path: Path) -> Entry:
         raise FileNotFoundError(path)
     try:
         with open_hdf5(path) as f:
-            claimed = sum(item.nbytes for item in f.values() if isinstance(item, h5py.Dataset))
-            if claimed > INFLATION * path.stat().st_size:
+            items = [item for item in f.values() if isinstance(item, h5py.Dataset)]
+            for item in items:
+                check_dataset(item.id)
+            if (claimed := sum(item.nbytes for item in items)) > INFLATION * path.stat().st_size:
                 raise ValueError(f"claims {claimed} bytes, more than the file can hold")
             arrays = {str(name): np.asarray(f[name]) for name in f}
             attributes = json.loads(str(f.attrs["attributes"]))

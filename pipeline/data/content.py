@@ -12,6 +12,9 @@ from pipeline.data.keys import arrays_digest, digest, frames_digest
 HASHES = "hashes"
 """The attribute of a file that holds them, as JSON."""
 
+ATTRIBUTES = ("schema", "spec", "fps", "meta", "names", "name", "bodies", "joints")
+"""The names of all attributes but HASHES, of a file and of its groups."""
+
 HEADER = "header"
 """Name of what is in attributes: of the file, and of its groups."""
 
@@ -52,6 +55,8 @@ def _hash(values: Any) -> str:
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    if unknown := set(attributes) - {HASHES, *ATTRIBUTES}:
+        raise ValueError(f"has the attribute {min(unknown)[:80]!r}, which no episode has")
     return {
         name: np.asarray(attributes[name]).tolist() for name in sorted(attributes) if name != HASHES
     }

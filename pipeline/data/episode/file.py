@@ -2,10 +2,11 @@
 keep their names."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,17 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from pipeline.data.content import HASHES, content_hashes, differing
-from pipeline.data.episode.hdf5 import open_hdf5
+from pipeline.data.episode.hdf5 import check_dataset, open_hdf5
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, stated_size
 from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.episode.state_log import Event, SkillRun, StateLog, Touch, as_contacts
+from pipeline.data.episode.state_log import (
+    CONTACT_DTYPE,
+    Event,
+    SkillRun,
+    StateLog,
+    Touch,
+    as_contacts,
+)
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
@@ -31,6 +39,27 @@ FIRST_CONTACT = "interception/first_contact"
 ATTEMPTS = "attempts"
 INFLATION = 4000
 """No dataset is larger than this many times its file: gzip shortens at most a thousandfold."""
+
+_N = "[^/]+"
+_SIDE = "(left|right)"
+_DATASETS = {
+    f"timestamp|(joint_action|joint_state|endpose)/{_SIDE}_gripper": ("f8", 1),
+    f"(joint_action|joint_state)/(vector|{_SIDE}_arm)|endpose/{_SIDE}_endpose": ("f8", 2),
+    f"target/(pose|(angular_)?velocity)|(objects|observation)/{_N}/pose": ("f8", 2),
+    "state/q(pos|vel)|expert_action": ("f8", 2),
+    f"state/poses|observation/{_N}/(intrinsic_cv|extrinsic_cv|cam2world_gl)": ("f8", 3),
+    f"observation/{_N}/rgb": ("S", 1),
+    f"observation/{_N}/depth": ("u2", 3),
+    f"observation/{_N}/actor_segmentation": ("u1", 3),
+    "pointcloud": ("f4", 3),
+    "intervention": ("?", 1),
+    "state/contacts": (CONTACT_DTYPE, 1),
+    f"motion|events|skills|{ATTEMPTS}": ("O", 0),
+    "instruction/(seen|unseen)": ("O", 1),
+}
+"""Type and rank of the datasets that an episode may have, by patterns of their names; those below
+`interception` are numbers of any rank. S is a length of bytes, O a text."""
+
 
 _FAULTS = (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
 """What h5py and the parsers of texts raise for damage, depending on which byte it is."""
@@ -87,7 +116,9 @@ class EpisodeFile:
         self._file.close()
 
     def __len__(self) -> int:
-        return len(self._dataset("timestamp"))
+        if frames := self._check("timestamp", self._get("timestamp")).shape[0]:
+            return frames
+        raise EpisodeError(f"{self.path}: has no frames")
 
     def has(self, key: str) -> bool:
         """Whether the file holds a dataset or group."""
@@ -113,6 +144,8 @@ class EpisodeFile:
             dataset.read(h5s.ALL, h5s.ALL, values)
         except _FAULTS as error:
             raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise EpisodeError(f"{self.path}: {key} holds values that are not finite")
         return values
 
     def _dataset(self, key: str) -> h5py.Dataset:
@@ -121,6 +154,13 @@ class EpisodeFile:
     def _check(self, key: str, found: Any) -> Any:
         if not isinstance(found, h5d.DatasetID):
             raise EpisodeError(f"{self.path}: has no {key}")
+        try:
+            check_dataset(found)
+            fits = _is_kind(key, found.dtype, found.rank)
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
+        if not fits:
+            raise EpisodeError(f"{self.path}: {key} is of another type or rank than an episode's")
         size = found.get_space().get_simple_extent_npoints() * found.get_type().get_size()
         if size > INFLATION * self._bytes:
             raise EpisodeError(
@@ -354,6 +394,24 @@ class EpisodeFile:
         return Episode(
             self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried
         )
+
+
+@lru_cache(4096)
+def _kind_of(key: str) -> tuple[Any, int] | None:
+    """Type and rank of a dataset of this name; None for another name."""
+    return next((kind for names, kind in _DATASETS.items() if re.fullmatch(names, key)), None)
+
+
+def _is_kind(key: str, dtype: np.dtype[Any], rank: int) -> bool:
+    """Whether a dataset of this type and rank may have this name."""
+    if key.startswith("interception/"):
+        return dtype.kind in "bifu"
+    kind, dimensions = _kind_of(key) or ("", -1)
+    if kind == "O":
+        fits = h5py.check_string_dtype(dtype) is not None
+    else:
+        fits = dtype.kind == "S" if kind == "S" else dtype == kind
+    return rank == dimensions and fits
 
 
 def _line(error: BaseException) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+from h5py import h5d, h5l, h5o, h5z  # pyright: ignore[reportAttributeAccessIssue]
 
 from pipeline.data.reading import read_regular
 
@@ -15,20 +16,57 @@ _HEAP = b"GCOL\x01"
 """How a collection of texts begins: signature and version. Three unused bytes and its size (8
 bytes) follow."""
 
+MOST = 10_000
+"""Objects in a file, at most."""
+
 _HEAD = 16
 """Bytes of the header of a collection, and of the header of each text in it."""
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open a file for reading. Raises OSError for what is no regular file, no HDF5, or has a
-    damaged collection of texts.
+    """Open a file for reading. Raises OSError for what is no regular file, no HDF5, has a damaged
+    collection of texts, links that lead elsewhere, or two names for one object, which may be a
+    group within itself.
 
     The library checks all structures of our files but these ("global heap", version 1). A wrong
     size in one makes it hang.
     """
     _check_heaps(path)
     # a finished file is never written again, and some file systems have no locks
-    return h5py.File(path, "r", locking=False)
+    file = h5py.File(path, "r", locking=False)
+    try:
+        if problem := _find_problem(file):
+            raise OSError(problem)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _find_problem(file: h5py.File) -> str | None:
+    """What of the links in a file is refused, the first."""
+    addresses = [h5o.get_info(file.id).addr]
+
+    def visit(name: bytes, link: Any) -> str | None:
+        addresses.append(link.u)
+        if link.type != h5l.TYPE_HARD:
+            return f"{name.decode(errors='replace')} is a link to elsewhere"
+        return f"it has more than {MOST} objects" if len(addresses) > MOST else None
+
+    problem = file.id.links.visit(visit, info=True)
+    twice = len(set(addresses)) < len(addresses)
+    return problem or ("an object in it has two names" if twice else None)
+
+
+def check_dataset(dataset: h5d.DatasetID) -> None:
+    """Raise OSError for a dataset whose values are not in the file, or need a filter that is not
+    of every HDF5: only plain chunks or one block are read."""
+    made = dataset.get_create_plist()
+    if made.get_layout() not in (h5d.CHUNKED, h5d.CONTIGUOUS) or made.get_external_count():
+        raise OSError("its values are not stored in this file as chunks or one block")
+    filters = {made.get_filter(number)[0] for number in range(made.get_nfilters())}
+    if filters - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32}:
+        raise OSError("it is compressed by a filter that is not gzip")
 
 
 def _check_heaps(path: Path) -> None:

@@ -103,7 +103,6 @@ def test_what_is_not_what_was_written_is_named(tmp_path, made):
     }
     assert damaged(replaced("events", lambda _: "[]")) == ["events"]
     assert damaged(lambda f: f.pop("state/qpos")) == ["state/qpos"]
-    assert damaged(lambda f: f.create_dataset("more", data=1)) == ["more"]
     for attributes in (lambda f: f.attrs, lambda f: f["joint_state"].attrs):
         assert damaged(lambda f, of=attributes: of(f).update({next(iter(of(f))): "x"})) == [
             "header"
@@ -192,31 +191,6 @@ def test_a_truncated_file_is_named(tmp_path, keep):
     path.write_bytes(data[: keep if isinstance(keep, int) else int(keep * len(data))])
     with pytest.raises(EpisodeError, match=r"e\.hdf5.*run the build again"):
         EpisodeFile(path)
-
-
-@pytest.mark.parametrize("key", ["target/pose", "interception/left_hand"])
-@pytest.mark.parametrize(
-    ("put", "said"),
-    [
-        (lambda f, key: f.create_dataset(key, data=h5py.Empty("f8")), "cannot be read"),
-        (lambda f, key: f.__setitem__(key, h5py.SoftLink(f"/{key}")), "cannot be read"),
-        (lambda f, key: f.__setitem__(key, h5py.SoftLink("/nowhere")), "has no"),
-        (lambda f, key: f.__setitem__(key, h5py.ExternalLink("other.hdf5", "/x")), "has no"),
-        (lambda f, key: f.__setitem__(key, np.dtype("f8")), "has no"),
-    ],
-    ids=["no values", "a circle", "a dead end", "another file", "a type"],
-)
-def test_what_stands_in_place_of_an_array_is_refused_and_named(tmp_path, key, put, said):
-    path = make_episode(tmp_path / "e.hdf5", frames=2)
-    with h5py.File(path, "r+") as f:
-        if key in f:
-            del f[key]
-        put(f, key)
-    with (
-        EpisodeFile(path) as file,
-        pytest.raises(EpisodeError, match=rf"e\.hdf5.*{key}.*{said}|e\.hdf5: {said} {key}"),
-    ):
-        (file.interception if key.startswith("interception") else lambda: file.array(key))()
 
 
 def test_other_files_are_refused(tmp_path):
