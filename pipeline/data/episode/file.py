@@ -145,7 +145,8 @@ class EpisodeFile:
         except _FAULTS as error:
             raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
         if values.dtype.kind == "f" and not np.isfinite(values).all():
-            raise EpisodeError(f"{self.path}: {key} holds values that are not finite")
+            name = key.replace("/", " ")
+            raise EpisodeError(f"{self.path}: {name} holds values that are not finite")
         return values
 
     def _dataset(self, key: str) -> h5py.Dataset:
