@@ -2,7 +2,7 @@
 
 # h5py's types say of every object that it may be a group, a dataset or a type
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOperatorIssue=false
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportCallIssue=false
 
 import io
 import json
