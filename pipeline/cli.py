@@ -24,6 +24,7 @@ ANNOUNCED = "domino_data.commands"
 """Entry points that name functions, each a command of its own."""
 
 MODULES = {
+    "demo": ("demo",),
     "build": ("build", "plan", "render"),
     "inspect": ("status", "verify", "doctor"),
     "show": ("show", "view"),

@@ -2,10 +2,10 @@
 directory."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -36,47 +36,43 @@ def run(*words: object, cwd: Path, **variables: object) -> str:
     return done.stdout
 
 
-def test_the_wheel_builds_an_episode_from_any_directory(tmp_path):
-    run(UV, "build", "--wheel", "--out-dir", tmp_path / "dist", cwd=ROOT)
-    (wheel,) = (tmp_path / "dist").glob("*.whl")
-    # the packages of pyproject.toml that must stay out of an environment
-    overrides = re.search(
-        r"^override-dependencies = \[(.*)\]$", (ROOT / "pyproject.toml").read_text(), re.MULTILINE
-    )
-    assert overrides
-    (tmp_path / "overrides.txt").write_text("\n".join(re.findall(r'"([^"]+)"', overrides[1])))
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel made from the source archive, as `uv build` makes it."""
+    out = tmp_path_factory.mktemp("dist")
+    run(UV, "build", "--out-dir", out, cwd=ROOT)
+    assert len(list(out.glob("*.tar.gz"))) == 1
+    (found,) = out.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def domino(wheel, tmp_path_factory):
+    """The command of the wheel, installed as a tool with what its metadata asks for; it runs in a
+    directory and returns its output."""
+    home = tmp_path_factory.mktemp("tools")
+    places = {"UV_TOOL_DIR": home / "tools", "UV_TOOL_BIN_DIR": home / "bin"}
     python = Path(sys.executable).resolve()
-    places = {"UV_TOOL_DIR": tmp_path / "tools", "UV_TOOL_BIN_DIR": tmp_path / "bin"}
-    run(
-        UV,
-        "tool",
-        "install",
-        "--python",
-        python,
-        "--overrides",
-        tmp_path / "overrides.txt",
-        wheel,
-        cwd=tmp_path,
-        **places,
-    )
+    run(UV, "tool", "install", "--python", python, wheel, cwd=home, **places)
+    return lambda *words, cwd: run(home / "bin" / "domino-data", *words, cwd=cwd)
 
-    def domino(*words: object) -> str:
-        return run(tmp_path / "bin" / "domino-data", *words, cwd=tmp_path)
 
-    assert "episodes: 36\n" in domino("plan", "--manifest", "smoke")
-    domino(
-        "build",
-        "--tasks",
-        "click_bell",
-        "--levels",
-        "1",
-        "--episodes",
-        "1",
-        "--out",
-        "bells",
-        "--workers",
-        "1",
-        "--quiet",
-    )
-    assert len(list(tmp_path.glob("bells/episodes/**/*.hdf5"))) == 1
-    assert "index.html" in domino("view", "bells", "--quiet")
+def test_the_wheel_makes_the_demo_in_any_directory(domino, tmp_path):
+    said = domino("demo", "--no-view", "--quiet", cwd=tmp_path).splitlines()
+    assert len(list(tmp_path.glob("domino-demo/episodes/**/*.hdf5"))) == 2
+    page = said[0].split("file://")[1]
+    assert Path(page).is_file() and len(said) == 6
+    domino("export", "domino-demo", "--format", "lerobot", "--quiet", cwd=tmp_path)
+    assert (tmp_path / "domino-demo/exports/lerobot/meta/info.json").is_file()
+
+
+def test_the_wheel_has_its_recipes_robots_and_types(domino, wheel, tmp_path):
+    assert "episodes: 36\n" in domino("plan", "--manifest", "smoke", cwd=tmp_path)
+    assert "franka-panda" in domino("embodiments", cwd=tmp_path)
+    assert "domino_data/py.typed" in zipfile.ZipFile(wheel).namelist()
+
+
+def test_uvx_runs_the_wheel(wheel, tmp_path):
+    python = Path(sys.executable).resolve()
+    words = ("--python", python, "--from", wheel, "domino-data", "--version")
+    assert run(UV, "tool", "run", *words, cwd=tmp_path).startswith("domino-data ")

@@ -16,7 +16,8 @@ def diagnose(place: Path) -> Iterator[CheckResult]:
     yield machine.check_python()
     yield from alive.judge_frame(alive.attempt(alive.FRAME), alive.gpus(), machine.os_release())
     yield packages.check_cv2()
-    yield alive.judge_ray(alive.attempt(alive.RAY))
+    if packages.is_installed("ray"):
+        yield alive.judge_ray(alive.attempt(alive.RAY))
     yield machine.check_disk(place)
     yield machine.check_memory(machine.available_memory(), usable_cores())
     yield machine.check_shared_memory()

@@ -135,8 +135,9 @@ def driver_advice(release: Mapping[str, str], gpu: bool) -> str:
             " `make setup` installs Mesa's software driver, which works beside it"
         )
     if name == "debian":
-        suite = f"{release.get('VERSION_CODENAME', 'CODENAME')}-backports"
-        return f"`make setup`, or apt install -t {suite} mesa-vulkan-drivers libvulkan1"
+        old = release.get("VERSION_CODENAME", "bookworm") == "bookworm"
+        suite = "-t bookworm-backports " if old else ""
+        return f"`make setup`, or apt install {suite}mesa-vulkan-drivers libvulkan1"
     if name == "ubuntu" or "debian" in families or "ubuntu" in families:
         return (
             "`make setup`; where apt has no Mesa >= 25: sudo add-apt-repository"

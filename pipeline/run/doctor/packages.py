@@ -16,6 +16,8 @@ from pipeline.run.doctor.machine import CheckResult
 
 CV2 = "opencv-python-headless"
 EXTRAS = {
+    "ray": "several workers",
+    "hub": "publishing on the hub",
     "lerobot": "reading exports with LeRobot",
     "annotate": "masks and features by model",
     "train": "training the example policy",
@@ -32,7 +34,8 @@ def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> CheckResult:
         set((metadata.packages_distributions() if owners is None else owners).get("cv2", ()))
     )
     fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
-    if found != [CV2]:
+    both = [CV2.removesuffix("-headless"), CV2]
+    if found not in ([CV2], both) or len({installed_version(name) for name in found}) > 1:
         return CheckResult(
             "cv2",
             "FAIL",
@@ -43,6 +46,8 @@ def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> CheckResult:
         import cv2
     except ImportError as error:
         return CheckResult("cv2", "FAIL", f"cv2 does not load ({_line(error)})", fix)
+    if found == both:
+        return CheckResult("cv2", "WARN", "cv2 belongs to two packages of one version", fix)
     return CheckResult("cv2", "PASS", f"cv2 {cv2.__version__} belongs to {CV2}")
 
 
@@ -81,7 +86,10 @@ def check_extras(missing: Mapping[str, Sequence[str]]) -> list[CheckResult]:
             said = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
             found.append(
                 CheckResult(
-                    f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}"
+                    f"extra {extra}",
+                    "WARN",
+                    said,
+                    f"`make setup`, or uv pip install 'domino-data[{extra}]'",
                 )
             )
         else:

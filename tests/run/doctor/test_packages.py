@@ -40,7 +40,7 @@ def test_extras_name_what_they_lack():
     assert missing == {"annotate": ["transformers"], "viz": []}
     annotate, viz = packages.check_extras(missing)
     assert (annotate.verdict, viz.verdict) == ("WARN", "PASS")
-    assert "transformers" in annotate.detail and "uv sync --extra annotate" in annotate.fix
+    assert "transformers" in annotate.detail and "domino-data[annotate]" in annotate.fix
 
 
 def test_a_package_that_nobody_has_is_not_installed():
