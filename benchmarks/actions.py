@@ -1,4 +1,4 @@
-"""Recorded actions replayed in closed loop through every representation of an action.
+"""RecordedCase actions replayed in closed loop through every representation of an action.
 
     python -m benchmarks.actions --tasks click_bell,handover_block --robots aloha-agilex \
         --levels 0,3 --slots 2 --rows rows.jsonl
@@ -55,7 +55,7 @@ type Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayKind:
     """What is replayed: a representation, in chunks of so many actions, with noise or without."""
 
     representation: Representation
@@ -68,21 +68,21 @@ class Replay:
         return [self.representation.actions, self.chunk, self.noise]
 
 
-JOINT_TARGETS = Replay(JOINTS, 1, False)
+JOINT_TARGETS = ReplayKind(JOINTS, 1, False)
 """What the others are compared with."""
 
 
-def replays() -> Iterator[Replay]:
+def replays() -> Iterator[ReplayKind]:
     """All replays of a scene."""
     words = ("joints", "joints-relative", "joints-delta", *ROTATIONS)
     for noise, chunk, actions in product((False, True), (1, CHUNK), words):
         if actions == "joints" and chunk != 1:
             continue
         rotation = ROTATIONS.get(actions, JOINTS.rotation)
-        yield Replay(Representation(actions, rotation), chunk, noise)
+        yield ReplayKind(Representation(actions, rotation), chunk, noise)
 
 
-class Recorded:
+class RecordedCase:
     """The recorded episode of a case: commanded and measured joints (T,A), one row a period."""
 
     def __init__(self, case: Case) -> None:
@@ -108,7 +108,7 @@ class Recorded:
             trial.advance(action)
         return self._state(trial)
 
-    def rows(self, replay: Replay, start: int, stop: int) -> Floats:
+    def rows(self, replay: ReplayKind, start: int, stop: int) -> Floats:
         """The stored rows of a chunk, float32, with one reference for all where they are
         relative."""
         spec = self.case.spec
@@ -123,7 +123,7 @@ class Recorded:
         rows = codec.encode(commanded, against)
         return rows.astype(np.float32).astype(np.float64)
 
-    def play(self, replay: Replay) -> tuple[Trial, int]:
+    def play(self, replay: ReplayKind) -> tuple[Trial, int]:
         """The trial of a replay, and the tool poses that no joints reach."""
         trial, rng = self._trial(), np.random.default_rng(self.case.spec.seed % 2**32)
         answers = Answers(replay.representation, trial.simulation.embodiment)
@@ -143,7 +143,7 @@ class Recorded:
             at += replay.chunk
         return trial, answers.unreachable
 
-    def _still(self, replay: Replay, rows: Floats) -> Floats:
+    def _still(self, replay: ReplayKind, rows: Floats) -> Floats:
         """A step of no motion, with the last gripper values: what follows the recording."""
         codec = ActionCodec(
             replay.representation, self.names, read_chains(self.case.spec.embodiment)
@@ -173,7 +173,7 @@ def apart(trial: Trial, reference: Trial) -> tuple[float, float]:
 
 def play_scene(case: Case, done: set[str], write: Any) -> None:
     """Every replay of a scene that is not done."""
-    recorded, reference = Recorded(case), None
+    recorded, reference = RecordedCase(case), None
     spec = case.spec
     for replay in replays():
         key = json.dumps([spec.task, spec.embodiment, spec.level, spec.seed, *replay.key])
@@ -236,7 +236,9 @@ def _is_base(row: Row) -> bool:
 
 def main() -> None:
     """The command."""
-    parser = argparse.ArgumentParser(description="Recorded actions through every representation.")
+    parser = argparse.ArgumentParser(
+        description="RecordedCase actions through every representation."
+    )
     parser.add_argument("--tasks", default=",".join(TASKS))
     parser.add_argument("--robots", default="aloha-agilex,franka-panda")
     parser.add_argument("--levels", default="0,3")

@@ -33,7 +33,7 @@ SMALLEST = 1e-6
 """Rotations of a policy that are shorter than this have no direction."""
 
 
-class Arm(Protocol):
+class ToolKinematics(Protocol):
     """What conversions need of an arm: the world pose (7,) of its base and its tool's poses."""
 
     @property
@@ -115,7 +115,7 @@ class ActionCodec:
 
     representation: Representation
     vector_names: tuple[str, ...]
-    arms: Mapping[str, Arm] = field(default_factory=dict[str, Arm])
+    arms: Mapping[str, ToolKinematics] = field(default_factory=dict[str, ToolKinematics])
 
     @cached_property
     def names(self) -> tuple[str, ...]:

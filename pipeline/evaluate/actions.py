@@ -125,7 +125,7 @@ class ToolPoses:
 
 
 @dataclass(frozen=True, eq=False)
-class _Arm:
+class _PlannedArm:
     """An arm of data/actions.py by the kinematics of planning."""
 
     base: Pose
@@ -149,7 +149,7 @@ class Answers:
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)
         chains = planner_of(embodiment).chains
-        arms = {side: _Arm(arm.base, chains[side]) for side, arm in embodiment.arms.items()}
+        arms = {side: _PlannedArm(arm.base, chains[side]) for side, arm in embodiment.arms.items()}
         self._codec = ActionCodec(representation, embodiment.vector_names, arms)
         self.length, self.unreachable = len(self._codec.names), 0
 

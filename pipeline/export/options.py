@@ -19,14 +19,18 @@ class NoOptions:
 
 
 def option(
-    help: str, parse: Callable[[str], Any] = str, default: Any = MISSING, factory: Any = MISSING
+    help: str,
+    parse: Callable[[str], Any] = str,
+    default: Any = MISSING,
+    factory: Any = MISSING,
+    quiet: bool = False,
 ) -> Any:
     """A field of an options dataclass. `parse` makes the value of its text and raises ValueError
-    for one that is wrong.
+    for one that is wrong. export.json leaves out a `quiet` one that is at its default.
 
     A field whose default is a bool is a flag; one without a default must be given.
     """
-    metadata = {"help": help, "parse": parse}
+    metadata = {"help": help, "parse": parse, "quiet": quiet}
     if factory is not MISSING:
         return field(default_factory=factory, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -85,6 +89,16 @@ def one_of(*names: str) -> Callable[[str], str]:
     return parse
 
 
+def several_of(*names: str) -> Callable[[str], tuple[str, ...]]:
+    """A parser that takes several of these names, separated by commas."""
+    one = one_of(*names)
+
+    def parse(text: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(map(one, text.split(","))))
+
+    return parse
+
+
 def whole(minimum: int, maximum: int = LARGEST_NUMBER) -> Callable[[str], int]:
     """A parser of whole numbers from `minimum` to `maximum`."""
     return partial(parsing.whole, low=minimum, high=maximum)
@@ -122,13 +136,22 @@ class ActionOptions:
     """What an action is (data/actions.py): options of every format that has one action a frame."""
 
     actions: str = option(
-        f"what an action is: {', '.join(ACTIONS)}", one_of(*ACTIONS), JOINTS.actions
+        f"what an action is: {', '.join(ACTIONS)}",
+        one_of(*ACTIONS),
+        JOINTS.actions,
+        quiet=True,
     )
     rotation: str = option(
-        f"rotations of tool poses: {', '.join(ROTATIONS)}", one_of(*ROTATIONS), JOINTS.rotation
+        f"rotations of tool poses: {', '.join(ROTATIONS)}",
+        one_of(*ROTATIONS),
+        JOINTS.rotation,
+        quiet=True,
     )
     frame: str = option(
-        f"frame of absolute tool poses: {', '.join(FRAMES)}", one_of(*FRAMES), JOINTS.frame
+        f"frame of absolute tool poses: {', '.join(FRAMES)}",
+        one_of(*FRAMES),
+        JOINTS.frame,
+        quiet=True,
     )
 
     @property
@@ -143,6 +166,6 @@ def representation_of(options: Any) -> Representation:
 
 
 def recorded(options: Any) -> dict[str, Any]:
-    """Options as export.json has them: what an action is only where it is chosen."""
-    usual = asdict(ActionOptions())
+    """Options as export.json has them."""
+    usual = {f.name: f.default for f in fields(options) if f.metadata.get("quiet")}
     return {k: v for k, v in asdict(options).items() if k not in usual or v != usual[k]}

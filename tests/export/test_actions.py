@@ -86,6 +86,21 @@ def test_every_format_holds_the_same_actions(tmp_path, episode, format):
             assert f.attrs["action_names"].tolist() == list(names)
 
 
+def test_a_lerobot_dataset_holds_further_representations(tmp_path, episode):
+    out = tmp_path / "out"
+    more = ("ee", "joints-delta")
+    run("lerobot", tmp_path, out, [episode], more_actions=more, rotation="axis-angle")
+    info = json.loads((out / "meta/info.json").read_text())["features"]
+    (file,) = out.glob("data/*/*.parquet")
+    table = pq.read_table(file)
+    stats = json.loads((out / "meta/stats.json").read_text())
+    for feature, words in {"action": "joints", **{f"action.{name}": name for name in more}}.items():
+        names, rows = expected(episode, Representation(words, "axis-angle"))
+        assert info[feature]["names"] == list(names)
+        np.testing.assert_array_equal(np.stack(table[feature].to_pylist()), rows)
+        np.testing.assert_allclose(stats[feature]["max"], rows.max(0))
+
+
 def test_rlds_steps_hold_the_actions(tmp_path, episode):
     out = tmp_path / "out"
     run("rlds", tmp_path, out, [episode], **WORDS)

@@ -1,15 +1,16 @@
 """LeRobot policies by lerobot's own factory and processors: --policy
-lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true
+lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true&like=EXPORT
 
 Cameras are those of our exports (cam_high, cam_left_wrist, cam_right_wrist) or of episodes
 (head_camera, ...). Policies that see one observation are asked for `n_action_steps` actions at
 once, others for one at a time. With `resize` images are scaled to the sizes that the policy was
-trained on; without it other sizes are refused.
+trained on; without it other sizes are refused. `like` is the export that the policy was trained on:
+it names what an action is, as do the options `actions`, `rotation` and `frame`.
 """
 
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.actions import JOINTS, Representation
+from pipeline.data.parsing import parse_json
+from pipeline.data.reading import read_regular
 from pipeline.evaluate.policies.contract import Contract, mismatch
 from pipeline.evaluate.policies.files import PolicySettings, digest_of, parse_settings
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
 
+EXPORT = "export.json"
+"""The record of an export, whose options say what an action is."""
 ACTION_OPTIONS = ("actions", "rotation", "frame")
-OPTIONS = ("device", "resize", "revision", *ACTION_OPTIONS)
+OPTIONS = ("device", "resize", "revision", "like", *ACTION_OPTIONS)
 IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"
 ENVIRONMENT = "observation.environment_state"
 
@@ -60,8 +65,7 @@ class LerobotPolicy:
         for layer in policy.modules():
             if layer is not policy:
                 layer.register_forward_pre_hook(self._note_run)
-        words = (actions.actions, actions.rotation, actions.frame)
-        self.contract = Contract(None, None, None, self._at_once, "policy", *words)
+        self.contract = Contract(None, None, None, self._at_once, "policy", *astuple(actions))
         self._wanted = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:
@@ -147,12 +151,13 @@ class LerobotForm:
         """Check the directory; a repository is not asked before it is used. Raises PolicyError."""
         settings = parse_settings(text)
         settings.take(*OPTIONS)
-        folder = Path(settings.path)
+        folder, actions = Path(settings.path), _representation(settings)
+        written = "" if actions == JOINTS else f",{','.join(astuple(actions))}"
         if not folder.is_dir():
             if settings.path.count("/") != 1 or settings.path.startswith((".", "/", "~")):
                 raise PolicyError(f"--policy {text}: is no directory, and no repository USER/NAME")
             return PolicyName(
-                text, f"lerobot:{settings.path}@{settings.options.get('revision', 'main')}"
+                text, f"lerobot:{settings.path}@{settings.options.get('revision', 'main')}{written}"
             )
         if not (folder / "config.json").is_file():
             raise PolicyError(
@@ -163,7 +168,7 @@ class LerobotForm:
             path for path in folder.iterdir() if path.suffix in (".json", ".safetensors")
         )
         return PolicyName(
-            settings.at(folder), f"lerobot:{folder.resolve().name}@{digest_of(files)}"
+            settings.at(folder), f"lerobot:{folder.resolve().name}@{digest_of(files)}{written}"
         )
 
     def make(self, text: str) -> Policy:
@@ -211,5 +216,22 @@ def load[P: LerobotPolicy](settings: PolicySettings, kind: type[P] = LerobotPoli
     processors = make_pre_post_processors(
         config, settings.path, revision, preprocessor_overrides=device
     )
-    words = {key: str(options[key]) for key in ACTION_OPTIONS if key in options}
-    return kind(policy, processors, bool(options.get("resize", False)), Representation(**words))
+    resize = bool(options.get("resize", False))
+    return kind(policy, processors, resize, _representation(settings))
+
+
+def _representation(settings: PolicySettings) -> Representation:
+    """What an action is: by the options, else as in the export `like` that the policy was trained
+    on. Raises PolicyError for an export that cannot be read and for an unknown word."""
+    given: dict[str, Any] = {}
+    if like := settings.options.get("like"):
+        path = Path(str(like)) / EXPORT
+        try:
+            given = parse_json(read_regular(path))["options"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise PolicyError(f"like={like}: is no export that can be read: {error}") from error
+    given = {**given, **settings.options}
+    try:
+        return Representation(**{key: str(given[key]) for key in ACTION_OPTIONS if key in given})
+    except ValueError as error:
+        raise PolicyError(str(error)) from error

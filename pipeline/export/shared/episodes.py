@@ -65,6 +65,7 @@ class Facts:
     interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
     kept: int = 0  # frames that are exported, from the first one on
     representation: Representation = JOINTS
+    more: tuple[Representation, ...] = ()  # exported beside it
 
     def __len__(self) -> int:
         return len(self.log)

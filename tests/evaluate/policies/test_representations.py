@@ -13,8 +13,10 @@ from pipeline.data.actions import ACTIONS, JOINTS, ActionCodec, Representation
 from pipeline.data.chains import read_chains
 from pipeline.evaluate import asking
 from pipeline.evaluate.episode import EpisodeJob, run_episode
+from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.contract import Contract, action_length, check_contract
-from pipeline.evaluate.policies.policy import PolicyError, PolicyName
+from pipeline.evaluate.policies.lerobot import LerobotPolicy
+from pipeline.evaluate.policies.policy import Observation, PolicyError, PolicyName, Start
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scenes.trial import INVALID_ACTION
 from pipeline.evaluate.scoring.clock import parse_clock
@@ -109,3 +111,73 @@ def test_a_contract_states_representation_rotation_and_frame():
     policy.contract = Contract(representation="poses")
     with pytest.raises(PolicyError, match="actions 'poses' is unknown"):
         check_contract(policy, start)
+
+
+class Still:
+    """A network that always answers with the same numbers."""
+
+    def __init__(self, torch, answer):
+        self.config = SimpleNamespace(
+            image_features={},
+            input_features={},
+            output_features={},
+            n_obs_steps=1,
+            n_action_steps=3,
+        )
+        self._answer = torch.tensor(np.asarray(answer, np.float32)[None])
+
+    def modules(self):
+        return ()
+
+    def reset(self): ...
+
+    def select_action(self, batch):
+        return self._answer
+
+
+def test_lerobots_relative_actions_are_against_the_state_that_was_asked_at():
+    """Its own processor steps, unchanged: the answer 0.1 is 0.1 rad from the state, and grippers
+    are absolute."""
+    torch = pytest.importorskip("torch")
+    from lerobot.processor import (
+        AbsoluteActionsProcessorStep,
+        PolicyProcessorPipeline,
+        RelativeActionsProcessorStep,
+    )
+    from lerobot.processor.converters import (
+        policy_action_to_transition,
+        transition_to_policy_action,
+    )
+
+    relative = RelativeActionsProcessorStep(True, ["gripper"], list(NAMES))
+    absolute = AbsoluteActionsProcessorStep(True, relative)
+    after: Any = PolicyProcessorPipeline(
+        [absolute],
+        to_transition=policy_action_to_transition,
+        to_output=transition_to_policy_action,
+    )
+    before: Any = PolicyProcessorPipeline([relative])
+    policy = LerobotPolicy(Still(torch, np.full(14, 0.1)), (before, after), False)
+    policy.reset(Start("press", "aloha-agilex", NAMES, 15, (), 0))
+    for low in (-1.0, 2.0):
+        joints = low + np.linspace(0, 1, 14).astype(np.float64)
+        moved = np.where([n.endswith("gripper") for n in NAMES], 0.1, joints + 0.1)
+        answer = np.asarray(policy.act(Observation(joints, "press", 0.0)))
+        assert np.allclose(answer, np.tile(moved, (3, 1)), atol=1e-6)
+
+
+def test_a_lerobot_policy_takes_its_representation_from_an_export(tmp_path):
+    (tmp_path / "act").mkdir()
+    (tmp_path / "act" / "config.json").write_text("{}")
+    export = tmp_path / "export"
+    export.mkdir()
+    (export / "export.json").write_text(
+        '{"options": {"actions": "ee", "rotation": "6d", "pad": 1}}'
+    )
+    text = f"lerobot:{tmp_path}/act?like={export}"
+    assert policy_name(text).label.endswith(",ee,6d,world")
+    assert policy_name(f"{text}&frame=base").label.endswith(",ee,6d,base")
+    assert "," not in policy_name(f"lerobot:{tmp_path}/act").label
+    for wrong in (f"{text}x", f"{text}&rotation=euler"):
+        with pytest.raises(PolicyError):
+            policy_name(wrong)

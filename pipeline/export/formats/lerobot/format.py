@@ -116,6 +116,7 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
     return {
         "observation.state": joints,
         "action": actions,
+        **{f"action.{more.actions}": facts.names_in(more) for more in facts.more},
         "target.pose": POSE_NAMES,
         "target.velocity": ["vx", "vy", "vz"],
         **({"target.angular_velocity": ["wx", "wy", "wz"]} if facts.spins else {}),
@@ -176,6 +177,7 @@ def data_columns(
     vectors = {
         "observation.state": log.state,
         "action": facts.action,
+        **{f"action.{more.actions}": facts.written(log.action, more) for more in facts.more},
         "target.pose": facts.target,
         "target.velocity": log.target_velocity,
         **(

@@ -2,15 +2,23 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.actions import ACTIONS, Representation
 from pipeline.data.parsing import real
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.options import ActionOptions, camera_names_option, one_of, option, whole
+from pipeline.export.options import (
+    ActionOptions,
+    camera_names_option,
+    one_of,
+    option,
+    several_of,
+    whole,
+)
 from pipeline.export.shared.episodes import by_embodiment, group_episodes
 from pipeline.export.shared.video import CODECS, Codec
 
@@ -48,6 +56,18 @@ class LerobotOptions(ActionOptions):
         seconds,
         None,
     )
+
+    more_actions: tuple[str, ...] = option(
+        "further representations of the action, as features like action.ee: ee,joints-delta",
+        several_of(*ACTIONS),
+        (),
+        quiet=True,
+    )
+
+    @property
+    def more_representations(self) -> tuple[Representation, ...]:
+        """The further representations."""
+        return tuple(replace(self.representation, actions=name) for name in self.more_actions)
 
     def video(self) -> Codec:
         """The encoder settings. Raises ExportError for an encoder that is not installed."""

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread
@@ -50,6 +50,7 @@ def prepare(source: Source, dataset: Path, options: LerobotOptions, depth: bool)
     path = source.path
     with reading(path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
+        facts = replace(facts, more=options.more_representations)
         if facts.size[0] % 2 or facts.size[1] % 2:
             raise ExportError(
                 f"{path}: images of {facts.size} cannot become video; height and width must be even"
