@@ -1,11 +1,14 @@
 """Nothing that a dataset's manifest names is executed without --trust."""
 
 import os
+import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import domino_data as dd
+from pipeline.data.assets import AssetError, AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Corrections
@@ -30,6 +33,33 @@ def received(tmp_path: Path) -> Path:
     corrections = {"policy": str(policy), "label": "policy.py@00000000"}
     Dataset(root).create(Recipe.model_validate(TINY | {"corrections": corrections}))
     return root
+
+
+class Runs:
+    """Leaves the canary when it is unpickled."""
+
+    def __reduce__(self):
+        return os.system, ("touch canary",)
+
+
+def test_what_a_dataset_stores_is_data(received, monkeypatch):
+    """No pickle in an asset, no tag in the manifest, no code in the index or beside the files."""
+    monkeypatch.chdir(received.parent)
+    store = AssetStore(received / "assets/bodies")
+    path = store.path("0" * 32)
+    path.parent.mkdir(parents=True)
+    np.savez(path, x=np.array([Runs()], dtype=object))
+    with pytest.raises(AssetError):
+        store.get("0" * 32)
+    Path("tags.yaml").write_text("tasks: !!python/object/apply:os.system [touch canary]\n")
+    assert inside("plan", "--manifest", "tags.yaml")[0] == 2
+    (received / "index.sqlite").write_bytes(pickle.dumps(Runs()))
+    for name in ("conftest.py", "sitecustomize.py", "pipeline.py", "h5py.py", "policy.py"):
+        (received / name).write_text("open('canary', 'w')")
+    monkeypatch.chdir(received)
+    assert inside("status", ".")[0] == 0
+    assert inside("verify", ".", "--executor", "inline")[0] == 1  # the asset is damaged
+    assert not Path("canary").exists() and not Path("../canary").exists()
 
 
 VERBS = {

@@ -1,8 +1,9 @@
 """A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad).
 
-    server    {"action_keys": [text, ...], "available_unnorm_keys", "training_obs_image_size": [H, W], ...}
-    client    {"type": "predict_action", "request_id": text,
-               "payload": {"examples": [{"image": [(H,W,3) uint8, ...], "lang": text}], "unnorm_key": text}}
+    server    {"action_keys": [text, ...], "available_unnorm_keys",
+               "training_obs_image_size": [H, W], ...}
+    client    {"type": "predict_action", "request_id": text, "payload": {"unnorm_key": text,
+               "examples": [{"image": [(H,W,3) uint8, ...], "lang": text}]}}
     server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
 
 The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are
@@ -13,7 +14,7 @@ of `state_keys`.
 Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the
 dataset_statistics.json of the checkpoint. With `history=LENGTH:STRIDE` every example also has
 `history_images` (history.py).
-"""  # noqa: E501
+"""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,7 +26,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.parsing import ParseError, read_json
+from pipeline.data.parsing import MOST_PIXELS, ParseError, read_json, whole
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows
@@ -39,17 +40,10 @@ from pipeline.evaluate.serving.websocket import WebSocket
 from pipeline.poses import Floats
 
 PORT, SIZE = 10093, 224
-HISTORY = ("history", "history_mode", "history_size", "flow_size")
 OPTIONS = (
-    "unnorm_key",
-    "execute",
-    "size",
-    "action_keys",
-    "state",
-    "statistics",
-    "normalization",
-    "grippers",
-    *HISTORY,
+    *("unnorm_key", "execute", "size", "action_keys", "state"),
+    *("statistics", "normalization", "grippers"),
+    *("history", "history_mode", "history_size", "flow_size"),
 )
 SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
 """What StarVLA's own clients ask for."""
@@ -80,15 +74,13 @@ class StarvlaClient:
         """Open a connection: an episode is one. Raises PolicyError if the server's keys are not
         those of the robot."""
         self.greet()
-        size = self.metadata.get("training_obs_image_size")
-        self._shape = (self._size or SIZE, self._size or SIZE)
-        if (
-            self._size is None
-            and isinstance(size, list)
-            and len(size) == 2
-            and all(type(n) is int and 0 < n < 4097 for n in size)
-        ):
-            self._shape = (size[0], size[1])
+        match self.metadata.get("training_obs_image_size"):
+            case [int(height), int(width)] if self._size is None and (
+                min(height, width) > 0 and max(height, width) <= MOST_PIXELS
+            ):
+                self._shape = (height, width)
+            case _:
+                self._shape = (self._size or SIZE, self._size or SIZE)
         self._ready = np.empty((0, 0))
         self._past = None if self._settings is None else History(self._settings, start.fps)
         key, keys = self._options.get("unnorm_key"), self.metadata.get("available_unnorm_keys")
@@ -101,11 +93,13 @@ class StarvlaClient:
         order = given.split(",") if given else self.metadata.get("action_keys")
         self._order = self._indices("action", order, start)
         if self._options.get("state") == "true":
-            self._state_order = self._indices(
-                "state", self.metadata.get("state_keys", order), start
-            )
-        if self._statistics is not None:
-            self._statistics = self._check_statistics(self._statistics, start)
+            state_keys = self.metadata.get("state_keys", order)
+            self._state_order = self._indices("state", state_keys, start)
+        if (statistics := self._statistics) is not None:
+            _check_length(f"{self._url}: the statistics", len(statistics.low), len(self._order))
+            joint = np.array([not start.action_names[i].endswith("gripper") for i in self._order])
+            scaled = statistics.normalized & (joint | self._scaled_grippers)
+            self._statistics = replace(statistics, normalized=scaled)
 
     def greet(self) -> None:
         """Open a connection and read the server's metadata. Raises PolicyError."""
@@ -150,27 +144,21 @@ class StarvlaClient:
         message = {"type": "predict_action", "request_id": request, "payload": payload}
         answer = self._read(self._link.ask(pack(message), self.seconds))
         if answer.get("request_id") != request:
-            raise NoAnswer(
-                f"{self._url}: answered request {line_of_text(answer.get('request_id'))[:40]}"
-                f" instead of {request}"
-            )
+            theirs = line_of_text(answer.get("request_id"))[:40]
+            raise NoAnswer(f"{self._url}: answered request {theirs} instead of {request}")
         if answer.get("ok") is not True:
-            raise NoAnswer(
-                f"{self._url}: the server failed:"
-                f" {line_of_text(answer.get('error', answer.get('status')))}"
-            )
-        data = answer.get("data")
-        actions = self._actions(data) if isinstance(data, dict) else None
+            reason = line_of_text(answer.get("error", answer.get("status")))
+            raise NoAnswer(f"{self._url}: the server failed: {reason}")
+        actions = self._actions(answer.get("data"))
         if not isinstance(actions, np.ndarray) or actions.ndim != 3 or len(actions) != 1:
             raise ActionError(f"{self._url}: data.actions is no array (1,T,A)")
-        if actions.shape[2] != len(self._order):
-            raise ActionError(
-                f"{self._url}: actions have {actions.shape[2]} numbers, the robot"
-                f" {len(self._order)}"
-            )
-        found = actions[0] if self._statistics is None else self._statistics.joints(actions[0])
-        ours = np.empty_like(found)
-        ours[:, self._order] = found
+        try:
+            _check_length(f"{self._url}: actions", actions.shape[2], len(self._order))
+        except PolicyError as error:
+            raise ActionError(str(error)) from error
+        rows = actions[0] if self._statistics is None else self._statistics.joints(actions[0])
+        ours = np.empty_like(rows)
+        ours[:, self._order] = rows
         return first_rows(ours, self._execute)
 
     def _read(self, data: bytes) -> dict[Any, Any]:
@@ -180,29 +168,16 @@ class StarvlaClient:
             self.close()
             raise ActionError(f"{self._url}: {error}") from error
 
-    def _actions(self, data: dict[Any, Any]) -> object:
+    def _actions(self, data: object) -> object:
         """The actions of an answer, normalised ones if there are statistics. Raises ActionError for
         the other kind."""
-        if self._statistics is None and "actions" not in data and "normalized_actions" in data:
-            raise ActionError(
-                f"{self._url}: answers with normalized_actions: give"
-                " ?statistics=dataset_statistics.json"
-            )
-        if self._statistics is not None and "normalized_actions" not in data and "actions" in data:
-            raise ActionError(f"{self._url}: answers with joint targets: leave ?statistics out")
-        return data.get("actions" if self._statistics is None else "normalized_actions")
-
-    def _check_statistics(self, statistics: "Statistics", start: Start) -> "Statistics":
-        """The statistics, grippers left as they are unless they are to be scaled. Raises
-        PolicyError for another robot's."""
-        if len(statistics.low) != len(self._order):
-            raise PolicyError(
-                f"{self._url}: the statistics have {len(statistics.low)} numbers, the robot"
-                f" {len(self._order)}"
-            )
-        joint = np.array([not start.action_names[i].endswith("gripper") for i in self._order])
-        return replace(
-            statistics, normalized=statistics.normalized & (joint | self._scaled_grippers)
+        keys = ("actions", "normalized_actions")
+        ours, other = keys if self._statistics is None else keys[::-1]
+        if not isinstance(data, dict) or ours in data or other not in data:
+            return data.get(ours) if isinstance(data, dict) else None
+        fix = "give" if self._statistics is None else "leave out"
+        raise ActionError(
+            f"{self._url}: answers with {other}: {fix} ?statistics=dataset_statistics.json"
         )
 
     def _indices(self, kind: str, keys: object, start: Start) -> NDArray[np.int64]:
@@ -240,37 +215,37 @@ class Statistics:
     def joints(self, actions: NDArray[Any]) -> Floats:
         """Joint targets (T,A) of normalised actions (T,A), which are clipped to [-1, 1]."""
         values = np.clip(np.asarray(actions, float), -1, 1)
-        return np.where(
-            self.normalized, self.low + (values + 1) / 2 * (self.high - self.low), values
-        )
+        scaled = self.low + (values + 1) / 2 * (self.high - self.low)
+        return np.where(self.normalized, scaled, values)
 
 
 def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
     """The action statistics of a dataset_statistics.json: those of `key`, or the only ones there
     are. Raises PolicyError."""
     try:
-        found = read_json(path)
-        keys = list(found)
-        chosen = key or (keys[0] if len(keys) == 1 else None)
-        if chosen not in keys:
-            raise PolicyError(
-                f"{path}: has statistics of {line_of_text(', '.join(keys))}: give one as"
-                " ?unnorm_key="
-            )
-        action = found[chosen]["action"]
+        table = read_json(path)
+        chosen = key or (next(iter(table)) if len(table) == 1 else None)
+        if chosen not in table:
+            known = line_of_text(", ".join(table))
+            raise PolicyError(f"{path}: has statistics of {known}: give one as ?unnorm_key=")
+        action = table[chosen]["action"]
         low, high = (np.asarray(action[name], float) for name in BOUNDS[kind])
         normalized = np.asarray(action.get("mask", np.ones(low.shape, bool)), bool)
+        if low.ndim != 1 or not low.shape == high.shape == normalized.shape:
+            raise ValueError("bounds of different lengths")
+        if not np.isfinite([low, high]).all():
+            raise ValueError("bounds that are not finite")
     except (ParseError, TypeError, KeyError, ValueError, AttributeError) as error:
         raise PolicyError(
             f"{path}: is no dataset_statistics.json of StarVLA: {line_of_text(error)}"
         ) from error
-    if (
-        low.ndim != 1
-        or not low.shape == high.shape == normalized.shape
-        or not np.isfinite([low, high]).all()
-    ):
-        raise PolicyError(f"{path}: the bounds of {chosen} are no lists of as many numbers")
     return Statistics(low, high, normalized)
+
+
+def _check_length(what: str, count: int, robot: int) -> None:
+    """Raise PolicyError for another number of joints than the robot's."""
+    if count != robot:
+        raise PolicyError(f"{what} have {count} numbers, the robot {robot}")
 
 
 def _one_of(address: Address, option: str, known: tuple[str, ...]) -> str:
@@ -289,14 +264,13 @@ def _history_of(address: Address) -> HistorySettings | None:
     text = address.options.get("history")
     if text is None:
         return None
-    length, _, stride = text.partition(":")
-    if not all(
-        part.isascii() and part.isdigit() and 1 <= int(part) <= 100 for part in (length, stride)
-    ):
+    try:
+        length, stride = (whole(part, 1, 100) for part in text.split(":"))
+    except ValueError as error:
         raise PolicyError(
             f"--policy {address.text}: history={text} is not LENGTH:STRIDE, two whole numbers from"
             " 1 to 100"
-        )
+        ) from error
     flow = _one_of(address, "history_mode", ("flow", "frames")) == "flow"
     kept, sent = address.number("flow_size", 128), address.number("history_size", SIZE)
-    return HistorySettings(int(length), int(stride), flow, kept or 128, sent or SIZE)
+    return HistorySettings(length, stride, flow, kept or 128, sent or SIZE)
