@@ -5,7 +5,8 @@
 
 Slots are filled as a build fills them, without images: attempts, each with a layout of its own,
 until one is accepted. Every finished slot is a line of `--rows`: the same command resumes a run
-that was stopped. `--table` prints the tables of the file and makes no attempts.
+that was stopped. They are filled in random order, so that a part stands for the whole. `--table`
+prints the tables of the file and makes no attempts.
 
 It prints, for each expert, per cent of attempts accepted with 95 % intervals clustered by slot
 (attempts of a slot share the motion's shape), why attempts fail, how accepted targets move against
@@ -23,6 +24,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from scipy import stats
 from tqdm import tqdm
 
 from benchmarks.hardware import hardware
+from benchmarks.limits import ways_of
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.evaluate.scoring.statistics import clustered
@@ -39,6 +42,7 @@ from pipeline.report.speed_law import drawn_and_accepted, law
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
+from pipeline.world.physics.forces import ContactKinds
 from pipeline.world.robots import MODELS, get_embodiment
 
 ORIGINAL_STATIC = {"aloha-agilex": 78, "arx-x5": 78, "franka-panda": 69, "piper": 27, "ur5-wsg": 61}
@@ -87,14 +91,8 @@ def settings(recipe: Recipe) -> Row:
 def travel(done: Rollout) -> Row:
     """Length (m) of the way of both tools in an episode, and by how much (m) the way of one skill
     exceeds its straight line."""
-    log, worst = done.replay.log, 0.0
-    for run in log.skills:
-        frames = (log.times >= run.start / PHYSICS_HZ) & (log.times <= run.end / PHYSICS_HZ)
-        for side in run.arms:
-            way = log.tcp[frames, log.sides.index(side), :3]
-            if len(way) > 1:
-                net = float(np.linalg.norm(way[-1] - way[0]))
-                worst = max(worst, float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()) - net)
+    log = done.replay.log
+    worst = max((way.length - way.straight for way in ways_of(log)), default=0.0)
     total = np.linalg.norm(np.diff(log.tcp[..., :3], axis=0), axis=-1).sum()
     return {"total": round(float(total), 3), "excess": round(worst, 3)}
 
@@ -103,27 +101,10 @@ def forces(done: Rollout) -> Row:
     """The strongest contact (N) of an episode of each kind that the robot has, as sampled for the
     state log (30 Hz)."""
     log, found = done.replay.log, defaultdict[str, float](float)
-    fingers = {
-        f"{side}_{name}"
-        for side, arm in done.scene.embodiment.arms.items()
-        for name in arm.gripper.fingers
-    }
-    links = {name for name in log.bodies if name.startswith(("left_", "right_"))}
+    contact = ContactKinds(done.scene.embodiment)
     for row in log.contacts:
-        pair = {log.bodies[row["a"]], log.bodies[row["b"]]}
-        robot = pair & links
-        if not robot:
-            continue
-        kind = (
-            "arms"
-            if len(robot) == 2
-            else "palm"
-            if not pair & fingers
-            else "table"
-            if "table" in pair
-            else "finger"
-        )
-        found[kind] = max(found[kind], round(PHYSICS_HZ * float(row["impulse"]), 1))
+        if kind := contact.of(log.bodies[row["a"]], log.bodies[row["b"]]):
+            found[kind] = max(found[kind], round(PHYSICS_HZ * float(row["impulse"]), 1))
     return dict(found)
 
 
@@ -280,6 +261,7 @@ def hands(rows: Sequence[Row]) -> str:
     percentile and most."""
     kinds = {
         "arms": "arm on arm",
+        "hands": "hand on hand",
         "palm": "palm or link on a body",
         "table": "finger on table",
         "finger": "finger on a body",
@@ -393,6 +375,7 @@ def main() -> None:
         jobs = wanted(args)
         have = {tuple(row[name] for name in SAME) for row in rows}
         left = [(recipe, slot) for recipe, slot in jobs if _key(recipe, slot) not in have]
+        Random(0).shuffle(left)
         with args.rows.open("a") as file:
 
             def keep(row: Row) -> None:

@@ -74,8 +74,8 @@ def test_tables_count_every_attempt_once():
     )
     assert "| dry_run: no_success | 4 | 2 | click_bell 2, grab_roller 2 |" in success.reasons(rows)
     assert (
-        "| piper | 1 | 2.00, 2.00, 2.00 | 0.10, 0.10, 0.10 | 0, 0, 0 | 0, 0, 0 | 0, 0, 0 | 20, 20,"
-        " 20 |" in success.hands(rows)
+        "| piper | 1 | 2.00, 2.00, 2.00 | 0.10, 0.10, 0.10 |" + 4 * " 0, 0, 0 |" + " 20, 20, 20 |"
+        in success.hands(rows)
     )
     assert "2 motions accepted at 0.1 m/s" in success.speeds(rows)
 
@@ -111,6 +111,6 @@ def test_a_run_is_resumed_where_it_was_stopped(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["success", *options, "--rows", str(tmp_path / "rows.jsonl")])
     for _ in range(2):
         success.main()
-    assert filled == [("planned", 0), ("planned", 1), ("reactive", 0), ("reactive", 1)]
+    assert sorted(filled) == [("planned", 0), ("planned", 1), ("reactive", 0), ("reactive", 1)]
     rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
     assert len(rows) == 4 and "## reactive expert\n\n100.0 %" in capsys.readouterr().out

@@ -10,12 +10,12 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.data.names import SIDES
 from pipeline.expert.limiter import WINDOW, Limiter
-from pipeline.expert.reactive.controller import CLOSE, SAME_BRANCH, part_of
+from pipeline.expert.reactive.controller import CLOSE, SAME_BRANCH
 from pipeline.planning.budgets import LIMITS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import NO_ARM, Planner
-from pipeline.poses import Floats, Pose, compose
+from pipeline.poses import Floats, Pose, inverse, transform
 
 TRACK = "track"
 """Name of the runs of skills that are carried along."""
@@ -49,12 +49,12 @@ def carried_along(
     does; M >= N.
 
     The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last
-    approach begins the hand is displaced as `target(t)` (7,) is from there, before that by a
-    growing part of it, from the start of the run on. After the meeting it comes to rest, in rows
-    after the plan's if need be. The commands keep the limits of velocity, acceleration and jerk:
-    where the target's motion asks for more, the hand is late. Raises
-    PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at
-    the meeting by more than CLOSE, and PlanFailure("arms_collide").
+    approach begins the hand is displaced, not turned, as the point of `target(t)` (7,) is at which
+    the tcp will be then; before that by a growing part of it, from the start of the run on. After
+    the meeting it comes to rest, in rows after the plan's if need be. The commands keep the limits
+    of velocity, acceleration and jerk: where the target's motion asks for more, the hand is late.
+    Raises PlanFailure: track_unreachable if an arm does not reach that far, or if its hand is late
+    at the meeting by more than CLOSE; arms_collide.
     """
     commands, velocities = plan
     goals, column, arms = commands.copy(), 0, dict[str, slice]()
@@ -105,12 +105,14 @@ def _shifts(
     times, meeting = (knots + 1) / PHYSICS_HZ, (met + 1) / PHYSICS_HZ
     late = np.maximum(times - meeting, 0.0)
     where = target(np.minimum(times, meeting) + STOPPING * (1 - np.exp(-late / STOPPING)))
-    end = target(np.array([meeting]))[0]
+    touch = planner.fk(side, q[met])[:3]
+    at_touch = transform(inverse(target(np.array([meeting]))[0]), touch)
     share = np.clip((knots - start) / max(1, near - start), 0.0, 1.0)
     share = share * share * (3 - 2 * share)
     shift, shifts = np.zeros(q.shape[1]), list[Floats]()
     for row, pose, part in zip(knots, where, share, strict=True):
-        goal = compose(part_of(end, pose, part), planner.fk(side, q[row]))
+        goal = planner.fk(side, q[row])
+        goal[:3] += part * (transform(pose, at_touch) - touch)
         solved, ok = ik_many(planner.chains[side], goal[None], (q[row] + shift)[None], SAME_BRANCH)
         if not ok[0]:
             raise PlanFailure(

@@ -1,37 +1,52 @@
 """Limits of velocity, acceleration and jerk, read back from what episodes command at every physics
 step."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
 from benchmarks.limits import fill, shares
 from pipeline.data.recipe.model import Recipe
+from pipeline.world.physics.forces import FORCES
 from pipeline.world.robots import get_embodiment
 
 PRESS = 30.0
-"""N: the most a finger presses with, and in these episodes a palm or an arm."""
+"""N: the most a finger presses with."""
 
 
 @pytest.mark.parametrize(
-    ("task", "robot"),
+    ("task", "robot", "expert"),
     [
-        ("shake_bottle", "franka-panda"),  # the fastest joints of all
-        ("click_bell", "piper"),  # the hardest press
-        ("grab_roller", "aloha-agilex"),  # both arms at once, stretched to end together
-        ("press_stapler", "ur5-wsg"),
-        ("handover_block", "franka-panda"),  # the camera of the receiving hand is near the table
+        ("shake_bottle", "franka-panda", "planned"),  # the fastest joints of all
+        ("click_bell", "piper", "reactive"),  # the hardest press
+        ("grab_roller", "aloha-agilex", "planned"),  # both arms at once, stretched to end together
+        ("press_stapler", "ur5-wsg", "planned"),
+        ("handover_block", "franka-panda", "planned"),  # the receiving hand is near the table
+        ("put_can_pot", "arx-x5", "planned"),  # a plan and the target's motion, added
+        ("catch_tossed_ball", "aloha-agilex", "reactive"),
     ],
 )
-def test_no_commanded_sample_of_an_episode_exceeds_a_limit(task: str, robot: str) -> None:
+def test_no_sample_of_an_episode_exceeds_a_limit_of_motion_or_force(
+    task: str, robot: str, expert: str
+) -> None:
     recipe = Recipe.model_validate(
-        {"tasks": [task], "embodiments": [robot], "levels": [1], "episodes": 1}
+        {
+            "tasks": [task],
+            "embodiments": [robot],
+            "levels": [1],
+            "episodes": 1,
+            "expert": expert,
+        }
     )
     worst = fill((recipe, next(iter(recipe.slots()))))
     assert worst is not None
     for kind in ("velocity", "acceleration", "jerk"):
         assert 0.3 < worst.values[kind] < 1 + 1e-5, kind
     assert worst.values["press"] < PRESS
-    assert worst.values["palm"] < PRESS
+    for kind, most in asdict(FORCES).items():
+        assert worst.values[kind] <= most, kind
+    assert all(way.length >= way.straight - 1e-9 for way in worst.ways) and worst.ways
     assert (worst.values["press"] > 1) == (task in ("click_bell", "press_stapler"))
 
 

@@ -46,7 +46,7 @@ def _in_turns(a: Actor, step: MotionStep) -> Iterator[MotionStep]:
     apart = a.planner.apart(a.planning_scene())
     longest = max(len(trajectory.q) for trajectory in step.values())
     at_once = {
-        side: _stretched(trajectory, longest, a.q(side), a.gripper(side))
+        side: stretched(trajectory, longest, a.q(side), a.gripper(side))
         for side, trajectory in step.items()
     }
     if _arms_apart(a, apart, at_once):
@@ -69,7 +69,7 @@ def _end_of(t: ArmTrajectory) -> ArmTrajectory:
     return ArmTrajectory(t.q[-1:], t.qd[-1:], t.gripper[-1:])
 
 
-def _stretched(t: ArmTrajectory, rows: int, q0: NDArray[np.float64], value: float) -> ArmTrajectory:
+def stretched(t: ArmTrajectory, rows: int, q0: NDArray[np.float64], value: float) -> ArmTrajectory:
     """The trajectory at a slower pace so that it fills `rows` steps; jaw motions keep their pace
     and wait.
 

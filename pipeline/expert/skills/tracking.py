@@ -3,6 +3,11 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, MotionStep, Skill, skill
+from pipeline.expert.skills.pairing import stretched
+
+PACE = 0.75
+"""Share of the planned speed at which a hand approaches that also moves as the target does: the
+plan alone brakes with all of the acceleration limit, at this pace with half of it."""
 
 
 @skill()
@@ -10,12 +15,15 @@ def track(side: str, act: Skill) -> Skill:
     """Carry out `act`, the skill that meets the target, at matched velocity: the hand moves with
     the target until they touch.
 
-    In a still scene this is `act` itself. The planned expert moves its hand with the known motion
-    (expert/tracking.py); the reactive one does so with whatever skill meets the target, from what
-    it has seen.
+    In a still scene this is `act` itself, at PACE. The planned expert moves its hand with the known
+    motion (expert/tracking.py); the reactive one does so with whatever skill meets the target, from
+    what it has seen.
     """
 
     def follow(a: Actor) -> Iterator[MotionStep]:
-        yield from act(a)
+        for step in act(a):
+            own = step[side]
+            rows = round(len(own.q) / PACE)
+            yield step | {side: stretched(own, rows, a.q(side), a.gripper(side))}
 
     return follow
