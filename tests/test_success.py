@@ -60,7 +60,8 @@ def test_intervals_count_slots_where_attempts_of_a_slot_fail_together():
             [float(x) for x in success.interval(rows).split("-")] for rows in (together, apart)
         )
     ]
-    by_attempt = 100 * np.subtract(*wilson(12, 20)[::-1])
+    low, high = wilson(12, 20)
+    by_attempt = 100 * (high - low)
     assert widths[0] > 1.2 * by_attempt and widths[1] == pytest.approx(by_attempt, abs=0.2)
 
 
