@@ -9,7 +9,8 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.motion.planar.judge import MotionLimits, judge_shapes
+from pipeline.motion.contract import MotionRequest
+from pipeline.motion.planar.judge import judge_shapes
 from pipeline.motion.planar.levels import DRAW, DrawnPaths
 from pipeline.motion.planar.polynomials import greatest_speed
 from pipeline.stages.back_calculate import END_SPEED
@@ -39,12 +40,12 @@ def row(level: int, total: float, rng: np.random.Generator) -> str:
             counts.update(
                 judge_shapes(
                     paths,
-                    MotionLimits(
-                        space, end, level, ALPHA, total, end_speed_limit=END_SPEED * ALPHA
+                    MotionRequest(
+                        level, ALPHA, total, end, space, end_speed_limit=END_SPEED * ALPHA
                     ),
                 ).tolist()
             )
-            others = judge_shapes(paths, MotionLimits(space, end, level, ALPHA, total)) == ""
+            others = judge_shapes(paths, MotionRequest(level, ALPHA, total, end, space)) == ""
             otherwise += int(others.sum())
             fastest = max(fastest, end_speeds(paths)[others].max(initial=0.0))
     share = " | ".join(f"{100 * counts[reason] / counts.total():.1f}" for reason in REASONS)
@@ -61,7 +62,7 @@ def pieces(total: float, end_speed: float | None, rng: np.random.Generator) -> s
         for _ in range(ENDS):
             end = np.append(rng.uniform(space.lower + EDGE, space.upper - EDGE), 0.75)
             paths = DRAW[3](rng, SHAPES, ALPHA, total, end[:2], space)
-            limits = MotionLimits(space, end, 3, ALPHA, total, end_speed_limit=end_speed)
+            limits = MotionRequest(3, ALPHA, total, end, space, end_speed_limit=end_speed)
             for i in np.flatnonzero(judge_shapes(paths, limits) == ""):
                 own, lasts = paths.coefficients[i], paths.durations[i]
                 used = np.flatnonzero(lasts)

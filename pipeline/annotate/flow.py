@@ -1,10 +1,8 @@
-"""Optical flow between frames and its image, as in the paper's appendix on flow computation; pure
-functions on arrays.
+"""Optical flow between frames and its image, as in the paper's appendix; pure functions on arrays.
 
-Frames are shrunk (area average), made grey, and given to Farneback; the two-channel field becomes a
-hue (direction) and a value (magnitude over a percentile of the magnitudes) and is shown as RGB. One
-row per absolute frame t holds the pair (max(0, t - stride), t): the pairs that a history of any
-length needs at any step are rows of this one array.
+Frames are shrunk, made grey, and given to Farneback; the field becomes a hue (direction) and a
+value (magnitude over a percentile) in RGB. Row t holds the pair (max(0, t - stride), t) of absolute
+frames.
 """
 
 from dataclasses import dataclass
@@ -51,10 +49,9 @@ class Colour:
     """How magnitude becomes brightness.
 
     `per_map`: full brightness at the map's own percentile of the magnitude (the paper; speed is
-    lost). `shared`: at the percentile over all maps given together (one episode). `fixed`: at
-    `full_scale` px of displacement at map resolution, which compares across episodes and needs no
-    future frame. Maps whose scale is below `threshold` px are black; the original's value only
-    catches exact stillness.
+    lost). `shared`: at the percentile over all maps given together. `fixed`: at `full_scale` px at
+    map resolution, which compares across episodes. Maps whose scale is below `threshold` px are
+    black.
     """
 
     normalisation: str = "per_map"
@@ -75,8 +72,7 @@ class Colour:
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
-    """Absolute index (T,) of the frame that each frame is paired with: max(0, t - stride), as the
-    original clamps."""
+    """Absolute index (T,) of the frame that each frame is paired with: max(0, t - stride)."""
     return np.maximum(np.arange(frames) - stride, 0).astype(np.int32)
 
 

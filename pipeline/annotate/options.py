@@ -42,12 +42,10 @@ class FlowOptions:
 class MaskOptions:
     """`source` model (GroundingDINO boxes, SAM 2 masks) or sim (exact, from the renderer).
 
-    `objects` are roles of the episode's metadata ("target", "manipulated") or object names.
-    `prompt` is what the detector is
-    asked: metadata (the object's noun), description (its full description), or instruction (the
-    paper's rule-based parser over the episode's first seen instruction, the whole instruction where
-    it finds nothing; one mask, named "instruction"). Detections that cover more than `max_area` of
-    the image are refused: that is how the detector says it found nothing.
+    `objects` are roles ("target", "manipulated") or object names. `prompt` is what the detector is
+    asked: metadata (the object's noun), description, or instruction (the paper's rule-based parser
+    over the first seen instruction; one mask, named "instruction"). Detections that cover more than
+    `max_area` of the image are refused: that is how the detector says it found nothing.
     """
 
     source: str = "model"

@@ -35,12 +35,10 @@ def annotation_sheet(
     frames: Sequence[int] | None = None,
     width: int = 200,
 ) -> NDArray[np.uint8] | None:
-    """A image (rows of frames in time): frames with masks, then one row of flow a flow annotation,
-    with what it is.
+    """Frames with masks, then one row of flow a flow annotation, as an image (H,W,3).
 
     `episode` is relative to episodes/; `frames` are absolute indices, six spread over the episode
-    by default. Flows are shown with one scale per row, so that faster is brighter. None if the
-    episode has no flow and no masks of that camera.
+    by default. Flows have one scale per row. None if that camera has no flow and no masks.
     """
     entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():

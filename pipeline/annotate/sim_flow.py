@@ -47,9 +47,9 @@ def exact_flow(
 ) -> NDArray[np.float32]:
     """Flow (H,W,2) px at the pixels of frame a, x right and y down.
 
-    `depth` (H,W) uint16 mm along the viewing axis (0 = nothing hit), `segmentation` (H,W) uint8
-    body index + 1 (0 = no body), both of frame a; `k` (3,3); `motions` as from `body_motions`.
-    Points that end behind the camera get zero flow.
+    `depth` (H,W) mm along the viewing axis (0 = nothing hit), `segmentation` (H,W) body index + 1
+    (0 = no body); `k` (3,3); `motions` as from `body_motions`. Points that end behind the camera
+    get zero flow.
     """
     height, width = depth.shape
     u, v = np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5

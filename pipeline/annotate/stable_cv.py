@@ -1,13 +1,11 @@
 """The same OpenCV results on every x86-64 machine.
 
-OpenCV picks SIMD kernels by CPU at run time; its AVX2 kernels use fused multiply-add, so Farneback
-differs in the last bits (7e-6 px measured) between machines. With `cv2.setUseOptimized(False)` only
-the compiled-in baseline (SSE3) runs, IPP and OpenCL are off, and at 64x64 the calls we make are no
-slower. One OpenCV thread a process is set as well, because workers share the machine.
+OpenCV picks SIMD kernels by CPU; its AVX2 kernels use fused multiply-add, so Farneback differs in
+the last bits between machines. With `cv2.setUseOptimized(False)` only the baseline (SSE3) runs,
+without IPP and OpenCL, no slower at 64x64, and one thread a process.
 
-Guaranteed: the same opencv-python-headless release on any x86-64 CPU gives the same bytes (tests
-force other CPU features). Not guaranteed: another OpenCV release, or another architecture (aarch64
-wheels are compiled with other baselines).
+Guaranteed: the same opencv-python-headless release on any x86-64 CPU gives the same bytes. Not
+guaranteed: another release or architecture.
 """
 
 import threading
@@ -42,8 +40,7 @@ def bit_stable() -> Iterator[None]:
     """While inside, this thread computes with OpenCV's baseline kernels and one thread.
 
     The choice of kernels is the process's: the last thread out restores it. The switches of IPP and
-    OpenCL belong to a thread, so every thread sets its own on its way in and restores it on its way
-    out.
+    OpenCL belong to a thread.
     """
     if _THREAD.depth == 0:
         with _PROCESS.lock:

@@ -91,11 +91,15 @@ def directory_of(stage: Stage) -> str:
 
 def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
     """JPEG bytes of all frames of a camera. Raises AnnotateError naming the cameras there are."""
+    _check_camera(episode, camera)
+    return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
+
+
+def _check_camera(episode: EpisodeFile, camera: str) -> None:
     if camera not in episode.cameras:
         raise AnnotateError(
             f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
         )
-    return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
 
 
 def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
@@ -105,12 +109,7 @@ def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
 
 def decode_frames(frames: list[bytes]) -> NDArray[np.uint8]:
     """JPEG frames -> (T,H,W,3) uint8 RGB."""
-    first = decode_frame(frames[0])
-    out = np.empty((len(frames), *first.shape), np.uint8)
-    out[0] = first
-    for t, data in enumerate(frames[1:], 1):
-        out[t] = decode_frame(data)
-    return out
+    return np.stack([decode_frame(data) for data in frames])
 
 
 @dataclass(eq=False)
@@ -129,16 +128,12 @@ def sim_reading(
 ) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
     """Inputs, lazy view and body names for stages that use simulator truth.
 
-    The stored segmentation (and depth without noise) is used where the file has it; else the
-    episode is rendered again from its state log, and what that is a function of is hashed. Raises
-    AnnotateError if neither is possible.
+    Stored segmentation (and depth without noise) is used where the file has it; else the episode is
+    rendered again from its state log. Raises AnnotateError if neither is possible.
     """
     log = episode.read().log
     group = f"observation/{camera}"
-    if camera not in episode.cameras:
-        raise AnnotateError(
-            f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
-        )
+    _check_camera(episode, camera)
     poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
     names = ["actor_segmentation", *(["depth"] if depth else [])]
     scene = {

@@ -1,11 +1,6 @@
-"""Keys: what an annotation was made from and with, as hashes of content. No path, clock or host
-enters a key.
-
-annotation key = sha256 of the canonical JSON of {stage, version, parameters, models, inputs}.
-`inputs` holds the content hash of the frames (or poses, or masks) that were read and the prompts
-that were asked, so a dataset may be moved or copied and nothing changes, while one altered frame or
-parameter changes the key.
-"""
+"""Keys: sha256 of the canonical JSON of what an annotation was made from and with. No path,
+clock or host enters a key; `inputs` holds hashes of the frames, poses or masks that were read
+and the prompts."""
 
 import hashlib
 from collections.abc import Mapping

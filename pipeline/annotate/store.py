@@ -1,9 +1,8 @@
-"""Where annotations live: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json
-with the full parameters.
+"""Where annotations live: OUT/annotations/<stage>@<key8>/<path of the episode>.h5, with the full
+parameters in stage.json.
 
-One file per episode and stage; arrays are indexed by absolute frame. A file appears by atomic
-rename, carries its full annotation key and a checksum of its content, and counts as done only where
-both hold.
+Arrays are indexed by absolute frame. A file appears by atomic rename, carries its key and a
+checksum, and counts as done only where both hold.
 """
 
 import json
@@ -40,12 +39,9 @@ def write_entry(
     attributes: Mapping[str, Any],
     compressed: Collection[str] = (),
 ) -> Entry:
-    """Write one annotation atomically. Arrays named in `compressed` are stored with gzip in chunks
-    of whole frames.
-
-    The same arguments give the same bytes. Raises OSError if the disk refuses, StoreError if an
-    object store does; nothing is left behind then.
-    """
+    """Write one annotation atomically; `compressed` arrays with gzip in chunks of whole frames.
+    The same arguments give the same bytes. Raises OSError or StoreError and leaves nothing
+    behind."""
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         f.attrs["key"] = key

@@ -1,9 +1,7 @@
 """Bring one stage of some episodes up to date: what is valid stays, what is missing, stale or
 corrupt is computed.
 
-The unit is one stage of one episode; it reads the episode and writes one file, so units share
-nothing and may run anywhere, in any order, killed at any time. A prefetch thread reads, checks and
-decodes the next episodes while the current one is computed.
+A prefetch thread reads, checks and decodes the next episodes while the current one is computed.
 """
 
 from collections import deque
@@ -67,11 +65,8 @@ class StageWorker:
 
     def run(self, episodes: Sequence[Path]) -> Iterator[StageOutcome]:
         """Bring the given episodes up to date, in order; yields one outcome each. A dry run
-        computes and writes nothing.
-
-        Raises AnnotateError for models that cannot be loaded or if a result cannot be written (a
-        full disk stops the run; nothing is half-written).
-        """
+        writes nothing. Raises AnnotateError for models that cannot be loaded or a result that
+        cannot be written."""
         for episode, prepared in _prefetch(self._prepare, episodes):
             yield (
                 prepared if isinstance(prepared, StageOutcome) else self._finish(episode, prepared)

@@ -79,6 +79,13 @@ class ClosedForm(ABC):
         """What alpha bounds (m/s) at times t: the speed of the body's origin."""
         return np.asarray(np.linalg.norm(self.twist(t)[..., :3], axis=-1), float)
 
+    def carried_by(self, x: Array, y: Array, z: ArrayLike = 0.0) -> Array:
+        """The end pose (..., 7) moved by x, y, z (...,) m."""
+        poses = np.broadcast_to(np.array(self.end), (*np.shape(x), 7)).copy()
+        for axis, by in enumerate((x, y, z)):
+            poses[..., axis] += by
+        return poses
+
     def breakpoints(self) -> Array:
         return np.zeros(0)
 
@@ -199,6 +206,13 @@ def _refusal(asked: MotionRequest, motion: TargetMotion, poses: Array) -> str:
     if asked.free is not None and not asked.free(motion):
         return "blocked"
     return ""
+
+
+def twists(x: Array, y: Array, z: ArrayLike = 0.0, spin: ArrayLike = 0.0) -> Array:
+    """Twists (..., 6) of velocities (...,) m/s and a spin (rad/s) about the vertical."""
+    out = np.zeros((*np.shape(x), 6))
+    out[..., 0], out[..., 1], out[..., 2], out[..., 5] = x, y, z, spin
+    return out
 
 
 def common(asked: MotionRequest) -> dict[str, Any]:

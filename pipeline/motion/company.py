@@ -29,27 +29,22 @@ class Company:
 
     @property
     def model(self) -> str:
-        """Name of the target's model."""
         return self.target.model
 
     @property
     def level(self) -> int:
-        """Level of all."""
         return self.target.level
 
     @property
     def alpha(self) -> float:
-        """Bound of the speeds of all, m/s."""
         return self.target.alpha
 
     @property
     def duration(self) -> float:
-        """Time of the meeting (s)."""
         return self.target.duration
 
     @property
     def lead(self) -> float:
-        """Seconds by which the target starts before the robot."""
         return self.target.lead
 
     def pose(self, t: ArrayLike) -> Array:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,10 +32,10 @@ class Features:
 class TargetMotion(Protocol):
     """Where a target is at any time t (s) of the episode's clock, on which the robot starts at 0.
 
-    The target stands until -`lead` (a negative lead: it starts after the robot), moves so that it
-    is at its manipulation pose at `duration` (the meeting, T_meet), and continues until something
-    releases it. `level` and `alpha` (m/s) are what it was drawn for, `model` is the name of its
-    model in `MODELS`. Positions are those of the body's origin in the world frame, in m.
+    The target stands until -`lead`, is at its manipulation pose at `duration` (the meeting,
+    T_meet), and continues until something releases it. `level` and `alpha` (m/s) are what it was
+    drawn for, `model` is its model's name in `MODELS`. Positions are those of the body's origin in
+    the world frame, in m.
     """
 
     @property
@@ -83,17 +83,16 @@ Free = Callable[[TargetMotion], bool]
 class MotionRequest:
     """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
 
-    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration for which it
-    moves: the first share is taken for which there is a motion. It keeps its average speed, or with
-    `speed_bound` "maximum" its greatest, at or below `alpha`, its speed at the meeting at or below
-    `end_speed_limit`, and jumps of its velocity at or below `jump_limit` (m/s all). Until the
-    meeting it stays in `workspace`, and with its velocity kept for `tail` s after it. `visible(path
-    (N,K,3 or 7)) -> (N,)` accepts paths by samples of them, positions or whole poses, and
-    `free(motion)` by what it might touch. At most `candidates` shapes are drawn (1000 in the
-    paper). `radius` and `height` (m) are those of the target as it stands at `end_pose`, `floor`
-    (m) is the height at which it would stand on the table.
+    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration: the first
+    share is taken for which there is a motion. Its average speed, or with `speed_bound` "maximum"
+    its greatest, is at most `alpha`, its speed at the meeting `end_speed_limit`, and jumps of its
+    velocity `jump_limit` (m/s all). Until the meeting it stays in `workspace`, and with its
+    velocity kept for `tail` s after it. `visible(path (N,K,3 or 7)) -> (N,)` accepts paths by
+    samples of them, and `free(motion)` by what it might touch. At most `candidates` shapes are
+    drawn (1000 in the paper). `radius` and `height` (m) are the target's at `end_pose`; `floor` (m)
+    is the height at which it would stand on the table.
 
-    Raises ValueError for numbers that make no sense.
+    Raises ValueError for numbers that make no sense and for an unknown speed bound.
     """
 
     level: int
@@ -125,6 +124,25 @@ class MotionRequest:
                 f"alpha must be >= 0 and -lead before duration: {self.alpha}, {self.lead},"
                 f" {self.duration}"
             )
+        if self.speed_bound not in get_args(SpeedBound):
+            raise ValueError(
+                f"speed_bound {self.speed_bound!r} is unknown: use"
+                f" {' or '.join(get_args(SpeedBound))}"
+            )
+        for name in ("tail", "end_speed_limit", "jump_limit"):
+            value = getattr(self, name) or 0.0
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative: {value}")
+
+    @property
+    def end(self) -> Array:
+        """Where the target is at the meeting (3,), m."""
+        return np.asarray(self.end_pose, float)[:3]
+
+    @property
+    def total(self) -> float:
+        """Seconds from the start to the meeting."""
+        return self.lead + self.duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +237,7 @@ class MotionModel(Protocol):
 
 def derived(motion: TargetMotion) -> Verdict:
     """Whether the velocity of a motion is the derivative of its position: the median error at 41
-    times, by central differences."""
+    times."""
     start, h = float(-motion.lead), 1e-4
     times = np.linspace(start + 2 * h, float(motion.duration) - 2 * h, 41)
     moved = (np.asarray(motion.pose(times + h)) - np.asarray(motion.pose(times - h)))[:, :3] / (

@@ -53,12 +53,8 @@ class Workspace:
         """The part of the rectangle in which a path that ends at `end` (2,) must stay: the paper's
         quadrant rule (appendix D.3).
 
-        The quadrant of the end position, seen from the centre, names two edges, the ones it is
-        closest to. Every path must stay inside the rectangle, which alone makes the paper's rule
-        empty, so the two named edges are kept at `margin` m distance as
-        well: a target that leaves the meeting place must not do so over the border next to it. An
-        end position that already stands closer than `margin` to a named edge keeps its own distance
-        instead, so that every end has a feasible path.
+        The two edges closest to the end are kept at `margin` m, so that a target does not leave the
+        meeting place over the border next to it. An end closer than that keeps its own distance.
         """
         end = np.asarray(end, float)
         high = end >= (self.lower + self.upper) / 2
@@ -71,8 +67,8 @@ class Workspace:
 def draw_within_reach(
     rng: np.random.Generator, n: int, workspace: Workspace, centre: ArrayLike, radius: float
 ) -> NDArray[np.float64]:
-    """`n` points (n, 2) uniform in the intersection of the workspace with the disc around `centre`
-    (2,), which lies inside it."""
+    """`n` points (n, 2) uniform in the intersection of the workspace with the disc around
+    `centre` (2,)."""
     centre = np.asarray(centre, float)
     low, up = (
         np.maximum(workspace.lower, centre - radius),

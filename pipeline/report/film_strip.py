@@ -28,6 +28,11 @@ class Shot:
     time: float
     meeting: bool
 
+    @property
+    def caption(self) -> str:
+        """Its time, and whether it is the meeting."""
+        return f"{'meeting, ' if self.meeting else ''}{self.time:.2f} s"
+
 
 @dataclass(frozen=True, eq=False)
 class Film:

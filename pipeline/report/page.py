@@ -30,12 +30,9 @@ SHEETS = 12
 
 def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
     """Update the report, with annotations as `sheet_of` draws them, and return the path of its
-    first page.
-
-    Figures come from the index. Only the episodes that are shown are opened, and variants, of which
-    it has no figures of motions. An episode that cannot be read is left out; `domino-data verify`
-    names it. Raises DatasetError for a directory without a recipe.
-    """
+    first page. Figures come from the index; only episodes that are shown are opened, and
+    variants. One that cannot be read is left out. Raises DatasetError for a directory without a
+    recipe."""
     recipe = dataset.recipe()
     rows = dataset.present(recipe, "frames", "sha256")
     table = dataset.ask(lambda index: attempts_table(index, rows))

@@ -42,14 +42,7 @@ def show(episode: Path, page: Path) -> Path:
             "physics": meta.physics_id,
         }
         shots = film(episode, COLUMNS, WIDTH).shots
-    figures = [
-        Figure(
-            encode(s.rgb, quality=85),
-            f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s",
-            s.meeting,
-        )
-        for s in shots
-    ]
+    figures = [Figure(encode(s.rgb, quality=85), s.caption, s.meeting) for s in shots]
     shown = {
         "title": title(whole.spec),
         "subtitle": subtitle(whole.spec).replace("  |  ", " · "),

@@ -1,9 +1,6 @@
-"""Drawn against accepted: whether the motions that were kept move as those that the law drew.
-
-What was drawn is the motion of the first attempt at a slot that had one; what was accepted is the
-motion of its episode. They differ where an attempt with a fast target failed and a later one drew
-another motion.
-"""
+"""Drawn against accepted: the motion of the first attempt at a slot that had one, and that of
+its episode. They differ where an attempt with a fast target failed and a later one drew another
+motion."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

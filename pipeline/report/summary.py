@@ -1,9 +1,5 @@
-"""The report of a dataset: OUT/report/index.html, a file that opens anywhere without a network; of
-many cells, a page a task.
-
-Summary tiles, speeds seen against alpha, and for every cell its outcomes and a few frames with the
-target's path drawn in.
-"""
+"""The report of a dataset: OUT/report/index.html, which opens anywhere without a network; of
+many cells, a page a task."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
@@ -100,12 +96,8 @@ class ReportData:
 
 
 def write_report(dataset: Path, material: ReportData, extras: Sequence[Section] = ()) -> Path:
-    """Write the report of a dataset and return its path; `extras` are more parts, shown before the
-    cells.
-
-    From MANY_CELLS cells on, index.html only sums up, and every task has a page of its own,
-    tasks/TASK.html, so that no page grows with the dataset.
-    """
+    """Write the report of a dataset and return its path; `extras` are shown before the cells.
+    From MANY_CELLS cells on every task has a page of its own, tasks/TASK.html."""
     by_cell: dict[Cell, list[EpisodeFacts]] = defaultdict(list)
     for o in material.seen:
         by_cell[cell_of(vars(o.spec))].append(o)
@@ -315,14 +307,7 @@ def _cell_card(cell: Cell, rows: Sequence[Row], shown: Sequence[EpisodeFacts]) -
         except (EpisodeError, KeyError, OSError, ValueError) as error:
             unseen.append(str(error))
             continue
-        figures = [
-            Figure(
-                encode(s.rgb, quality=80),
-                f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s",
-                s.meeting,
-            )
-            for s in shots
-        ]
+        figures = [Figure(encode(s.rgb, quality=80), s.caption, s.meeting) for s in shots]
         strips.append(Strip(figures, COLUMNS))
     words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace(
         "  |  ", " · "

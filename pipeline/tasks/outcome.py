@@ -27,9 +27,8 @@ class Outcome:
     """A state log with the names and frames of its scene. Questions are about its last frame unless
     they say otherwise.
 
-    Two answers depend on the rules. Strict rules measure the opening of a gripper and call a body
-    held when both fingers touch it; domino rules take the commanded opening, and one finger is
-    enough, as in the original.
+    Strict rules measure the opening of a gripper and call a body held when both fingers touch it;
+    domino rules take the commanded opening, and one finger is enough, as in the original.
     """
 
     def __init__(

@@ -16,7 +16,8 @@ from pipeline.data.names import SIDES
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.grasping import lifted
-from pipeline.motion.planar.judge import MotionLimits, judge_shapes
+from pipeline.motion.contract import MotionRequest
+from pipeline.motion.planar.judge import judge_shapes
 from pipeline.motion.planar.levels import DRAW
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.motion.workspace import Workspace
@@ -71,8 +72,8 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
         requests[0].workspace,
     )
     paths = DRAW[level](np.random.default_rng(1), 20_000, alpha, 6.0, end[:2], space)
-    limits = MotionLimits(
-        space, end, level, alpha, 6.0, end_speed_limit=requests[0].end_speed_limit
+    limits = MotionRequest(
+        level, alpha, 6.0, end, space, end_speed_limit=requests[0].end_speed_limit
     )
     reasons = judge_shapes(paths, limits)
     last = np.arange(len(reasons)), (paths.durations > 0).sum(-1) - 1

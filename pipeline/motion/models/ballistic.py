@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings
+from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import Pace, draw_pace
@@ -70,17 +70,13 @@ class Ballistic(ClosedForm):
     def place(self, t: Array) -> Array:
         t = np.minimum(t, self.landing)
         ahead = self.pace.advance(t) - self.pace.advance(np.array(self.duration))
-        poses = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
-        poses[..., 0] += ahead * np.cos(self.heading)
-        poses[..., 1] += ahead * np.sin(self.heading)
-        poses[..., 2] += self._height(t)[0]
-        return poses
+        x, y = ahead * np.cos(self.heading), ahead * np.sin(self.heading)
+        return self.carried_by(x, y, self._height(t)[0])
 
     def rates(self, t: Array) -> Array:
-        twists, along = np.zeros((*np.shape(t), 6)), self.pace.rate(t)
-        twists[..., 0], twists[..., 1] = along * np.cos(self.heading), along * np.sin(self.heading)
-        twists[..., 2] = self._height(t)[1]
-        return twists * (t < self.landing)[..., None]
+        along = self.pace.rate(t)
+        x, y = along * np.cos(self.heading), along * np.sin(self.heading)
+        return twists(x, y, self._height(t)[1]) * (t < self.landing)[..., None]
 
     def speed(self, t: ArrayLike) -> Array:
         return np.asarray(np.linalg.norm(self.twist(t)[..., :2], axis=-1), float)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
+from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
@@ -29,19 +29,14 @@ class Circle(Along):
         return self.inward + np.pi + self.sense * np.asarray(s) / self.radius
 
     def at(self, s: Array) -> Array:
-        poses, angle, start = (
-            np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(),
-            self._angle(s),
-            self._angle(np.array(0.0)),
+        r, angle, start = self.radius, self._angle(s), self._angle(np.array(0.0))
+        return self.carried_by(
+            r * (np.cos(angle) - np.cos(start)), r * (np.sin(angle) - np.sin(start))
         )
-        poses[..., 0] += self.radius * (np.cos(angle) - np.cos(start))
-        poses[..., 1] += self.radius * (np.sin(angle) - np.sin(start))
-        return poses
 
     def slope(self, s: Array) -> Array:
-        twists, angle = np.zeros((*np.shape(s), 6)), self._angle(s)
-        twists[..., 0], twists[..., 1] = -self.sense * np.sin(angle), self.sense * np.cos(angle)
-        return twists
+        angle = self._angle(s)
+        return twists(-self.sense * np.sin(angle), self.sense * np.cos(angle))
 
 
 class CircleModel(ClosedFormModel[Circle]):

@@ -37,9 +37,8 @@ class Conveyor(Along):
         return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
 
     def at(self, s: Array) -> Array:
-        poses = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy()
-        poses[..., :3] += np.asarray(s)[..., None] * self._forward
-        return poses
+        s = np.asarray(s)
+        return self.carried_by(s * self._forward[0], s * self._forward[1])
 
     def slope(self, s: Array) -> Array:
         return np.broadcast_to(np.concatenate([self._forward, np.zeros(3)]), (*np.shape(s), 6))

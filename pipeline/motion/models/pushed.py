@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings
+from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, standing
@@ -125,10 +125,7 @@ class Pushed(ClosedForm):
 
     def rates(self, t: Array) -> Array:
         _, speed, _, spin, direction = np.moveaxis(self._located(t)[0], -1, 0)
-        zero = np.zeros(np.shape(t))
-        return np.stack(
-            [speed * np.cos(direction), speed * np.sin(direction), zero, zero, zero, spin], -1
-        )
+        return twists(speed * np.cos(direction), speed * np.sin(direction), spin=spin)
 
     def breakpoints(self) -> Array:
         return np.array([p.t for p in self.pieces[len(self.pieces) - len(self.normals) :]])
@@ -154,9 +151,7 @@ class Pushed(ClosedForm):
 
 class PushedModel(ClosedFormModel[Pushed]):
     """One slide is simulated from its push on, then laid into the world so that it ends at the
-    meeting, in one direction after
-    another: laws of friction and impact know no direction, so its start is found without a
-    search."""
+    meeting, in one direction after another: friction and impact know no direction."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Pushed]:
         slides, normals, restitution = _simulated(asked, streams.shape)

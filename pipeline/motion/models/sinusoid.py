@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
+from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
@@ -26,23 +26,20 @@ class Sinusoid(Along):
     phase: float
 
     def at(self, s: Array) -> Array:
-        poses, s = np.broadcast_to(np.array(self.end), (*np.shape(s), 7)).copy(), np.asarray(s)
+        s = np.asarray(s)
         aside = self.amplitude * (
             np.sin(2 * np.pi * s / self.wavelength + self.phase) - np.sin(self.phase)
         )
-        poses[..., :2] += self._world(s, aside)
-        return poses
+        return self.carried_by(*self._world(s, aside))
 
     def slope(self, s: Array) -> Array:
-        wave, twists = 2 * np.pi / self.wavelength, np.zeros((*np.shape(s), 6))
-        twists[..., :2] = self._world(
-            np.ones(np.shape(s)), self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase)
-        )
-        return twists
+        wave = 2 * np.pi / self.wavelength
+        aside = self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase)
+        return twists(*self._world(np.ones(np.shape(s)), aside))
 
-    def _world(self, ahead: Array, aside: Array) -> Array:
+    def _world(self, ahead: Array, aside: Array) -> tuple[Array, Array]:
         c, s = np.cos(self.heading), np.sin(self.heading)
-        return np.stack([c * ahead - s * aside, s * ahead + c * aside], -1)
+        return c * ahead - s * aside, s * ahead + c * aside
 
 
 class SinusoidModel(ClosedFormModel[Sinusoid]):

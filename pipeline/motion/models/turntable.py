@@ -14,6 +14,7 @@ from pipeline.motion.closed_form import (
     headings,
     turned_about,
     turns,
+    twists,
 )
 from pipeline.motion.contract import Array, MotionRequest, Streams
 from pipeline.motion.models import register
@@ -55,13 +56,7 @@ class Turntable(Along):
     def slope(self, s: Array) -> Array:
         rate = self.sense / self.radius
         from_axis = self.at(s)[..., :3] - self._pivot
-        twists = np.zeros((*np.shape(s), 6))
-        twists[..., 0], twists[..., 1], twists[..., 5] = (
-            -rate * from_axis[..., 1],
-            rate * from_axis[..., 0],
-            rate,
-        )
-        return twists
+        return twists(-rate * from_axis[..., 1], rate * from_axis[..., 0], spin=rate)
 
     def scenery(self) -> tuple[Prop, ...]:
         """The disc, with spokes by which its turning is seen."""

@@ -1,9 +1,8 @@
 """Find a motion that brings the target to the meeting on time.
 
-A motion is drawn in two steps. The law of its level (appendix D.3 of the paper) gives its shape,
-and with it all its speeds; then the shape is turned about the meeting place until it lies where it
-may. A shape that fits in no direction is not replaced by a slower one, which would fit more often:
-the attempt fails, and the next one has another layout. So accepted speeds follow the law.
+The law of a level (appendix D.3 of the paper) gives a shape, and with it all speeds; then the shape
+is turned about the meeting place until it lies where it may. A shape that fits in no direction is
+not replaced by a slower one: the attempt fails. So accepted speeds follow the law.
 """
 
 from collections import Counter
@@ -11,10 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams
+from pipeline.motion.contract import MotionRequest, NoMotion, Streams
 from pipeline.motion.planar.judge import (
     REASONS,
-    MotionLimits,
     exact_place,
     exact_speed,
     judge_places,
@@ -31,45 +29,24 @@ TURNS = 256
 def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
     """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`.
 
-    The motion is back-calculated for `lead` + `duration`, so that it starts at t = -lead and still
-    meets on time.
-
     The shape is the first of at most `candidates` that
 
     - ends at the end position (level 3: "miss") and, at level 3, changes velocity abruptly at a
-      breakpoint ("smooth"), where `jump_limit` (m/s) is given by at most that ("jump");
-    - has an average speed, or with `speed_bound="maximum"` an instantaneous speed, of at most alpha
-      ("speed"), and, where `end_speed_limit` (m/s) is given, at most that speed at the meeting
-      ("end_speed");
-    - lies inside `workspace` as it was drawn, or is straight and not too long to lie there in some
-      direction ("workspace").
+    breakpoint ("smooth"), by at most `jump_limit` where it is given ("jump"); - keeps the bound of
+    its speed ("speed") and the `end_speed_limit` ("end_speed"); - lies inside `workspace` as it was
+    drawn, or is straight and not too long to lie there in some direction ("workspace").
 
     It takes the first of 256 directions, and of both mirror images where it is curved, in which it
 
-    - stays inside `workspace` under the quadrant rule of `Workspace.guarded` ("workspace") and,
-      going straight on for `tail` s after the meeting, inside the plain rectangle ("tail");
-    - is seen: `visible(points (N,K,3)) -> (N,)`, called on what is left of a batch with samples of
-      each path, both its ends and the end of its tail among them ("visibility");
-    - is free: `free(motion)`, called last, for one direction after another in the order drawn
-      ("blocked").
+    - stays inside `workspace` under the quadrant rule of `Workspace.guarded` ("workspace") and for
+    the `tail` inside the plain rectangle ("tail"); - is seen: `visible` is asked about what is left
+    of a batch ("visibility"); - is free: `free` is asked last, for one direction after another
+    ("blocked").
 
     Raises NoMotion if there is no such shape or direction, or if the end itself lies outside the
-    workspace ("end_outside"), and ValueError for an unknown speed bound or a tail that is not a
-    sensible number.
+    workspace ("end_outside").
     """
     end_pose = np.asarray(asked.end_pose, float)
-    limits = MotionLimits(
-        asked.workspace,
-        end_pose[:3],
-        asked.level,
-        asked.alpha,
-        asked.lead + asked.duration,
-        asked.speed_bound,
-        asked.end_speed_limit,
-        asked.tail,
-        asked.visible,
-        asked.jump_limit,
-    )
     if not asked.workspace.contains(end_pose):
         raise NoMotion(asked, {"end_outside": 1})
     still = replace(
@@ -78,35 +55,31 @@ def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
         alpha=asked.alpha,
     )
     counts: Counter[str] = Counter()
-    shape = _shape(limits, still, streams.shape, asked.candidates, counts)
+    shape = _shape(asked, still, streams.shape, counts)
     if shape is None:
         raise NoMotion(asked, _ordered(counts))
-    motion = _placed(shape, limits, still, streams.direction, asked.free, counts)
+    motion = _placed(asked, shape, still, streams.direction, counts)
     if motion is None:
         raise NoMotion(asked, _ordered(counts), _motion(shape, 0, still).features())
     return motion
 
 
 def _shape(
-    limits: MotionLimits,
-    still: PlanarMotion,
-    rng: np.random.Generator,
-    candidates: int,
-    counts: Counter[str],
+    asked: MotionRequest, still: PlanarMotion, rng: np.random.Generator, counts: Counter[str]
 ) -> DrawnPaths | None:
     """The first acceptable shape (one path); what is refused is counted."""
-    for first in range(0, candidates, BATCH):
-        paths = DRAW[limits.level](
+    for first in range(0, asked.candidates, BATCH):
+        paths = DRAW[asked.level](
             rng,
-            min(BATCH, candidates - first),
-            limits.alpha,
-            limits.total,
-            limits.end[:2],
-            limits.workspace,
+            min(BATCH, asked.candidates - first),
+            asked.alpha,
+            asked.total,
+            asked.end[:2],
+            asked.workspace,
         )
-        reasons = judge_shapes(paths, limits)
+        reasons = judge_shapes(paths, asked)
         for i in np.flatnonzero(reasons == ""):
-            if exact_speed(_motion(paths, int(i), still), limits):
+            if exact_speed(_motion(paths, int(i), still), asked):
                 counts.update(reasons[: int(i)].tolist())
                 return paths.only(int(i))
             reasons[i] = "speed"
@@ -115,11 +88,10 @@ def _shape(
 
 
 def _placed(
+    asked: MotionRequest,
     shape: DrawnPaths,
-    limits: MotionLimits,
     still: PlanarMotion,
     rng: np.random.Generator,
-    free: Free | None,
     counts: Counter[str],
 ) -> PlanarMotion | None:
     """The shape in the first direction that is acceptable; the others are counted."""
@@ -127,14 +99,14 @@ def _placed(
     mirrored = rng.random(TURNS) < 0.5
     as_drawn = int(rng.integers(TURNS))
     angles[as_drawn], mirrored[as_drawn] = 0.0, False
-    for mirror in (mirrored,) if limits.level == 1 else (mirrored, ~mirrored):
-        paths = turned(shape, angles, mirror, limits.end[:2])
-        reasons = judge_places(paths, limits)
+    for mirror in (mirrored,) if asked.level == 1 else (mirrored, ~mirrored):
+        paths = turned(shape, angles, mirror, asked.end[:2])
+        reasons = judge_places(paths, asked)
         for i in np.flatnonzero(reasons == ""):
             motion = _motion(paths, int(i), still)
-            if not exact_place(motion, limits):
+            if not exact_place(motion, asked):
                 reasons[i] = "workspace"
-            elif free is None or free(motion):
+            elif asked.free is None or asked.free(motion):
                 return motion
             else:
                 reasons[i] = "blocked"

@@ -1,15 +1,12 @@
 """Candidates for the motion of levels 1, 2 and 3, drawn in batches after appendix D.3 of the paper.
 
-Each function draws `n` paths that end at `end` and last `total` seconds. Nothing is judged here
-except whether a path misses its end; `back_calculate` rejects.
+Each function draws `n` paths that end at `end` and last `total` seconds; nothing is judged but
+whether a path misses its end.
 
-The paper draws start and intermediate points uniformly over the workspace and then rejects paths
-longer than alpha * total. A point further than that from the end can never be accepted, so these
-points are drawn uniformly over the part of the workspace within that distance: the paper's
-distribution conditioned on what acceptance needs anyway (for level 3 given the number and kinds of
-its pieces). In a workspace of 0.7 x 0.4 m the plain draw accepts one level 3 candidate in 400 at
-alpha 0.1 m/s and 1.5 s and one in 2000 at 0.05 m/s, which is too rare for 1000 tries; drawn within
-reach it is one in 80 and one in 130.
+The paper draws start and intermediate points uniformly over the workspace and rejects paths longer
+than alpha * total. These points are drawn within that distance of the end: the paper's distribution
+conditioned on what acceptance needs (for level 3 given the number and kinds of its pieces). The
+plain draw accepts one level 3 candidate in 400 at alpha 0.1 m/s and 1.5 s, this one 1 in 80.
 """
 
 from collections.abc import Callable
@@ -117,15 +114,13 @@ def draw_level_3(
     end: ArrayLike,
     workspace: Workspace,
 ) -> DrawnPaths:
-    """Draw `n` paths of two or three pieces with Dirichlet(1) durations.
+    """`n` paths of two or three pieces with Dirichlet(1) durations.
 
     A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
-    2-3 (0.8, inner points beside the chord by up to 0.08 m per axis).
-
-    No piece is shorter than 0.1 s (total/6 for very short motions): a uniform draw on the smaller
-    simplex, which is Dirichlet(1) conditioned on it. A clamped intermediate piece ends short of its
-    target and the next one starts there; a clamped last piece has missed. Since a clamped piece may
-    aim at any point, its target is drawn over the whole workspace.
+    2-3 (inner points beside the chord by up to 0.08 m per axis). No piece is shorter than 0.1 s
+    (total/6 for very short motions). A clamped intermediate piece ends short of its target, which
+    is drawn over the whole workspace, and the next one starts there; a clamped last piece has
+    missed.
     """
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)

@@ -46,13 +46,9 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """Where the target is at any time t (s) of the episode's clock, on which the robot starts at 0.
-
-    The target stands until -`lead`, follows its segments until `duration` (the meeting, T_meet),
-    and then goes on in a straight line at its last velocity, until somebody releases it. Height `z`
-    (m) and `orientation` (4,) wxyz stay constant. `level` and `alpha` (m/s) say what it was drawn
-    for. Raises ValueError if the segments do not cover [-lead, duration] without a gap.
-    """
+    """A `TargetMotion` of polynomial pieces in x and y, at constant height `z` (m) and
+    `orientation` (4,) wxyz. After the meeting it keeps its last velocity. Raises ValueError if
+    the segments do not cover [-lead, duration] without a gap."""
 
     level: int
     alpha: float
@@ -128,21 +124,18 @@ class PlanarMotion:
         )
 
     def velocity(self, t: ArrayLike) -> Array:
-        """World velocity (..., 3) in m/s at times t (...,) in s; at a breakpoint the one after it,
-        zero before the start."""
+        """World velocity (..., 3) in m/s at times t (...,) in s; at a breakpoint the one after
+        it."""
         t = np.asarray(t, float)
         i, s = self._locate(t)
         xy = evaluate(self._table[3][i], s[..., None]) * (t >= -self.lead)[..., None]
         return np.concatenate([xy, np.zeros((*t.shape, 1))], -1)
 
     def twist(self, t: ArrayLike) -> Array:
-        """Linear and angular velocity (..., 6), m/s and rad/s, at times t (...,); it never
-        turns."""
         v = self.velocity(t)
         return np.concatenate([v, np.zeros_like(v)], -1)
 
     def pose(self, t: ArrayLike) -> Pose:
-        """World pose (..., 7) at times t (...,) in s."""
         p = self.position(t)
         return np.concatenate([p, np.broadcast_to(self.orientation, (*p.shape[:-1], 4))], -1)
 
@@ -154,8 +147,6 @@ class PlanarMotion:
         return v
 
     def breakpoints(self) -> Array:
-        """Times (k,) in s strictly between start and meeting at which one piece follows another;
-        empty for levels 0-2."""
         return np.array([s.start for s in self.segments[1:]])
 
     def velocity_jumps(self) -> Array:
@@ -164,8 +155,7 @@ class PlanarMotion:
         return np.linalg.norm(evaluate(slopes[:-1], 1.0) - evaluate(slopes[1:], 0.0), axis=-1)
 
     def average_speed(self) -> float:
-        """Arc length over [-lead, duration] divided by its time, m/s (the speed that appendix D.3
-        bounds by alpha)."""
+        """Arc length over [-lead, duration] divided by its time, m/s."""
         return sum(arc_length(s.coefficients) for s in self.segments) / (self.duration + self.lead)
 
     def maximum_speed(self) -> float:
@@ -173,7 +163,6 @@ class PlanarMotion:
         return max(greatest_speed(s.coefficients) / (s.end - s.start) for s in self.segments)
 
     def features(self) -> Features:
-        """Its speeds and its displacement."""
         moved = self.position(self.duration) - self.position(-self.lead)
         end_speed, displacement = (
             float(np.linalg.norm(self.end_velocity)),
@@ -189,7 +178,6 @@ class PlanarMotion:
         return low, np.array([[axis.max() for axis in pair] for pair in extremes]).max(0)
 
     def scenery(self) -> tuple[Prop, ...]:
-        """Nothing: it slides on the table."""
         return ()
 
     def to_json(self) -> str:

@@ -1,13 +1,12 @@
-"""What a simulator knows about a meeting and a recording does not say, computed from the state log
-and the target's motion.
+"""What a simulator knows about a meeting, computed from the state log and the target's motion.
 
-Nothing is measured again: times, contacts and poses are those of the episode file. First contacts
-are known to the physics step; poses between frames are interpolated: positions linearly,
-orientations along the shorter arc.
+Poses between frames are interpolated: positions linearly, orientations along the shorter arc.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +27,9 @@ GRASP_TRAVEL = 0.02  # m
 
 @dataclass(frozen=True, eq=False)
 class FirstContact:
-    """The first contact of an arm or its hand with the target.
-
-    `step` is the physics step and `time` (s) its end. `centroid` (3,) is the mean contact point
-    (m), `points` the number of contact points of that step; `tcp` and `target` (7,) are the world
-    poses at that time.
-    """
+    """The first contact of an arm or its hand with the target: physics `step` and its end `time`
+    (s), mean contact point `centroid` (3,) m of `points` points, world poses (7,) of `tcp` and
+    `target` then."""
 
     side: str
     step: int
@@ -101,31 +97,29 @@ class Interception:
     def contact_pairs(self) -> NDArray[np.int64]:
         """(T,2) how many links of each arm touched the target in the interval that ends at the
         frame."""
-        counts = np.zeros((len(self.log), len(SIDES)), np.int64)
-        for side in range(len(SIDES)):
-            np.add.at(counts[:, side], self.contact_rows(side)["frame"], 1)
-        return counts
+        return self._summed(lambda rows: np.ones(len(rows), np.int64), np.int64)
 
     @cached_property
     def contact_centroids(self) -> Array:
         """(T,2,3) mean contact point of each arm with the target (m, world); zeros where there is
         none."""
-        sums = np.zeros((len(self.log), len(SIDES), 3))
-        for side in range(len(SIDES)):
-            rows = self.contact_rows(side)
-            np.add.at(
-                sums[:, side], rows["frame"], rows["points"][:, None] * rows["point"].astype(float)
-            )
+        sums = self._summed(lambda r: r["points"][:, None] * r["point"].astype(float), float, 3)
         return sums / np.maximum(self.contact_points, 1)[..., None]
 
     @cached_property
     def contact_points(self) -> NDArray[np.int64]:
         """(T,2) number of contact points of each arm with the target."""
-        counts = np.zeros((len(self.log), len(SIDES)), np.int64)
+        return self._summed(lambda rows: rows["points"], np.int64)
+
+    def _summed(
+        self, values: Callable[[NDArray[np.void]], NDArray[Any]], dtype: type, *shape: int
+    ) -> NDArray[Any]:
+        """Sums (T,2,...) of values of the contact rows, by frame and arm."""
+        sums = np.zeros((len(self.log), len(SIDES), *shape), dtype)
         for side in range(len(SIDES)):
             rows = self.contact_rows(side)
-            np.add.at(counts[:, side], rows["frame"], rows["points"])
-        return counts
+            np.add.at(sums[:, side], rows["frame"], values(rows))
+        return sums
 
     @cached_property
     def first_contacts(self) -> dict[str, FirstContact]:
@@ -141,10 +135,9 @@ class Interception:
     def held(self) -> NDArray[np.bool_]:
         """(T,2) whether each arm holds the target.
 
-        An arm holds it from the time on when it has touched it in every interval of GRASP_SECONDS,
-        during which the target has not moved by more than GRASP_DRIFT in the frame of the tool
-        centre point, provided that the two then travel GRASP_TRAVEL
-        together: a press on a body that stands still is no grasp.
+        An arm holds it once it has touched it in every interval of GRASP_SECONDS while it moved by
+        at most GRASP_DRIFT in the tool's frame, if the two then travel GRASP_TRAVEL together: a
+        press is no grasp.
         """
         out = np.zeros((len(self.log), len(SIDES)), bool)
         for name in self.log.sides:
@@ -173,10 +166,8 @@ class Interception:
         return out
 
     def grasp_pose(self) -> Array:
-        """(T,7) the tcp pose of the first contact, carried along with the target; the target's own
-        poses if no arm touched it.
-
-        The tool centre point is that of the arm which touched the target first."""
+        """(T,7) the tcp pose of the first contact, carried along with the target; the target's
+        own poses if no arm touched it."""
         contacts = sorted(self.first_contacts.values(), key=lambda c: (c.time, c.side))
         if not contacts:
             return self.target.copy()

@@ -49,12 +49,9 @@ def cylinder_collider(
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
-    """Two boxes crossed at 45 degrees, near a cylinder about the z axis between two heights, for
-    fingertips to press on.
-
-    PhysX now and then takes a box on the rim of a small cylinder, or of a prism, for millimetres
-    deep in it, and throws both apart with hundreds of newtons; a box on a box it finds exactly.
-    """
+    """Two boxes crossed at 45 degrees about the z axis, for fingertips to press on: PhysX now
+    and then takes a box on the rim of a small cylinder for millimetres deep in it, and throws
+    both apart."""
     side, half, middle = 0.75 * radius, (upper - lower) / 2, (lower + upper) / 2
     turns = (quat_about((0, 0, 1), angle) for angle in (0.0, np.pi / 4))
     return tuple(Collider("box", (side, side, half), pose((0, 0, middle), turn)) for turn in turns)
@@ -108,11 +105,8 @@ def ring_of_boxes(
     radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None
 ) -> Colliders:
     """A hollow wall of `n` boxes, `wall` thick: outer radius `radius` at height `z` and `top`
-    (default the same) at `z + height`.
-
-    The boxes' outer faces touch the circle half-way between its inscribed and circumscribed
-    polygons. A leaning wall's boxes lean.
-    """
+    (default the same) at `z + height`. The outer faces touch the circle half-way between its
+    inscribed and circumscribed polygons; a leaning wall's boxes lean."""
     top = radius if top is None else top
     middle, slant = (radius + top) / 2, np.hypot(height, top - radius)
     fit = (1 + np.cos(np.pi / n)) / 2

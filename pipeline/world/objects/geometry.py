@@ -34,12 +34,8 @@ def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
 
 @deferred
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
-    """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material on
-    its left.
-
-    Bottom centre, outer wall upwards, top is such a walk. u goes once round, v falls along the
-    profile from 1 to 0.
-    """
+    """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material
+    on its left. u goes once round, v falls along the profile from 1 to 0."""
     profile = np.asarray(profile, float)
     radius, z = profile.T
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
@@ -65,10 +61,8 @@ def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[NDArra
 
 @deferred
 def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
-    """A label round a cylinder, from height `lower` to `upper`, readable from outside.
-
-    The image is repeated `prints` times round it; the middle of one faces -y, the robot.
-    """
+    """A label round a cylinder, from height `lower` to `upper`: `prints` images, the middle of
+    one facing -y."""
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     points = np.concatenate(
@@ -166,12 +160,9 @@ def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh
 
 @deferred
 def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
-    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction
-    of travel.
-
-    With `caps`, flat fans close the ends. u goes round, v runs from 1 at the first section to 0 at
-    the last.
-    """
+    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the
+    direction of travel, with flat fans as `caps`. u goes round, v runs from 1 at the first
+    section to 0."""
     sections = np.asarray(sections, float)
     s, k, _ = sections.shape
     points = sections.reshape(-1, 3)

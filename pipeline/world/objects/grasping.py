@@ -1,10 +1,8 @@
 """Grasp candidates for simple forms: round bodies, rims, boxes, bars, handles.
 
-A candidate's pose is the tcp in the object frame: x = approach, y = opening direction. Pitch is the
-approach's angle below horizontal in degrees: 90 is straight down. Candidates whose palm would
-certainly sit inside the object's own outline are left out; everything else (table, reach, other
-bodies) is for the planner to reject. One of the two wrist rolls of a pinch is listed; the other is
-the same pinch with the jaws exchanged.
+A pose is the tcp in the object frame: x = approach, y = opening direction; pitch is the approach's
+angle below horizontal in degrees. Candidates whose palm would sit inside the object's outline are
+left out; the rest is for the planner to reject. One of the two wrist rolls of a pinch is listed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -84,11 +82,10 @@ def side_pinches(
     kind: str = "side",
 ) -> Grasps:
     """Pinches across the diameter of an upright round body of `radius` at `heights`, from all
-    around, level to straight down.
+    around.
 
     `outline` (K,2) of (radius, z), heights ascending, leaves out approaches whose palm would hit
-    the body; for thick bodies the tcp stays up to 8 mm short of the axis so that the palm does not
-    touch.
+    the body; the tcp stays up to 8 mm short of the axis for that.
     """
     limits = None if outline is None else np.asarray(outline, float)
 
@@ -146,8 +143,8 @@ def rim_pinches(
     """One finger inside, one outside a hollow round thing whose rim has outer `radius`, thickness
     `wall` and height `height`.
 
-    The wall leans outwards by `flare` degrees; the opening is across it and the approach comes down
-    along it, tilted along the rim to both sides. The tcp lies `depth` below the rim.
+    The wall leans outwards by `flare` degrees; the approach comes down along it, tilted along the
+    rim to both sides. The tcp lies `depth` below the rim.
     """
     tcps = []
     f = np.radians(flare)
@@ -176,9 +173,9 @@ def box_pinches(
     """Pinches of a box of half extents from above, tilted about the opening axis to both sides.
 
     The box stands on the table unless its `centre` (3,) says otherwise. Each horizontal dimension
-    in `axes` that is at most `widest` m is pinched across, at `offsets` times the half extent along
-    the other. `heights` are of the tcp above the box's base, by default those of `low_heights`.
-    `retreats` are the distances (m) tried by which the tcp stays short of the middle.
+    in `axes` of at most `widest` m is pinched across, at `offsets` times the half extent along the
+    other. `heights` are of the tcp above the box's base, by default `low_heights`; `retreats` (m)
+    keep it short of the middle.
     """
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]

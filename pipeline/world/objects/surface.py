@@ -21,9 +21,8 @@ def finish(
     """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise, with optional corner
     uvs (M,3,2).
 
-    Each corner's normal is the area-weighted mean of the faces around its point whose normals lie
-    within `crease` degrees of its own face, so bevels look round while large faces stay flat. Faces
-    without area are dropped.
+    Each corner's normal is the area-weighted mean of the faces around its point within `crease`
+    degrees of its own face. Faces without area are dropped.
     """
     points, faces = np.asarray(points, float), np.asarray(faces, int).reshape(-1, 3)
     keys, point_of = np.unique(np.rint(points / WELD).astype(np.int64), axis=0, return_inverse=True)

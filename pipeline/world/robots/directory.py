@@ -1,10 +1,5 @@
-"""A robot is a directory: `robot.urdf` (kinematics, inertia, collision), `meshes/` (what it looks
-like), `robot.toml` (the rest).
-
-`robot.toml` says what a URDF cannot: which link is the hand and where its tool frame is, which
-joints are the jaws, the rest configuration, the wrist camera, where both arms stand, limits that
-the URDF lacks, and the licence.
-"""
+"""A robot is a directory: `robot.urdf` (kinematics, inertia, collision), `meshes/` (what it
+looks like), `robot.toml` (what a URDF cannot say)."""
 
 from collections.abc import Mapping
 from dataclasses import replace

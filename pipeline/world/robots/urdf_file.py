@@ -1,9 +1,5 @@
-"""Reads a URDF file: links with inertia, shapes and mesh files, joints with limits and mimic rules.
-
-Everything that a simulator would accept in silence and get wrong is refused in one line: broken
-XML, document types, values that are not finite, links that hang on nothing, joints in a ring,
-meshes outside the robot's directory.
-"""
+"""Reads a URDF file: links with inertia, shapes and mesh files, joints with limits and mimic
+rules. What a simulator would accept in silence and get wrong is refused in one line."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -131,13 +127,9 @@ class UrdfRobot:
 def read_urdf(
     path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> UrdfRobot:
-    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package or
-    the second one above it.
-
-    `packages` are directories of packages by name. Raises UrdfError, one line, for anything else:
-    xacro, broken XML, values that are no finite numbers, joints of unknown links or in a ring,
-    meshes that are missing or elsewhere.
-    """
+    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package
+    or the second one above it. `packages` are directories of packages by name. Raises UrdfError,
+    one line, for anything else."""
     document = _parse(path)
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:

@@ -1,5 +1,5 @@
-"""The same robot standing a little higher, or looking from a slightly different place: what the
-randomized domain does to it."""
+"""The same robot standing higher, or looking from another place: what the randomized domain does
+to it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
