@@ -243,18 +243,20 @@ def test_the_task_describes_itself(name):
         Task.least_seen,
         Task.least_unseen,
     ), "the contract says how many"
-    assert len(task.seen) >= Task.least_seen
-    assert len(task.unseen) >= Task.least_unseen
+    assert any(t.startswith("~") for t in task.seen)
+    for templates, least in ((task.seen, task.least_seen), (task.unseen, task.least_unseen)):
+        assert len(templates) >= least
+        assert sum(not t.startswith("~") for t in templates) >= least / 2
 
 
 @every_task
 def test_instructions_are_true_of_their_scene(name):
-    for seed in range(3):
+    for seed in range(2):
         scene = build_scene(spec(name, seed))
         words = {n: b.instance.words() for n, b in scene.bodies.items()}
-        text = instructions(scene.wording(), scene.spec.rng("language"), 40)
+        text = instructions(scene.wording(), scene.spec.rng("language"), 20)
         for split in ("seen", "unseen"):
-            assert len(text[split]) == 40
+            assert len(text[split]) == 20
             for sentence in text[split]:
                 assert not re.search(r"[{}]", sentence)
                 for side in re.findall(r"\b(left|right) arm\b", sentence):
@@ -270,23 +272,8 @@ def test_instructions_are_true_of_their_scene(name):
 
 
 @every_task
-def test_no_instruction_speaks_of_motion_in_a_still_scene(name):
-    task, scene = TASKS[name], build_scene(spec(name))
-    still = instructions(replace(scene.wording(), moving=False), scene.spec.rng("language"), 400)
-    motion = re.compile(
-        r"\b(while (it|they) mov|moving|slides|catch|intercept|travels|on its way|as it"
-        r" (mov|pass|go))",
-        re.I,
-    )
-    assert not [t for split in still.values() for t in split if motion.search(t)]
-    for templates, least in ((task.seen, task.least_seen), (task.unseen, task.least_unseen)):
-        assert sum(not t.startswith("~") for t in templates) >= least / 2
-    assert any(t.startswith("~") for t in task.seen)
-
-
-@every_task
 def test_nothing_is_solved_before_it_begins(name):
-    for seed in range(2):
+    for seed in (1,):
         scene = build_scene(spec(name, seed))
         body = scene.bodies[scene.task.target]
         s = Simulation(
@@ -320,13 +307,12 @@ def documented(condition, bodies):
 
 
 def keeps_its_conditions(scene, log):
-    """The same well-formed names at every frame, not all true at the first, all true from the time
-    of success on and not before."""
+    """The same well-formed names at every fifth frame, not all true at the first, all true from the
+    time of success on and not the frame before."""
     outcome = scene.outcome(log)
-    per_frame = [
-        scene.task.conditions(outcome.until(frames), scene.arms)
-        for frames in range(1, len(log) + 1)
-    ]
+    success = int(np.argmax(log.times >= log.time_of("success")))
+    lengths = sorted({1, success, success + 1, len(log), *range(1, len(log) + 1, 5)})
+    per_frame = [scene.task.conditions(outcome.until(frames), scene.arms) for frames in lengths]
     names = list(per_frame[0])
     assert names
     assert all(re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) for name in names), names
@@ -335,8 +321,8 @@ def keeps_its_conditions(scene, log):
     assert not all(per_frame[0].values())
     assert per_frame[-1] == scene.conditions(log)
     true = np.array([all(conditions.values()) for conditions in per_frame])
-    np.testing.assert_array_equal(true[log.times >= log.time_of("success")], True)
-    assert not true[np.argmax(log.times >= log.time_of("success")) - 1]
+    assert true[np.array(lengths) > success].all()
+    assert not true[lengths.index(success)]
 
 
 # --- attempts
