@@ -10,22 +10,23 @@ from pipeline.expert.tracking import carried_along
 from pipeline.planning.budgets import LIMITS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import planner_of
-from pipeline.poses import compose, inverse, yawed
+from pipeline.poses import angle_between, compose, inverse, transform, yawed
 from pipeline.world.robots import get_embodiment
 
 RUN = SkillRun("track", ("left",), "pot", "", "meet", 0, 480)
 REACHING = [0.0, 1.6, 1.3, 0.4, 0.0, 0.0]  # the elbow bent, far from any singular posture
 
 
-def target(before, after=None):
-    """Along x at `before` m/s, from 1 s on at `after`."""
+def target(before, after=None, turns=0.0):
+    """Along x at `before` m/s, from 1 s on at `after`; it turns about the vertical at `turns`
+    rad/s."""
 
     def at(t):
         t, change = np.asarray(t, float), 0.0 if after is None else after - before
-        return (
-            yawed((-0.1, -0.1, 0.74), 0.0)
-            + (before * t + change * np.maximum(t - 1.0, 0.0))[..., None] * np.eye(7)[0]
-        )
+        x = before * t + change * np.maximum(t - 1.0, 0.0)
+        spots = zip(np.ravel(x), np.ravel(t), strict=True)
+        poses = np.array([yawed((-0.1 + by, -0.1, 0.74), turns * at) for by, at in spots])
+        return poses.reshape(*t.shape, 7)
 
     return at
 
@@ -98,3 +99,16 @@ def test_a_hand_that_would_follow_the_target_into_the_other_arm_is_refused(plan)
     motion = target(-0.1)
     with pytest.raises(PlanFailure, match="arms_collide"):
         carried_along(planner, (beside, velocities), RUN, motion, 359)
+
+
+def test_a_hand_follows_the_point_that_it_is_to_meet_and_does_not_turn(plan):
+    """A target that turns as fast as a pot on the table would turn the wrist beyond its limits."""
+    planner, commands, velocities, n = plan
+    motion, row = target(0.0, turns=0.3), 304
+    found, _ = carried_along(planner, (commands, velocities), RUN, motion, 359)
+    touch, at = (planner.fk("left", commands[k, :n]) for k in (359, row))
+    spot = transform(inverse(motion(np.array(1.5))), touch[:3])
+    by = transform(motion(np.array((row + 1) / 240)), spot) - touch[:3]
+    tcp = planner.fk("left", found[row, :n])
+    np.testing.assert_allclose(tcp[:3], at[:3] + by, atol=1e-3)
+    assert np.linalg.norm(by) > 0.01 and angle_between(tcp[3:], at[3:]) < 0.01

@@ -78,7 +78,8 @@ class ReactiveActor(Actor):
         """Begin to look at the target, which keeps to `workspace`; `rng` draws the errors of
         sight."""
         self.sight, self.workspace, self._sight_rng = sight, workspace, rng
-        self.track, self.believed = Track(sight.noise), dict[str, Pose]()
+        box = self.bodies[self.simulation.target].instance.shape().aabb()
+        self.track, self.believed = Track(sight.noise, box.mean(axis=0)), dict[str, Pose]()
         self._late = list[tuple[float, Pose]]()
         self._look()
 
@@ -237,7 +238,7 @@ class ReactiveActor(Actor):
             self._run(
                 expert.act(self.track, self.simulation.time, touched=self.simulation.released)
             )
-            if not expert.near:
+            if not expert.near and self.simulation.touched_by not in self.held.values():
                 self._refuse_touch()
             passed.append((expert.row, self.simulation.steps))
         met = bool(self.simulation.touched_by)

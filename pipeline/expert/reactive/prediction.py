@@ -2,8 +2,18 @@
 turning by difference."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats, Pose, angle_between, quat_about, quat_conjugate, quat_multiply
+from pipeline.poses import (
+    Floats,
+    Pose,
+    angle_between,
+    quat_about,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    transform,
+)
 
 UNSTEADY = np.array([0.15, 0.15, 0.015])
 """Standard deviations (m/s2) of the acceleration that the filter expects of a target along x, y and
@@ -17,29 +27,36 @@ SLOW = np.array([0.1, 0.1, 0.01])
 """Standard deviations (m/s) of the velocity that is expected before the target has been seen
 twice."""
 
+ROLLING = 1.5
+"""rad/s; a target that turns faster about a level axis rolls: it looks alike from all sides, and
+the hand need not turn with it."""
+
 
 class Track:
     """The target's motion as it was seen so far: `see` takes one sighting after another, `predict`
     continues at constant velocity.
 
     `noise` (m) is the standard deviation of each coordinate of what is seen. `surprise` (m) is the
-    distance of the last sighting from where it was expected. Positions are those of the body's
-    origin in the world frame.
+    distance of the last sighting from where it was expected. What moves evenly is the point
+    `centre` (3,) of the body: the origin of a ball that rolls does not.
     """
 
-    def __init__(self, noise: float = 0.0) -> None:
+    def __init__(self, noise: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         self.noise, self._variance = noise, EXACT**2 + noise**2
+        self._centre = np.asarray(centre, float)
         self.time, self.surprise = -np.inf, 0.0
         self._state, self._cov = np.zeros((2, 3)), np.zeros((3, 2, 2))
-        self._turned = np.array([1.0, 0.0, 0.0, 0.0])
+        self._seen = self._turned = np.array([1.0, 0.0, 0.0, 0.0])
+        self._rolls = False
         self._axis, self._rate = np.array([0.0, 0.0, 1.0]), 0.0
 
     def see(self, time: float, pose: Pose) -> None:
         """Take in that the target was at `pose` (7,) at `time` (s), later than what was seen
         before."""
+        at = transform(pose, self._centre)
         if not np.isfinite(self.time):
             self._state[0], self._cov[:, 0, 0], self._cov[:, 1, 1] = (
-                pose[:3],
+                at,
                 self._variance,
                 SLOW**2,
             )
@@ -53,20 +70,24 @@ class Track:
                 ahead @ self._state,
                 ahead @ self._cov @ ahead.T + spread[:, :, None] * spread[:, None],
             )
-            error = pose[:3] - self._state[0]
+            error = at - self._state[0]
             gain = self._cov[:, :, 0] / (self._cov[:, :1, 0] + self._variance)
             self._state = self._state + gain.T * error
             self._cov = self._cov - gain[:, :, None] * self._cov[:, :1]
             self.surprise = float(np.linalg.norm(error))
             self._turn(pose[3:], dt)
-        self.time, self._turned = time, pose[3:].copy()
+        self.time, self._seen = time, pose[3:].copy()
+        if not self._rolls:
+            self._turned = self._seen
 
     def _turn(self, quaternion: Floats, dt: float) -> None:
-        by = quat_multiply(quaternion, quat_conjugate(self._turned))
+        by = quat_multiply(quaternion, quat_conjugate(self._seen))
         sine = float(np.linalg.norm(by[1:]))
-        self._rate = angle_between(quaternion, self._turned) / dt if sine > 1e-6 else 0.0
+        self._rate = angle_between(quaternion, self._seen) / dt if sine > 1e-6 else 0.0
         if self._rate:
             self._axis = by[1:] / sine * (1.0 if by[0] >= 0 else -1.0)
+            self._rolls |= bool(self._rate > ROLLING and abs(self._axis[2]) < 0.5)
+        self._rate *= not self._rolls
 
     @property
     def velocity(self) -> Floats:
@@ -81,4 +102,5 @@ class Track:
             if self._rate
             else self._turned
         )
-        return np.concatenate([self._state[0] + ahead * self._state[1], turned])
+        centre = self._state[0] + ahead * self._state[1]
+        return np.concatenate([centre - quat_rotate(turned, self._centre), turned])

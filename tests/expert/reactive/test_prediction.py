@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.expert.reactive.prediction import Track
-from pipeline.poses import yawed
+from pipeline.poses import quat_about, quat_rotate, yawed
 
 PERIOD = 1 / 15
 
@@ -49,3 +49,16 @@ def test_a_target_that_turns_goes_on_turning():
     for n in range(4):
         track.see(n * PERIOD, yawed((0.1, 0.0, 0.74), 0.3 * n * PERIOD))
     assert track.predict(1.0) == pytest.approx(yawed((0.1, 0.0, 0.74), 0.3), abs=1e-3)
+
+
+def test_a_ball_that_rolls_is_expected_upright_where_its_centre_will_be():
+    radius, speed = 0.03, 0.1
+    track = Track(centre=(0.0, 0.0, radius))
+    for n in range(6):
+        t = n * PERIOD
+        turned = quat_about((0, 1, 0), speed / radius * t)
+        centre = np.array([speed * t, 0.0, 0.77])
+        origin = centre - quat_rotate(turned, np.array([0.0, 0.0, radius]))
+        track.see(t, np.concatenate([origin, turned]))
+    later = track.predict(1.0)
+    assert later == pytest.approx(yawed((speed, 0.0, 0.77 - radius), 0.0), abs=2e-3)
