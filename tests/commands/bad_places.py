@@ -48,7 +48,6 @@ RECIPES = {
     "nan-alpha": "alpha: .nan",
     "inf-alpha": "alpha: .inf",
     "close-alphas": "alpha: [0.2, 0.20000001]",
-    "many-alphas": f"alpha: {np.linspace(0.01, 1.9, 2000).round(6).tolist()}",
     "dirty-domain": "episodes: {dirty: 1}",
     "text-size": "size: 320x240",
     "nan-lead": "lead: .nan",

@@ -14,7 +14,7 @@ from pipeline.data.keys import digest
 from pipeline.data.names import NONE
 from pipeline.data.parsing import line, show_value
 from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
-from pipeline.data.recipe.values import LONGEST_NAME, listed
+from pipeline.data.recipe.values import listed
 from pipeline.data.rules import Corrections, Expert, Perturbation, Sight, Takeover
 from pipeline.data.setup import RecipeError, Seed, Setup
 from pipeline.data.spec import HIGHEST_LEVEL, EpisodeSpec, attempt_seed
@@ -41,7 +41,7 @@ CHOOSING = (
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 _Thousand = Annotated[int, Field(ge=1, le=1000, strict=True)]
-_Title = Annotated[str, AfterValidator(lambda text: line(text, LONGEST_NAME))]
+_Title = Annotated[str, AfterValidator(lambda text: line(text, 200))]
 
 
 def _scheme(text: str) -> str:

@@ -1,14 +1,10 @@
-"""Values of a recipe's keys as they are written: how messages show them, and which form they may
-have."""
+"""The form that the lists of a recipe may have."""
 
 import math
 from typing import Any
 
 from pipeline.data.names import is_embodiment, is_name
 from pipeline.data.parsing import show_value
-
-MOST_ITEMS = 1000
-LONGEST_NAME = 200
 
 
 def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
@@ -23,18 +19,9 @@ def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
         raise ValueError("is empty")
     if any(isinstance(item, float) and math.isnan(item) for item in items):
         raise ValueError("is not a number")
-    for item in items:
-        if key == "tasks" and not is_name(item):
-            raise ValueError(f"holds {show_value(item)}, which is not a name")
-        if key == "embodiments" and not is_embodiment(item):
-            raise ValueError(
-                f"holds {show_value(item)}, which is neither a name nor a pair of names written"
-                " left+right"
-            )
-        if isinstance(item, str) and len(item) > LONGEST_NAME:
-            raise ValueError(
-                f"holds a name of {len(item)} characters; at most {LONGEST_NAME} are allowed"
-            )
-    if len(items) > MOST_ITEMS:
-        raise ValueError(f"has {len(items)} values; at most {MOST_ITEMS} are allowed")
+    checks = {"tasks": (is_name, "a name"), "embodiments": (is_embodiment, "NAME or LEFT+RIGHT")}
+    if key in checks:
+        holds, form = checks[key]
+        if wrong := [item for item in items if not holds(item)]:
+            raise ValueError(f"holds {show_value(wrong[0])}, which is not {form}")
     return tuple(dict.fromkeys(items))
