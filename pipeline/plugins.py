@@ -69,10 +69,10 @@ def load_plugins() -> None:
             add_all(directory / "objects")
 
 
-def use_plugins(wanted: Sequence[str]) -> None:
+def use_plugins(added: Sequence[str]) -> None:
     """Add directories to DOMINO_PLUGINS, for this process and those that it starts."""
     paths = dict.fromkeys(
-        [*(str(path) for path in directories()), *(str(Path(each).resolve()) for each in wanted)]
+        [*(str(path) for path in directories()), *(str(Path(each).resolve()) for each in added)]
     )
     if paths:
         os.environ[ENV] = os.pathsep.join(paths)
@@ -81,20 +81,20 @@ def use_plugins(wanted: Sequence[str]) -> None:
 def outside_modules() -> dict[str, Path]:
     """The modules of plugins by name: what a plugin imports from beside it counts among what an
     episode is made from."""
-    found = {}
+    modules = {}
     for directory in directories():
-        found |= dict(_modules(directory))
+        modules |= dict(_modules(directory))
     for point in _points():
         top = sys.modules.get(point.module.partition(".")[0])
         for folder in getattr(top, "__path__", ()):
-            found |= (
+            modules |= (
                 {f"{top.__name__}.{name}": path for name, path in _modules(Path(folder))}
                 if top
                 else {}
             )
         if top is not None and top.__file__:
-            found[top.__name__] = Path(top.__file__)
-    return found
+            modules[top.__name__] = Path(top.__file__)
+    return modules
 
 
 def load_verb(point: EntryPoint) -> Callable[..., None]:
@@ -110,8 +110,8 @@ def load_verb(point: EntryPoint) -> Callable[..., None]:
 def _points() -> list[EntryPoint]:
     """Entry points of GROUPS. Each call of `entry_points` reads the metadata of all installed
     packages, so it is called once."""
-    found = entry_points()
-    return [point for group in GROUPS for point in found.select(group=group)]
+    points = entry_points()
+    return [point for group in GROUPS for point in points.select(group=group)]
 
 
 def _import(name: str, source: str):
@@ -169,7 +169,7 @@ class Snapshot:
     def taken(cls) -> "Snapshot":
         """Of the directories as they are now. Raises PluginError if they are too large to be
         sent."""
-        found = []
+        snapshots = []
         for directory in directories():
             # follows links, as those of the original's objects
             names = sorted(glob("**", root_dir=directory, recursive=True))
@@ -183,10 +183,10 @@ class Snapshot:
                     f"--plugins {directory}: holds more than {_LARGEST >> 20} MiB, too much to send"
                     " to a cluster"
                 )
-            found.append(
+            snapshots.append(
                 tuple((str(path.relative_to(directory)), path.read_bytes()) for path in paths)
             )
-        return cls(tuple(found))
+        return cls(tuple(snapshots))
 
     def load(self) -> None:
         """Write the files to a directory of this machine and import them; nothing if there are

@@ -71,11 +71,11 @@ def build(
             f"{result.given_up} given up, {result.attempts} attempts in all; {result.made} slots by"
             f" this run{lost}"
         )
-        said = (
+        text = (
             f"{result.accepted} of {result.slots} episodes in {out} ({counts}); images:"
             f" {Dataset(out).report}"
         )
-        common.print_result(result.__dict__, as_json, said)
+        common.print_result(result.__dict__, as_json, text)
     for line in result.stopped:
         print(f"domino-data: {line}", file=sys.stderr)
     if result.given_up:

@@ -126,17 +126,19 @@ def check_task(
     names = expand_tasks([name])
     if names[0] not in TASKS:
         raise UsageError(unknown_name("task", name, TASKS))
-    known, wanted = (
+    known, requested = (
         levels_of(TASKS[names[0]].motion),
         tuple(numbers(levels, whole, "--levels") or ()),
     )
-    if unknown := [level for level in wanted if level not in known]:
+    if unknown := [level for level in requested if level not in known]:
         raise UsageError(
             f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}"
         )
     robot = get_embodiment(embodiment).name
-    found = {task: check(task, robot, wanted, images, given.recipe(), words) for task in names}
-    print_findings(found, as_json)
+    findings = {
+        task: check(task, robot, requested, images, given.recipe(), words) for task in names
+    }
+    print_findings(findings, as_json)
 
 
 def check_object(
@@ -284,9 +286,11 @@ def objects_add(
     added = add_objects(source, options)
     print("\n".join(line for one in added for line in describe(one)))
     names = [one.directory.name for one in added]
-    failed = [(each, found) for each in names for found in check_object(each) if not found.ok]
+    failed = [(each, finding) for each in names for finding in check_object(each) if not finding.ok]
     if failed:
-        print("\n".join(f"FAIL {name}: {found.name}: {found.detail}" for name, found in failed))
+        print(
+            "\n".join(f"FAIL {name}: {finding.name}: {finding.detail}" for name, finding in failed)
+        )
         print("correct object.toml, or add it again with another --up, --mass or --family")
         raise typer.Exit(1)
 
@@ -339,13 +343,13 @@ def robots_add(
 
 def _packages(given: Sequence[str]) -> dict[str, Path]:
     """Directories by the names of packages. Raises UsageError."""
-    found = {}
+    directories = {}
     for text in given:
         name, _, directory = text.partition("=")
         if not name or not Path(directory).is_dir():
             raise UsageError(f"--package {text!r}: is not NAME=DIR with a directory that exists")
-        found[name] = Path(directory)
-    return found
+        directories[name] = Path(directory)
+    return directories
 
 
 def check_robot(
@@ -366,8 +370,8 @@ def check_robot(
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import canonical_name
 
-    wanted = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
-    if unknown := [task for task in wanted if task not in TASKS]:
+    requested = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
+    if unknown := [task for task in requested if task not in TASKS]:
         raise UsageError(f"--tasks: {unknown_name('task', unknown[0], TASKS)}")
     robot = canonical_name(name)
-    print_findings({robot: [*check(robot, wanted, images)]}, as_json)
+    print_findings({robot: [*check(robot, requested, images)]}, as_json)

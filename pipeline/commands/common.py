@@ -231,18 +231,18 @@ def runtime_env_of(path: Path | None) -> dict[str, Any]:
     return values
 
 
-def print_findings(found: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
+def print_findings(findings: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
     """Print what checks found, by name of what was checked. Raises typer.Exit(1) if a clause does
     not hold."""
     lines = [
         f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}"
-        for name, all_of in found.items()
+        for name, all_of in findings.items()
         for f in all_of
     ]
     print_result(
-        {name: [vars(f) for f in all_of] for name, all_of in found.items()},
+        {name: [vars(f) for f in all_of] for name, all_of in findings.items()},
         as_json,
         "\n".join(lines),
     )
-    if not all(f.ok for all_of in found.values() for f in all_of):
+    if not all(f.ok for all_of in findings.values() for f in all_of):
         raise typer.Exit(1)

@@ -35,15 +35,15 @@ def compare(
     from pipeline.evaluate.scoring.compare import compare_unpaired, read_arms
 
     first, *others = read_arms(runs)
-    found = [
+    comparisons = [
         row
         for other in others
         for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)
     ]
     text = "\n".join(
-        [_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]
+        [_describe(comparisons, effect), *dict.fromkeys(map(_describe_share, comparisons))]
     ).rstrip()
-    print_result({"effect": effect, "comparisons": found}, as_json, text)
+    print_result({"effect": effect, "comparisons": comparisons}, as_json, text)
 
 
 def _describe_share(row: dict[str, Any]) -> str:

@@ -160,7 +160,7 @@ def evaluate(
     crew = crew_of(executor, 1 if one_client else workers, address)
     prints = out.absolute() / PRINTS if crew.executor == "ray" and address is None else None
     name = _named(policy, in_process, prints)
-    wanted = evaluation_of(
+    evaluation = evaluation_of(
         recipe,
         _images_setup(given, recipe),
         name,
@@ -173,7 +173,7 @@ def evaluate(
         answer_seconds=answer_seconds,
         baselines=baselines,
     )
-    together = answer_together(wanted, crew, None if batch_wait is None else batch_wait / 1000)
+    together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
         name_file(prints),
@@ -277,16 +277,16 @@ def paper_table(
     from pipeline.evaluate.scoring.paper import beside, differences, experiment
     from pipeline.run.evaluation import evaluation_of, runner
 
-    found = experiment(name)
+    published = experiment(name)
     cells = {
-        "tasks": tuple(tasks.split(",")) if tasks else found.tasks,
-        "levels": found.levels,
-        "alpha": found.alpha,
+        "tasks": tuple(tasks.split(",")) if tasks else published.tasks,
+        "levels": published.levels,
+        "alpha": published.alpha,
         "embodiments": "aloha",
     }
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(
+    evaluation = evaluation_of(
         recipe,
         setup,
         _named(policy, in_process),
@@ -294,10 +294,10 @@ def paper_table(
         episodes=episodes,
         baselines=baselines,
     )
-    outcome = run_evaluation(wanted, out, runner(crew_of(executor, workers, None)))
+    outcome = run_evaluation(evaluation, out, runner(crew_of(executor, workers, None)))
     means = outcome.means
-    rows = beside(found, [*means, *outcome.baselines])
-    apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
+    rows = beside(published, [*means, *outcome.baselines])
+    apart = differences(published, episodes, means[0]["rules"], means[0]["clock"])
     apart += [f"tasks {tasks} alone"] if tasks else []
     lines = [
         (
@@ -312,7 +312,7 @@ def paper_table(
         for row in rows
     ]
     text = [
-        found.title,
+        published.title,
         "",
         table(("method", "level", "tasks", "SR %", "MS"), lines),
         "",

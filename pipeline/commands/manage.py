@@ -50,18 +50,18 @@ def regenerate(
     from pipeline.run.regenerate import regenerate as run_regenerate
 
     made = run_regenerate(Dataset(dataset), episode, trust)
-    said = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
+    text = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
     if not made.same:
         why = (
             f"; changed since it was made: {', '.join(made.changed)}"
             if made.changed
             else "; its keys are the same"
         )
-        said = (
+        text = (
             f"{made.slot}: made again, other bytes:"
             f" {', '.join(made.differ) or 'how they are laid out'}{why}"
         )
-    print_result(asdict(made), as_json, said)
+    print_result(asdict(made), as_json, text)
     if not made.same:
         raise typer.Exit(1)
 
@@ -104,14 +104,16 @@ def gc(
     Whole episodes of no slot go to DATASET/orphans."""
     from pipeline.run.gc import WHOLE, collect
 
-    found = collect(Dataset(dataset), dry_run)
-    lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
-    lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
+    orphans = collect(Dataset(dataset), dry_run)
+    lines = [f"{orphan.path}: {orphan.why}" for orphan in orphans[:SHOWN]]
+    lines += (
+        [f"and {len(orphans) - SHOWN} more (--json prints all)"] if len(orphans) > SHOWN else []
+    )
     would, removed = (
         "would be" if dry_run else "were",
-        [orphan for orphan in found if orphan.why != WHOLE],
+        [orphan for orphan in orphans if orphan.why != WHOLE],
     )
-    if moved := len(found) - len(removed):
+    if moved := len(orphans) - len(removed):
         lines.append(
             f"{moved} whole episodes of no slot {would} moved to {Dataset(dataset).orphans}"
         )
@@ -120,7 +122,7 @@ def gc(
         " removed"
     )
     print_result(
-        {"removed": not dry_run, "files": [asdict(orphan) for orphan in found]},
+        {"removed": not dry_run, "files": [asdict(orphan) for orphan in orphans]},
         as_json,
         "\n".join(lines),
     )

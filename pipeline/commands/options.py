@@ -206,7 +206,7 @@ def parse_value(key: str, given: Any) -> Any:
 def cameras_of(text: str) -> list[str | dict[str, Any]]:
     """The comma-separated names and JSON objects of --cameras; nothing for "none". Raises
     UsageError."""
-    found: list[str | dict[str, Any]] = []
+    cameras: list[str | dict[str, Any]] = []
     decoder, at = json.JSONDecoder(), 0
     while at < len(text):
         if text[at] in ", ":
@@ -214,7 +214,7 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
         elif text[at] == "{":
             try:
                 value, end = decoder.raw_decode(text, at)
-                found.append(bounded(value))
+                cameras.append(bounded(value))
             except (ValueError, RecursionError) as error:
                 why = "nested too deeply" if isinstance(error, RecursionError) else error
                 raise UsageError(
@@ -224,10 +224,10 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
         else:
             end = text.find(",", at)
             end = len(text) if end < 0 else end
-            found.append(text[at:end].strip())
+            cameras.append(text[at:end].strip())
             at = end
-    if not found:
+    if not cameras:
         raise UsageError(
             f"--cameras {text!r} names nothing: leave it out, or name some, separated by commas"
         )
-    return [] if found == ["none"] else found
+    return [] if cameras == ["none"] else cameras

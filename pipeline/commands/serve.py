@@ -72,13 +72,13 @@ def serve_policy(
     place, name = Place(host, port, token()), policy_name(policy)
 
     def made() -> Policy:
-        found = make_here(name)
-        if isinstance(found, SeesTruth):
+        policy_made = make_here(name)
+        if isinstance(policy_made, SeesTruth):
             raise UsageError(
                 f"{policy} is shown the simulation itself and cannot be served: give it to evaluate"
                 " --policy"
             )
-        return found
+        return policy_made
 
     def print_address(port: int) -> None:
         shown = f"[{host}]" if ":" in host else host

@@ -161,8 +161,12 @@ def view(
     shown = [*chosen, *choose(failed, episodes)]
     with tqdm(total=len(shown), unit="ep", disable=as_json or quiet or None) as bar:
         page = write_viewer(source.root, shown, out or pages, len(there) + len(failed), bar.update)
-    said = {"page": str(page), "episodes": len(chosen), "failures": len(shown) - len(chosen)}
-    print_result(said, as_json, str(page))
+    shown_values = {
+        "page": str(page),
+        "episodes": len(chosen),
+        "failures": len(shown) - len(chosen),
+    }
+    print_result(shown_values, as_json, str(page))
     if open_ and not webbrowser.open(page.resolve().as_uri()):
         raise UsageError(f"no browser could be opened: open {page} by hand")
 

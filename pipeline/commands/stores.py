@@ -87,8 +87,8 @@ def push(directory: Directory, url: Url, as_json: AsJson = False) -> None:
 
 
 def _named(url: str) -> str:
-    if found := url_of(url):
-        return found
+    if known := url_of(url):
+        return known
     raise UsageError(f"{url} is no URL of an object store, such as s3://bucket/sets/bells")
 
 

@@ -85,7 +85,7 @@ class EvaluationResult:
 
 
 def evaluate(
-    wanted: Evaluation,
+    evaluation: Evaluation,
     out: Path,
     run: Runner,
     manifests: Path | None = None,
@@ -101,24 +101,24 @@ def evaluate(
     writes to `out`; finished rows stay.
     """
     # an alpha drawn for each episode: one layout at every speed would be the only one
-    apart = len({cell.alpha for cell in wanted.cells}) > wanted.episodes
-    seeds = Manifests(manifests or out / "manifests", wanted.seed, wanted.setup, apart)
+    apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
+    seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup, apart)
     for place in (out, seeds.root):
         check_directory(place)
-    wanted = replace(wanted, policy=_introduced(wanted, run, tell))
+    evaluation = replace(evaluation, policy=_introduced(evaluation, run, tell))
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
         results = Results(out / EPISODES, check_episode)
-        _check_identity(wanted, results)
+        _check_identity(evaluation, results)
         tell("admitting seeds")
-        admitted = seeds.admitted(wanted.cells, wanted.episodes, run)
+        admitted = seeds.admitted(evaluation.cells, evaluation.episodes, run)
         jobs = {
             text_key(job.key): job
             for cases in admitted.values()
-            for job in (_job(wanted, case) for case in cases)
+            for job in (_job(evaluation, case) for case in cases)
         }
-        beside = [_baseline(wanted, name) for name in BASELINES]
-        tried = [wanted, *(beside if wanted.baselines else ())]
+        beside = [_baseline(evaluation, name) for name in BASELINES]
+        tried = [evaluation, *(beside if evaluation.baselines else ())]
         missing = _unforeseen(
             [_job(each, case) for case in cases] for each in tried for cases in admitted.values()
         )
@@ -134,33 +134,36 @@ def evaluate(
             for cases in admitted.values()
             for case in cases
         )
-        _film(wanted, admitted, out, run, tell)
-        page = _write_page(wanted.code, results, out)
+        _film(evaluation, admitted, out, run, tell)
+        page = _write_page(evaluation.code, results, out)
         return EvaluationResult(
             summarise(rows), over_tasks(rows), over_tasks(others), len(missing), results.path, page
         )
 
 
-def _baseline(wanted: Evaluation, name: str) -> Evaluation:
+def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
     """The same evaluation of a policy that shows what scenes and scores are worth to one that has
     learned nothing."""
     return replace(
-        wanted,
+        evaluation,
         policy=PolicyName(name, name, process="evaluator"),
-        setup=blind(wanted.setup),
+        setup=blind(evaluation.setup),
         films=0,
     )
 
 
-def _check_identity(wanted: Evaluation, results: Results) -> None:
+def _check_identity(evaluation: Evaluation, results: Results) -> None:
     """Raise PolicyError where rows of this version and label are those of a policy that answered
     otherwise."""
     for row in results.rows():
-        same = json.loads(row["key"])[0] == wanted.code and row["policy"] == wanted.policy.label
-        if same and row["probe"] != wanted.policy.probe:
+        same = (
+            json.loads(row["key"])[0] == evaluation.code
+            and row["policy"] == evaluation.policy.label
+        )
+        if same and row["probe"] != evaluation.policy.probe:
             raise PolicyError(
                 f"{results.path} holds episodes of another policy with the label"
-                f" {wanted.policy.label}: give this one another ?label= or --out"
+                f" {evaluation.policy.label}: give this one another ?label= or --out"
             )
 
 
@@ -175,14 +178,16 @@ def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
 
 
 def _film(
-    wanted: Evaluation,
+    evaluation: Evaluation,
     admitted: Mapping[Cell, Sequence[Case]],
     out: Path,
     run: Runner,
     tell: Callable[[str], None],
 ) -> None:
     """Film the first episodes of every cell that have no film yet."""
-    chosen = [_job(wanted, case) for cases in admitted.values() for case in cases[: wanted.films]]
+    chosen = [
+        _job(evaluation, case) for cases in admitted.values() for case in cases[: evaluation.films]
+    ]
     jobs = [FilmJob(job, str(out / "films")) for job in chosen]
     missing = [job for job in jobs if not job.strip.exists()]
     for done, _ in enumerate(run(film, missing) if missing else (), 1):
@@ -215,24 +220,24 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
     return path
 
 
-def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
+def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
     common = (
-        wanted.policy,
-        wanted.clock,
-        wanted.code,
-        wanted.setup,
-        wanted.split,
-        wanted.compounding,
+        evaluation.policy,
+        evaluation.clock,
+        evaluation.code,
+        evaluation.setup,
+        evaluation.split,
+        evaluation.compounding,
     )
-    return EpisodeJob(case, *common, wanted.answer_seconds)
+    return EpisodeJob(case, *common, evaluation.answer_seconds)
 
 
-def _introduced(wanted: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
+def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
     """The policy's name with its probe, asked where the policy runs. Raises PolicyError."""
-    robots = dict.fromkeys(cell.embodiment for cell in wanted.cells)
-    starts = tuple(start_of(get_embodiment(robot), wanted.setup, PROMPT) for robot in robots)
-    job = (wanted.policy, starts, wanted.answer_seconds)
-    if not starts or is_built_in(wanted.policy):
+    robots = dict.fromkeys(cell.embodiment for cell in evaluation.cells)
+    starts = tuple(start_of(get_embodiment(robot), evaluation.setup, PROMPT) for robot in robots)
+    job = (evaluation.policy, starts, evaluation.answer_seconds)
+    if not starts or is_built_in(evaluation.policy):
         return introduce_policy(job)
     tell("loading the policy")
     return next(iter(run(introduce_policy, [job])))[1]

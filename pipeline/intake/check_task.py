@@ -68,12 +68,14 @@ def check_task(
 
 def _joined(findings: Iterable[Finding]) -> list[Finding]:
     """Findings, those that fail with the same detail as one that has all of their names."""
-    found: dict[object, Finding] = {}
+    by_detail: dict[object, Finding] = {}
     for number, each in enumerate(findings):
         key = number if each.ok else each.detail
-        before = found.get(key)
-        found[key] = each if before is None else replace(before, name=f"{before.name}, {each.name}")
-    return list(found.values())
+        before = by_detail.get(key)
+        by_detail[key] = (
+            each if before is None else replace(before, name=f"{before.name}, {each.name}")
+        )
+    return list(by_detail.values())
 
 
 def _level(
@@ -104,13 +106,13 @@ def _find_unreached(
     """The first pose of the most frequent failure that is about poses, and where its image is."""
     usual = [(failure.stage, failure.reason) for failure in failures]
     for seed, failure in sorted(enumerate(failures), key=lambda each: -usual.count(usual[each[0]])):
-        if (found := find_unreached(failure)) is None:
+        if (unreached := find_unreached(failure)) is None:
             continue
-        detail = f"seed {seed}: {found.text}"
+        detail = f"seed {seed}: {unreached.text}"
         if images is not None:
             path = images / f"{spec.task}-{spec.embodiment}-level{spec.level}.png"
             try:
-                draw(found, build_scene(replace(spec, seed=seed)), failure, path)
+                draw(unreached, build_scene(replace(spec, seed=seed)), failure, path)
                 detail += f"; image: {path}"
             except NoRenderer as error:
                 detail += f"; no image: {error}"
@@ -190,7 +192,7 @@ def _language(scene: Scene) -> Finding:
     """Whether the templates are as many as the contract asks and fit the bodies and roles of a
     scene."""
     task = scene.task
-    said = (
+    counts = (
         f"{len(task.seen)} seen, {len(task.unseen)} unseen; the contract asks for {task.least_seen}"
         f" and {task.least_unseen}"
     )
@@ -202,7 +204,7 @@ def _language(scene: Scene) -> Finding:
     return Finding(
         "language",
         len(task.seen) >= task.least_seen and len(task.unseen) >= task.least_unseen,
-        said,
+        counts,
     )
 
 
@@ -213,8 +215,8 @@ def _faulty_instruction(scene: Scene) -> str | None:
     except ValueError as error:  # templates or phrases that cannot be used
         return str(error)
     for text in (*made["seen"], *made["unseen"]):
-        if found := faults(text, wording):
-            return f"{text!r}: {'; '.join(f'{name}: {FIXES[name]}' for name in found)}"
+        if names := faults(text, wording):
+            return f"{text!r}: {'; '.join(f'{name}: {FIXES[name]}' for name in names)}"
     return None
 
 

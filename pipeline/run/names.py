@@ -80,8 +80,8 @@ def named_policy(corrections: Corrections) -> Corrections:
     exist."""
     from pipeline.evaluate.names import policy_name  # policies take a second to import
 
-    found = policy_name(corrections.policy)
-    return Corrections(policy=found.text, label=found.label)
+    name = policy_name(corrections.policy)
+    return Corrections(policy=name.text, label=name.label)
 
 
 class Untrusted(DatasetError):
@@ -145,8 +145,8 @@ def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
     """The object families that the layouts of a recipe draw, by task, and under "" those of its
     distractors."""
-    found = {task: families_of(TASKS[task]) for task in recipe.tasks}
-    return found | ({"": frozenset(CLUTTER_FAMILIES)} if "randomized" in recipe.domains else {})
+    families = {task: families_of(TASKS[task]) for task in recipe.tasks}
+    return families | ({"": frozenset(CLUTTER_FAMILIES)} if "randomized" in recipe.domains else {})
 
 
 def with_originals(recipe: Recipe) -> Recipe:
@@ -160,24 +160,24 @@ def with_originals(recipe: Recipe) -> Recipe:
         return recipe
     from pipeline.intake.objects.originals import provide  # trimesh takes a second
 
-    found = provide(recipe.assets, drawn_families(recipe))
-    for note in found.ungraspable:
+    originals = provide(recipe.assets, drawn_families(recipe))
+    for note in originals.ungraspable:
         print(f"domino-data: assets: not used: {note}", file=sys.stderr)
-    if count := len(found.unreadable):
+    if count := len(originals.unreadable):
         if not set(suites()[DOMINO]) <= set(recipe.tasks):
             more = f" ({count - 1} more cannot be read)" if count > 1 else ""
             raise RecipeError(
-                f"assets: {found.unreadable[0]}{more}: repair it, or move its model_data file away"
-                " to build without it"
+                f"assets: {originals.unreadable[0]}{more}: repair it, or move its model_data file"
+                " away to build without it"
             )
-        left_out = "; ".join(found.unreadable)
+        left_out = "; ".join(originals.unreadable)
         print(
             f"domino-data: assets: objects left out because they cannot be read: {count}:"
             f" {left_out}",
             file=sys.stderr,
         )
     return recipe.model_copy(
-        update={"assets": found.assets, "objects": {**found.objects, **recipe.objects}}
+        update={"assets": originals.assets, "objects": {**originals.objects, **recipe.objects}}
     )
 
 
@@ -211,7 +211,7 @@ def missing_names(recipe: Recipe) -> str:
     directory is missing.
     """
     add_originals(recipe)
-    wanted = {
+    needed = {
         "task": (set(recipe.tasks), set(TASKS)),
         "motion": ({recipe.motion} - {None}, set(MODELS)),
         "object": ({name for names in recipe.objects.values() for name in names}, set(FAMILIES)),
@@ -220,7 +220,7 @@ def missing_names(recipe: Recipe) -> str:
             set(ROBOTS),
         ),
     }
-    for kind, (names, known) in wanted.items():
+    for kind, (names, known) in needed.items():
         for name in sorted(names - known):
             return f"the {kind} {name!r}"
     return ""
@@ -244,7 +244,7 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     Raises RecipeError for one that does not exist, that stands for another family or has not all
     frames of its family, and for a family that no task of the recipe draws.
     """
-    found = dict[str, tuple[str, ...]]()
+    objects = dict[str, tuple[str, ...]]()
     drawn = drawn_families(recipe) if recipe.objects else {}
     for key, names in recipe.objects.items():
         task, _, family = key.rpartition(".")
@@ -256,20 +256,20 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
         if not any(family in families for families in wanted_by.values()):
             theirs = ", ".join(sorted(frozenset[str]().union(*wanted_by.values())))
             raise RecipeError(f"{where} no task of the recipe draws a {family}; they draw {theirs}")
-        found[key] = tuple(
+        objects[key] = tuple(
             dict.fromkeys(full for name in names for full in _instances(name, family, where))
         )
-        wanted = set(FAMILIES[family].draw(np.random.default_rng(0)).frames().points)
-        for name in found[key]:
+        frames = set(FAMILIES[family].draw(np.random.default_rng(0)).frames().points)
+        for name in objects[key]:
             if (
-                missing := wanted
+                missing := frames
                 - FAMILIES[name].draw(np.random.default_rng(0)).frames().points.keys()
             ):
                 raise RecipeError(
                     f"{where} {name} has no frame {', '.join(sorted(missing))}; add it to its"
                     " object.toml"
                 )
-    return found
+    return objects
 
 
 def _instances(name: str, family: str, where: str) -> list[str]:

@@ -4,8 +4,6 @@ them bad."""
 import shutil
 from pathlib import Path
 
-import numpy as np
-
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.run.names import recipe_from

@@ -318,9 +318,9 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
             f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer"
             " tasks, robots or alphas"
         )
-    wanted = recipe.variants * sum(recipe.counts().values())
-    if not 0 < wanted <= MOST_SLOTS:
+    episodes = recipe.variants * sum(recipe.counts().values())
+    if not 0 < episodes <= MOST_SLOTS:
         raise RecipeError(
-            f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes,"
-            " alpha or variants"
+            f"{source}: wants {episodes} episodes: a dataset has 1 to {MOST_SLOTS}; change"
+            " episodes, alpha or variants"
         )

@@ -67,10 +67,10 @@ class PolicyView:
         }
         shapes = {c.name: (c.type.height, c.type.width) for c in setup_cameras(robot, setup)}
         kinds = {"pixels": ((3,), np.uint8, True), "depth": ((), np.uint16, setup.depth)}
-        for name, (tail, kind, wanted) in (
+        for name, (tail, kind, stored) in (
             kinds | {"segmentation": ((), np.uint8, setup.segmentation)}
         ).items():
-            if shapes and wanted:
+            if shapes and stored:
                 top = np.iinfo(kind).max
                 boxes = {
                     camera: Box(0, top, (*shape, *tail), kind) for camera, shape in shapes.items()

@@ -182,7 +182,7 @@ def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
         return aim
 
     tried = (rehearse(trial.scene, ahead(guess), trial.fps) for guess in FIRST_GUESSES)
-    plan = next((found for found in tried if found), None)
+    plan = next((rehearsal for rehearsal in tried if rehearsal), None)
     for _ in range(5):
         if plan is None or np.linalg.norm(ahead(plan.meeting)[:3] - plan.aim[:3]) < 0.002:
             break
@@ -252,7 +252,7 @@ def _shift(
         if side in sides and offset.any():
             pose: Pose = planner.fk(side, q)
             pose[:3] += offset
-            found, reached = ik_many(planner.chains[side], pose[None], now[side][0][None])
-            q = found[0] if reached[0] else now[side][0]
+            joints, reached = ik_many(planner.chains[side], pose[None], now[side][0][None])
+            q = joints[0] if reached[0] else now[side][0]
         out.append(np.append(q, value))
     return np.concatenate(out)

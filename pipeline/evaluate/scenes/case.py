@@ -25,15 +25,15 @@ UNSEEN = Setup(textures="unseen")
 never shows."""
 
 
-def setup_of(wanted: Setup | Mapping[str, Any] | str | Path) -> Setup:
+def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
     """A setup itself; keys of one to change in UNSEEN; or the setup of a dataset, by its directory,
     with textures that training never shows. Raises RecipeError, and DatasetError for a directory
     that is no dataset."""
-    if isinstance(wanted, Setup):
-        return wanted.setup
-    if isinstance(wanted, Mapping):
-        return UNSEEN.override(wanted, "setup")
-    return Dataset(Path(wanted)).setup().override({"textures": "unseen"})
+    if isinstance(source, Setup):
+        return source.setup
+    if isinstance(source, Mapping):
+        return UNSEEN.override(source, "setup")
+    return Dataset(Path(source)).setup().override({"textures": "unseen"})
 
 
 def blind(setup: Setup) -> Setup:

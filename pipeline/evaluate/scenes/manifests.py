@@ -87,15 +87,15 @@ class Manifest:
             )
         return range(self.first + self.tried, self.first + self.tried + count)
 
-    def extend(self, found: dict[int, Case | str]) -> None:
+    def extend(self, results: dict[int, Case | str]) -> None:
         """Add what came of the next seeds."""
-        for seed in sorted(found):
-            result = found[seed]
+        for seed in sorted(results):
+            result = results[seed]
             if isinstance(result, Case):
                 self.cases.append(result)
             else:
                 self.refused[seed] = result
-        self.tried += len(found)
+        self.tried += len(results)
 
     @classmethod
     def from_json(cls, text: bytes) -> "Manifest":
@@ -112,13 +112,13 @@ class Manifest:
             cases = [Case.from_dict(case) for case in values.pop("cases")]
             refused = {int(seed): str(reason) for seed, reason in values.pop("refused").items()}
             setup = Setup.model_validate(values.pop("setup"))
-            found = cls(
+            manifest = cls(
                 Cell(**values.pop("cell")), setup=setup, cases=cases, refused=refused, **values
             )
         except (TypeError, KeyError, AttributeError, OverflowError) as error:
             raise ValueError(line_of(error)) from error
-        found.check()
-        return found
+        manifest.check()
+        return manifest
 
     def check(self) -> None:
         """Raise ValueError for cases that are not those of the cell's seeds, each seed tried once
@@ -129,9 +129,9 @@ class Manifest:
             range(self.first, self.first + min(self.tried, MOST_SEEDS))
         ):
             raise ValueError("the seeds are not those that were tried")
-        wanted = [SeedJob(self.cell, seed, self.setup).spec for seed in seeds]
+        specs = [SeedJob(self.cell, seed, self.setup).spec for seed in seeds]
         if seeds != sorted(seeds) or [(case.spec, case.setup) for case in self.cases] != [
-            (spec, self.setup) for spec in wanted
+            (spec, self.setup) for spec in specs
         ]:
             raise ValueError("a case is not of this cell")
 
@@ -172,18 +172,22 @@ class Manifests:
         if not path.exists():
             return Manifest(cell, self.first(cell), self.setup.physics)
         try:
-            found = Manifest.from_json(read_regular(path))
+            manifest = Manifest.from_json(read_regular(path))
         except ValueError as error:
             raise ProtocolError(
                 f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them"
                 " again"
             ) from error
-        if (found.cell, found.first, found.setup) != (cell, self.first(cell), self.setup.physics):
+        if (manifest.cell, manifest.first, manifest.setup) != (
+            cell,
+            self.first(cell),
+            self.setup.physics,
+        ):
             raise ProtocolError(
                 f"{path}: is the manifest of another cell, seed or setup: delete it to draw them"
                 " again"
             )
-        return found
+        return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
         """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError as
@@ -204,11 +208,11 @@ class Manifests:
                 for cell, batch in batches.items()
                 for seed in batch
             ]
-            found: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
+            results: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
             for job, result in run(try_seed, jobs):
-                found[job.cell][job.seed] = result
-                if len(found[job.cell]) == len(batches[job.cell]):
-                    manifests[job.cell].extend(found[job.cell])
+                results[job.cell][job.seed] = result
+                if len(results[job.cell]) == len(batches[job.cell]):
+                    manifests[job.cell].extend(results[job.cell])
                     write_atomic(self.path(job.cell), manifests[job.cell].to_json())
         return {cell: manifest.cases[:episodes] for cell, manifest in manifests.items()}
 

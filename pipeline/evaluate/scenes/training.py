@@ -38,10 +38,10 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
     Raises NoCase after TRIES seeds."""
     reason = ""
     for number in range(TRIES):
-        found = remembered(SeedJob(cell, derived_seed(seed, number), setup.physics))
-        if isinstance(found, Case):
-            return found
-        reason = found
+        case = remembered(SeedJob(cell, derived_seed(seed, number), setup.physics))
+        if isinstance(case, Case):
+            return case
+        reason = case
     raise NoCase(
         f"the expert solves none of {TRIES} scenes of {cell.task} drawn from seed {seed}; the last:"
         f" {reason}"
@@ -71,10 +71,10 @@ def check_case(case: object, cell: Cell, setup: Setup) -> None:
             " Manifests.admitted"
         )
     for name in (field.name for field in fields(Cell)):
-        has, wanted = getattr(case.spec, name), getattr(cell, name)
-        if has != wanted:
+        has, needed = getattr(case.spec, name), getattr(cell, name)
+        if has != needed:
             raise OtherCase(
-                f"the case is of the {name} {has}, the environment of {wanted}: make an environment"
+                f"the case is of the {name} {has}, the environment of {needed}: make an environment"
                 f" of {has}"
             )
     if case.setup != setup.physics:

@@ -81,8 +81,8 @@ class Trial:
         ActionError for an action of another length or that is not finite.
         """
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
-        wanted = self.limits.clipped(check_action(action, self.length), before, seconds)
-        rows, velocity = interpolate_targets(before, wanted, self.per_period, seconds)
+        target = self.limits.clipped(check_action(action, self.length), before, seconds)
+        rows, velocity = interpolate_targets(before, target, self.per_period, seconds)
         for row in rows:
             if self.ending:
                 return

@@ -43,8 +43,8 @@ class Eyes:
         """What the cameras see of the running simulation now."""
         setup, past = self._setup, recorder.past
         poses = {name: past[:, i] for i, name in enumerate(recorder.simulation.names)}
-        wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
-        views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, **wanted)
+        sensors = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
+        views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, **sensors)
         seen = CameraViews({view.camera.name: view.rgb[0] for view in views})
         for view in views:
             if setup.depth and view.depth is not None:

@@ -133,8 +133,8 @@ def parse_clock(text: str) -> Clock:
         return Clock(text, text)
     if kind == "late" and len(numbers := _milliseconds(rest)) == 1:
         return Clock(text, "late", numbers)
-    if kind in ("latency", "async") and rest and (found := _parse_delay(kind, rest)):
-        return found
+    if kind in ("latency", "async") and rest and (clock := _parse_delay(kind, rest)):
+        return clock
     raise ClockError(f"--clock {text!r} is unknown: give {HELP} (times in ms)")
 
 

@@ -92,9 +92,9 @@ def _newest(run: Path) -> list[Row]:
     return [row for row in rows if json.loads(row["key"])[0] == version]
 
 
-def compare(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> list[dict[str, Any]]:
+def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
     """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and
-    task. `wanted` is the effect (points) for which the number of scenes is reckoned. `shared` of
+    task. `effect` is the effect (points) for which the number of scenes is reckoned. `shared` of
     the episodes of each arm are of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
@@ -105,13 +105,13 @@ def compare(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> list[dict[st
         "second_episodes": tried[1],
     }
     return [
-        {"what": what, **head, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
+        {"what": what, **head, "scenes": len(scenes)} | paired_numbers(scenes, effect)
         for what, group in _groups([row for row, _ in pairs])
         for scenes in [_scenes([pair for pair, inside in zip(pairs, group, strict=True) if inside])]
     ]
 
 
-def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> list[dict[str, Any]]:
+def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
     """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if
     their tasks differ."""
     first, second = (
@@ -126,7 +126,7 @@ def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, wanted: float) -> lis
     scenes = min(sum(map(len, tasks.values())) for tasks in (first, second))
     return [
         {"what": "all", "first": a.name, "second": b.name, "scenes": scenes}
-        | unpaired_numbers(first, second, wanted)
+        | unpaired_numbers(first, second, effect)
     ]
 
 

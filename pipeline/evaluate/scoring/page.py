@@ -17,7 +17,7 @@ def page(
 ) -> str:
     """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the
     program."""
-    said = f"Code {code[:12]}." if code else ""
+    version = f"Code {code[:12]}." if code else ""
     tables = {
         "cells": cells,
         "means": means,
@@ -27,7 +27,7 @@ def page(
     }
     episodes = sum(cell["episodes"] for cell in cells)
     return render_page(
-        "pipeline.evaluate", "evaluation.html", episodes=episodes, code=said, **tables
+        "pipeline.evaluate", "evaluation.html", episodes=episodes, code=version, **tables
     )
 
 

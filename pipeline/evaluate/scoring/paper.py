@@ -83,11 +83,11 @@ def experiment(name: str) -> Experiment:
     return EXPERIMENTS[name]
 
 
-def beside(found: Experiment, means: Sequence[Row]) -> list[Row]:
+def beside(published: Experiment, means: Sequence[Row]) -> list[Row]:
     """The rows of the paper, each group (level and category) after that of `means`, which are those
     of summary.py."""
     out = list[Row]()
-    for level, category in dict.fromkeys((row.level, row.category) for row in found.rows):
+    for level, category in dict.fromkeys((row.level, row.category) for row in published.rows):
         head = {"level": level, "category": category}
         ours = (m for m in means if (m["level"], m["category"]) == (level, category))
         keys = (
@@ -100,7 +100,7 @@ def beside(found: Experiment, means: Sequence[Row]) -> list[Row]:
             head | {"method": m["policy"], "paper": False} | {key: m[key] for key in keys}
             for m in ours
         ]
-        for row in found.rows:
+        for row in published.rows:
             if (row.level, row.category) == (level, category):
                 values = {
                     "success_rate": row.success_rate,
@@ -110,13 +110,13 @@ def beside(found: Experiment, means: Sequence[Row]) -> list[Row]:
     return out
 
 
-def differences(found: Experiment, episodes: int, rules: str, clock: str) -> list[str]:
+def differences(published: Experiment, episodes: int, rules: str, clock: str) -> list[str]:
     """What sets our rows apart from the paper's."""
     out = [
         "scenes, objects and robot models are ours, and so is the simulation",
         (
-            f"the paper's policies learned from {found.trained} of the paper's data; yours as you"
-            " trained it"
+            f"the paper's policies learned from {published.trained} of the paper's data; yours as"
+            " you trained it"
         ),
     ]
     if episodes != EPISODES:

@@ -41,9 +41,9 @@ def by_task(pairs: Sequence[tuple[str, float]]) -> ByTask:
     return {task: np.array(values) for task, values in out.items()}
 
 
-def paired_numbers(scenes: Sequence[SceneResult], wanted: float) -> dict[str, Any]:
+def paired_numbers(scenes: Sequence[SceneResult], effect: float) -> dict[str, Any]:
     """Rates (per cent), effect (points) with its 95 % interval, episodes won and lost, p, and the
-    scenes needed for `wanted` points."""
+    scenes needed for `effect` points."""
     change = by_task([(s.task, s.second - s.first) for s in scenes])
     low, high = interval(change)
     first, second = (
@@ -58,7 +58,7 @@ def paired_numbers(scenes: Sequence[SceneResult], wanted: float) -> dict[str, An
         "won": sum(s.won for s in scenes),
         "lost": sum(s.lost for s in scenes),
         "p": sign_flip([s.won - s.lost for s in scenes]),
-        "needed": scenes_needed(spread(change), wanted / 100),
+        "needed": scenes_needed(spread(change), effect / 100),
     }
 
 
@@ -66,7 +66,7 @@ def _rates(scenes: Sequence[SceneResult]) -> tuple[list[float], list[float]]:
     return [s.first for s in scenes], [s.second for s in scenes]
 
 
-def unpaired_numbers(first: ByTask, second: ByTask, wanted: float) -> dict[str, Any]:
+def unpaired_numbers(first: ByTask, second: ByTask, effect: float) -> dict[str, Any]:
     """As `paired_numbers`, from success rates of scenes that need not be the same; without a
     test."""
     rates = 100 * mean(first), 100 * mean(second)
@@ -80,7 +80,7 @@ def unpaired_numbers(first: ByTask, second: ByTask, wanted: float) -> dict[str, 
         "second_rate": rates[1],
         "effect": rates[1] - rates[0],
         "interval": [100 * float(low), 100 * float(high)],
-        "needed": scenes_needed(spread(first) + spread(second), wanted / 100),
+        "needed": scenes_needed(spread(first) + spread(second), effect / 100),
     }
 
 

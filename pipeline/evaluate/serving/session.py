@@ -147,8 +147,8 @@ class Session:
 
     def metadata(self) -> dict[str, Any]:
         """What the server sends first. Raises PolicyError if the policy's own code fails."""
-        found = attribute(self._policy, "contract")
-        contract = found if isinstance(found, Contract) else Contract()
+        declared_contract = attribute(self._policy, "contract")
+        contract = declared_contract if isinstance(declared_contract, Contract) else Contract()
         setup = plain(declared(self._policy))
         offer = {"version": VERSION, "contract": contract.to_dict(), "setup": setup}
         return {"policy": self._options.label, "domino": offer}
@@ -288,13 +288,13 @@ def array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArra
     else."""
     kinds = (value.dtype.kind, value.dtype.str[1:]) if isinstance(value, np.ndarray) else ()
     if not isinstance(value, np.ndarray) or value.shape != tuple(shape) or kind not in kinds:
-        found = (
+        actual = (
             f"{value.dtype} {value.shape}"
             if isinstance(value, np.ndarray)
             else type(value).__name__
         )
         called = {"f": "floats", "u1": "uint8", "u2": "uint16"}[kind]
-        raise MessageError(f"{what} is {found}, not an array of {called} {tuple(shape)}")
+        raise MessageError(f"{what} is {actual}, not an array of {called} {tuple(shape)}")
     if kind == "f" and not np.isfinite(value).all():
         raise MessageError(f"{what} is not finite")
     return value
@@ -307,10 +307,10 @@ def _length(value: object) -> int:
 def _maps(message: Mapping[Any, Any], key: str, sizes: Mapping[str, Size]) -> list[tuple[str, Any]]:
     """The arrays of a message by camera. Raises MessageError for other cameras than those of
     reset."""
-    found = message.get(key, {})
-    if not isinstance(found, dict) or not found.keys() <= sizes.keys():
+    arrays = message.get(key, {})
+    if not isinstance(arrays, dict) or not arrays.keys() <= sizes.keys():
         raise MessageError(f"{key} are not those of reset: {', '.join(sizes) or 'none'}")
-    return list(found.items())
+    return list(arrays.items())
 
 
 def _setup_of(values: Mapping[str, Any]) -> Setup:
@@ -320,12 +320,12 @@ def _setup_of(values: Mapping[str, Any]) -> Setup:
         raise MessageError(str(error)) from error
 
 
-def _plain_images(found: object) -> dict[str, NDArray[np.uint8]]:
+def _plain_images(images: object) -> dict[str, NDArray[np.uint8]]:
     """Images (H,W,3) by the names of our cameras, from (3,H,W) or (H,W,3) by exported names."""
-    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+    if not isinstance(images, dict) or not all(isinstance(name, str) for name in images):
         raise MessageError("images is no map from cameras to arrays")
     out = dict[str, NDArray[np.uint8]]()
-    for name, image in found.items():
+    for name, image in images.items():
         name = str(name)
         rgb = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3
         if not rgb or 3 not in (image.shape[0], image.shape[2]):

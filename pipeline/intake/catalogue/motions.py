@@ -77,7 +77,7 @@ def write_paths(page: Path) -> None:
 
 
 def _paths(name: str, level: int) -> list[np.ndarray]:
-    found: list[np.ndarray] = []
+    paths: list[np.ndarray] = []
     for seed in range(DRAWN):
         streams = Streams(
             np.random.default_rng([seed, level]), np.random.default_rng([seed, level, 1])
@@ -87,5 +87,5 @@ def _paths(name: str, level: int) -> list[np.ndarray]:
             motion = MODELS[name].draw(asked, streams)
         except NoMotion:
             continue
-        found.append(motion.pose(np.linspace(0.0, asked.duration, 120))[:, :3])
-    return found
+        paths.append(motion.pose(np.linspace(0.0, asked.duration, 120))[:, :3])
+    return paths

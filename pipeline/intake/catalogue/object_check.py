@@ -233,11 +233,13 @@ def _words(drawn: Sequence[Family]) -> Iterator[str]:
         except ValueError as error:
             yield str(error)
             continue
-        said = (*words.seen, *words.unseen)
-        if (len(words.seen), len(words.unseen)) != (SEEN, UNSEEN) or len(set(said)) < len(said):
+        phrases = (*words.seen, *words.unseen)
+        if (len(words.seen), len(words.unseen)) != (SEEN, UNSEEN) or len(set(phrases)) < len(
+            phrases
+        ):
             yield (
                 f"{one}: {len(words.seen)} seen and {len(words.unseen)} unseen descriptions,"
-                f" {len(set(said))} different ones"
+                f" {len(set(phrases))} different ones"
             )
         if words.noun not in words.seen:
             yield (
@@ -246,7 +248,7 @@ def _words(drawn: Sequence[Family]) -> Iterator[str]:
             )
         if wrong := [
             p
-            for p in said
+            for p in phrases
             if p != p.strip() or "{" in p or p.lower().startswith(("a ", "an ", "the "))
         ]:
             yield f"{one}: {wrong[0]!r} begins with an article, or has a slot or spaces left over"

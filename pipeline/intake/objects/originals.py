@@ -115,22 +115,22 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
             "assets: objects are kept in the user's cache, and there is no home: set"
             " DOMINO_DATA_CACHE"
         )
-    wanted = [each for key in sorted(_keys(tasks)) for each in _instances(root, key)]
-    if not wanted:
+    instances = [each for key in sorted(_keys(tasks)) for each in _instances(root, key)]
+    if not instances:
         raise RecipeError(
             f"assets: {root} holds no object for these tasks; name the directory assets/objects of"
             " RoboTwin"
         )
     objects, places = dict[str, list[str]](), dict[str, Path]()
     ungraspable, unreadable = dict[str, str](), dict[str, str]()
-    made = {each.name: _place_of(each, cache / "items") for each in wanted}
-    missing = [(each, made[each.name]) for each in wanted if not _is_made(made[each.name])]
+    made = {each.name: _place_of(each, cache / "items") for each in instances}
+    missing = [(each, made[each.name]) for each in instances if not _is_made(made[each.name])]
     unmade = dict[str, str]()
     for k in tqdm(
         range(0, len(missing), BATCH), desc="objects of RoboTwin-OD", disable=None, leave=False
     ):
         unmade |= _make(missing[k : k + BATCH])
-    for each in wanted:
+    for each in instances:
         place = made[each.name]
         if (place / TOML).is_file():
             objects.setdefault(each.key, []).append(each.name)
@@ -147,9 +147,12 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         _link(plugins / "objects" / name, place)
     add_all(plugins / "objects")
     use_plugins([str(plugins)])
-    found = {key: tuple(names) for key, names in objects.items()}
+    by_key = {key: tuple(names) for key, names in objects.items()}
     return Found(
-        f"{SCHEME}{root.absolute()}", found, tuple(ungraspable.values()), tuple(unreadable.values())
+        f"{SCHEME}{root.absolute()}",
+        by_key,
+        tuple(ungraspable.values()),
+        tuple(unreadable.values()),
     )
 
 
@@ -172,20 +175,22 @@ def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
 
 def _instances(root: Path, key: str) -> Iterator[_Wanted]:
     model = MODELS[key]
-    found = sorted(instances(root / model.directory), key=lambda each: int(each.number or 0))
-    for each in found:
+    numbered = sorted(instances(root / model.directory), key=lambda each: int(each.number or 0))
+    for each in numbered:
         if not model.ids or int(each.number or 0) in model.ids:
             yield _Wanted(key, key.rpartition(".")[2], model, each)
 
 
-def _place_of(wanted: _Wanted, cache: Path) -> Path:
+def _place_of(instance: _Wanted, cache: Path) -> Path:
     """The directory of an instance as an object, by the content of its files."""
-    files, words = wanted.files, described_in(wanted.files)
+    files, words = instance.files, described_in(instance.files)
     read = [files.visual, files.solid, files.data, *([words] if words else [])]
     return (
         cache
-        / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]])
-        / wanted.name
+        / digest(
+            [VERSION, instance.family, instance.model.scale, [file_hash(path) for path in read]]
+        )
+        / instance.name
     )
 
 
@@ -208,18 +213,18 @@ def _make(batch: Sequence[tuple[_Wanted, Path]]) -> dict[str, str]:
 
 def _make_here(batch: Sequence[tuple[_Wanted, Path]]) -> None:
     """Write each object, or why it is none."""
-    for wanted, place in batch:
+    for instance, place in batch:
         if _is_made(place):
             continue
         try:
             draft = draft_of_instance(
-                wanted.files,
-                Options(wanted.name, wanted.family, place.parent),
-                wanted.model.scale,
+                instance.files,
+                Options(instance.name, instance.family, place.parent),
+                instance.model.scale,
             )
             if (
-                wanted.model.held
-                and first_of(wanted.family).frames().grasps
+                instance.model.held
+                and first_of(instance.family).frames().grasps
                 and not draft.settings.grasps
             ):
                 raise ObjectError(NO_GRASP)

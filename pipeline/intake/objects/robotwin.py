@@ -76,18 +76,19 @@ def is_robotwin(directory: Path) -> bool:
 def drafts_of_directory(directory: Path, options: Options) -> dict[str, ObjectDraft]:
     """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and
     MeshError."""
-    found = sorted(instances(directory), key=lambda each: int(each.number or 0))
-    if not found:
+    numbered = sorted(instances(directory), key=lambda each: int(each.number or 0))
+    if not numbered:
         raise ObjectError(
             f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects"
             " are not read"
         )
     names = [
-        options.name if len(found) == 1 else f"{options.name}_{each.number or 0}" for each in found
+        options.name if len(numbered) == 1 else f"{options.name}_{each.number or 0}"
+        for each in numbered
     ]
     return {
         name: draft_of_instance(each, replace(options, name=name))
-        for name, each in zip(names, found, strict=True)
+        for name, each in zip(names, numbered, strict=True)
     }
 
 
@@ -185,16 +186,16 @@ def contact_grasps(
 ) -> tuple[Grasp, ...]:
     """The contact points as grasps, as wide as the object is between the fingers; those for which
     no hand has room are left out."""
-    found = []
+    grasps = []
     for at in _poses(data.contact_points_pose, scale, upright):
         y, z = quat_rotate(at[3:], np.eye(3)[1:])
-        found.append(pinch_at(solid, at[:3], -y, z))
-    return tuple(grasp for grasp in found if grasp is not None)
+        grasps.append(pinch_at(solid, at[:3], -y, z))
+    return tuple(grasp for grasp in grasps if grasp is not None)
 
 
 def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Pose]:
     """Frames (7,) of the file in the standing frame."""
-    found = []
+    poses = []
     for values in matrices:
         try:
             matrix = np.array(values, float)
@@ -211,8 +212,8 @@ def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Po
         out = np.eye(4)
         out[:3, :3] = upright[:3, :3] @ rotation
         out[:3, 3] = upright[:3, :3] @ (matrix[:3, 3] * scale) + upright[:3, 3]
-        found.append(from_matrix(out))
-    return found
+        poses.append(from_matrix(out))
+    return poses
 
 
 def _read(path: Path) -> _Data:

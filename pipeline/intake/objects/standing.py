@@ -48,8 +48,8 @@ def stand_up(
     if up is None:
         near = [_nearest(ways, AXES[usual])]
         tried = [way for way in (*near, *(way for way, _ in ways[:LIKELIEST])) if way is not None]
-    elif (found := _nearest(ways, AXES[up])) is not None:
-        tried = [found]
+    elif (nearest := _nearest(ways, AXES[up])) is not None:
+        tried = [nearest]
     else:
         best = max(AXES, key=lambda axis: max((way @ AXES[axis]) + share for way, share in ways))
         raise ObjectError(f"{name}: does not stand with {up} up: it tips over; try --up {best}")
@@ -141,7 +141,7 @@ def frames_like(pieces: Sequence[Collider], family: str) -> dict[str, Pose]:
     model = first_of(family)
     solid = model.shape().collision
     box, own = bounds(solid), bounds(pieces)
-    found = {"base": pose((0, 0, 0)), "top": pose((0, 0, own[1, 2]))}
+    frames = {"base": pose((0, 0, 0)), "top": pose((0, 0, own[1, 2]))}
     for name, at in model.frames().points.items():
         if name in WHOLE:
             continue
@@ -152,8 +152,8 @@ def frames_like(pieces: Sequence[Collider], family: str) -> dict[str, Pose]:
             size = float(np.linalg.norm(own[1] - own[0]))
             places = _surfaces(pieces, place, normal, SHIFT * size)
             place = place + normal * min(places, key=abs, default=0.0)
-        found[name] = np.concatenate([place, at[3:]])
-    return found
+        frames[name] = np.concatenate([place, at[3:]])
+    return frames
 
 
 def _surfaces(pieces: Sequence[Collider], at: Floats, normal: Floats, reach: float) -> list[float]:

@@ -161,13 +161,13 @@ def _find_urdf(given: Path) -> Path:
     none or more than one."""
     if given.is_file():
         return given
-    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
-    if len(found) != 1:
-        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
+    files = sorted(given.rglob("*.urdf")) if given.is_dir() else []
+    if len(files) != 1:
+        names = ", ".join(str(p.relative_to(given)) for p in files[:6]) or "none"
         raise UrdfError(
             f"{given}: expected one .urdf, found {names}; give the path of the file to use"
         )
-    return found[0]
+    return files[0]
 
 
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> RobotDraft:

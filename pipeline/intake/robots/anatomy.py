@@ -92,12 +92,14 @@ def _base(robot: UrdfRobot, hints: Hints) -> str:
         return hints.base
     roots = robot.roots()
     if len(roots) != 1:
-        said = (
+        message = (
             f"links {', '.join(map(repr, roots[:4]))} hang on no joint"
             if roots
             else "its joints form a ring"
         )
-        raise UrdfError(f"{robot.path}: {said}: every link but the root needs one joint above it")
+        raise UrdfError(
+            f"{robot.path}: {message}: every link but the root needs one joint above it"
+        )
     lost = set(robot.links) - set(robot.below(roots[0]))
     if lost:
         raise UrdfError(

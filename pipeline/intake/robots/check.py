@@ -124,13 +124,13 @@ def _home(robot: Embodiment) -> Checked:
 def _reach(robot: Embodiment) -> Checked:
     arm = robot.arms["left"]
     if len(arm.arm_joints) < 6:
-        said = (
+        text = (
             f"{len(arm.arm_joints)} joints: the hand cannot take every orientation, so that only"
             " some poses can be reached"
         )
-        return Finding("reach", False, said), None
-    found = measure(robot, COARSE)
-    share = {f"{p:.0f}": float(v) for p, v in zip(COARSE.pitches, found.own[0], strict=True)}
+        return Finding("reach", False, text), None
+    reach = measure(robot, COARSE)
+    share = {f"{p:.0f}": float(v) for p, v in zip(COARSE.pitches, reach.own[0], strict=True)}
     detail = ", ".join(f"{100 * v:.0f} % at {p} degrees" for p, v in share.items())
     good = max(share.values()) >= MOST_REACH
     return Finding("reach", good, f"of its own half 5 cm above the table: {detail}"), partial(
@@ -193,11 +193,11 @@ def _grip(robot: Embodiment) -> Checked:
     }
     touching = [finger for finger in grip.fingers if f"left_{finger}" in held]
     good = moved < 0.03 and len(touching) == 2 and 0.4 * CAN < width < 1.8 * CAN
-    said = (
+    text = (
         f"a can of {100 * CAN:.0f} cm stops the jaws at {100 * width:.1f} cm and moves by"
         f" {100 * moved:.1f} cm"
     )
-    detail = f"{said}; touched by {len(touching)} of 2 fingers"
+    detail = f"{text}; touched by {len(touching)} of 2 fingers"
 
     def draw() -> Image:
         mesh = cylinder(CAN / 2, 0.06)

@@ -44,7 +44,7 @@ def couplings(model: Any) -> dict[int, Coupling]:
     CouplingError for a driving joint without limits, and for one that others do not follow in
     proportion.
     """
-    found: dict[int, Coupling] = {}
+    by_joint: dict[int, Coupling] = {}
     driven = _driven(model)
     for group in _groups(model):
         leader = min(group, key=lambda joint: (joint not in driven, joint))
@@ -65,8 +65,8 @@ def couplings(model: Any) -> dict[int, Coupling]:
                 raise CouplingError(
                     joint, "is coupled to a driving joint, but does not follow it in proportion"
                 )
-            found[joint] = Coupling(leader, slope, offset)
-    return found
+            by_joint[joint] = Coupling(leader, slope, offset)
+    return by_joint
 
 
 def _swept(
@@ -127,12 +127,12 @@ def _tied(model: Any) -> Iterator[set[int]]:
 
 
 def _joints_above(model: Any, body: int) -> set[int]:
-    found = set[int]()
+    joints = set[int]()
     while body:
         first = int(model.body_jntadr[body])
-        found |= set(range(first, first + int(model.body_jntnum[body])))
+        joints |= set(range(first, first + int(model.body_jntnum[body])))
         body = int(model.body_parentid[body])
-    return found
+    return joints
 
 
 def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
@@ -144,9 +144,9 @@ def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
 
 def _driven(model: Any) -> set[int]:
     """Joints that an actuator moves, itself or by a tendon."""
-    found = set[int]()
+    driven = set[int]()
     for kind, target in zip(
         model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True
     ):
-        found |= {target} if kind == 0 else set(_of_tendon(model, target)) if kind == 3 else set()
-    return found
+        driven |= {target} if kind == 0 else set(_of_tendon(model, target)) if kind == 3 else set()
+    return driven

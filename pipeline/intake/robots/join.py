@@ -65,11 +65,11 @@ def _flange(arm: UrdfRobot) -> str:
         if not any(arm.parent_joint[x].kind != "fixed" for x in arm.below(link)[1:])
     ]
     ends = [link for tip in last for link in arm.below(tip) if link not in parents]
-    found = named if len(named) == 1 else ends
-    if len(found) != 1:
-        said = ", ".join(found[:8]) or "none"
+    candidates = named if len(named) == 1 else ends
+    if len(candidates) != 1:
+        names = ", ".join(candidates[:8]) or "none"
         raise UrdfError(
-            f"{arm.path}: which link carries the gripper is not clear (found {said}); give --flange"
-            " LINK"
+            f"{arm.path}: which link carries the gripper is not clear (found {names}); give"
+            " --flange LINK"
         )
-    return found[0]
+    return candidates[0]

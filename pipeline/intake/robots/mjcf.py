@@ -164,19 +164,19 @@ class _Tree:
     def _effort(self, joint: int) -> float:
         """The most force (N or N m) that the joint's actuators can exert; 0 where the file does not
         say."""
-        model, found = self.model, 0.0
+        model, effort = self.model, 0.0
         for a in np.flatnonzero(
             (model.actuator_trnid[:, 0] == joint) & (model.actuator_trntype == 0)
         ):
             gear = abs(float(model.actuator_gear[a, 0]))
             if model.actuator_forcelimited[a]:
-                found = max(found, gear * float(model.actuator_forcerange[a, 1]))
+                effort = max(effort, gear * float(model.actuator_forcerange[a, 1]))
             elif model.actuator_ctrllimited[a] and model.actuator_biastype[a] == 0:
-                found = max(
-                    found,
+                effort = max(
+                    effort,
                     gear * float(model.actuator_gainprm[a, 0] * model.actuator_ctrlrange[a, 1]),
                 )
-        return found
+        return effort
 
     def _flanges(self, body: int) -> Iterator[Joint]:
         """A fixed joint for each site of a body that is there to attach something to."""
@@ -275,11 +275,11 @@ def _check_files(path: Path, root: Path) -> None:
         }
         for element in document.iter("*"):
             for name in (value for key, value in element.items() if key.startswith("file")):
-                found = [
+                outside = [
                     _within(path, root, Path(folder) / name, name)
                     for folder in ("", *sorted(folders))
                 ]
-                for one in (f for f in found if f.exists()):
+                for one in (f for f in outside if f.exists()):
                     _check_regular(path, one)
                     if element.tag in ("include", "model"):
                         pending.append(one)
@@ -317,9 +317,9 @@ def _check_regular(path: Path, file: Path) -> None:
 
 
 def _within(path: Path, root: Path, place: Path, name: str) -> Path:
-    found = (path.parent / place).resolve()
-    if place.is_absolute() or PureWindowsPath(place).drive or not found.is_relative_to(root):
+    target = (path.parent / place).resolve()
+    if place.is_absolute() or PureWindowsPath(place).drive or not target.is_relative_to(root):
         raise UrdfError(
             f"{path}: names {name[:120]!r}, which is outside of {root}; copy the file there"
         )
-    return found
+    return target

@@ -90,18 +90,18 @@ def judge_frame(
             f"{device} is used, although there is {nodes[0]}",
             driver_advice(release, True),
         )
-    said = f"{answer['shape'][1]}x{answer['shape'][0]} in {answer['seconds']:.1f} s, the first"
+    text = f"{answer['shape'][1]}x{answer['shape'][0]} in {answer['seconds']:.1f} s, the first"
     if answer["spread"] < 1:
         return [
             vulkan,
             CheckResult(
                 "frame",
                 "FAIL",
-                f"{said}, and it is of one color",
+                f"{text}, and it is of one color",
                 "try another driver: set VK_ICD_FILENAMES",
             ),
         ]
-    return [vulkan, CheckResult("frame", "PASS", said)]
+    return [vulkan, CheckResult("frame", "PASS", text)]
 
 
 def judge_ray(answer: Mapping[str, Any] | str) -> CheckResult:

@@ -76,11 +76,11 @@ class GrootClient:
                     f" {', '.join(map(str, action))[:200] or 'nothing'}"
                 )
             rows.append(row)
-        wanted = [
+        shapes = [
             (1, rows[0].shape[1] if rows[0].ndim == 3 else 0, at.stop - at.start)
             for at in self._parts.values()
         ]
-        if [row.shape for row in rows] != wanted:
+        if [row.shape for row in rows] != shapes:
             raise ActionError(
                 f"{self._url}: actions have the shapes {', '.join(str(row.shape) for row in rows)},"
                 " not (1,T,D)"
@@ -105,7 +105,7 @@ class GrootClient:
         try:
             socket.send(msgpack.packb(request, default=_encode))
             # an answer may be a list, a message of ours is a map: it becomes one
-            found = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
+            answer = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
         except zmq.Again as error:
             self.close()
             raise NoAnswer(f"{self._url}: no answer to {endpoint} in {seconds:.3g} s") from error
@@ -115,9 +115,9 @@ class GrootClient:
         except MessageError as error:
             self.close()
             raise ActionError(f"{self._url}: {error}") from error
-        if isinstance(found, dict) and "error" in found:
-            raise NoAnswer(f"{self._url}: the server failed: {line_of_text(found['error'])}")
-        return found
+        if isinstance(answer, dict) and "error" in answer:
+            raise NoAnswer(f"{self._url}: the server failed: {line_of_text(answer['error'])}")
+        return answer
 
     def greet(self) -> None:
         """Ping the server. Raises PolicyError."""
@@ -186,9 +186,9 @@ def _decode(values: dict[Any, Any]) -> Any:
 def npy(data: bytes) -> NDArray[Any]:
     """The numbers in an NPY file; no pickles. Raises MessageError."""
     try:
-        found = np.load(io.BytesIO(data), allow_pickle=False)
+        array = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, SyntaxError, TokenError, EOFError, OSError, MemoryError) as error:
         raise MessageError(f"an array is no NPY file: {line_of_text(error)[:200]}") from error
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "biuf":
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
         raise MessageError("an array is no NPY file of booleans, integers or floats")
-    return found
+    return array

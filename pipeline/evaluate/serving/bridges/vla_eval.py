@@ -85,9 +85,9 @@ class DominoEpisodes:
     def get_tasks(self) -> list[Message]:
         """Every episode of every task; scenes that no manifest has yet are admitted now. Raises
         ProtocolError."""
-        found = self._manifests.admitted(list(self._cells.values()), self._episodes, inline)
+        admitted = self._manifests.admitted(list(self._cells.values()), self._episodes, inline)
         self._cases = {
-            (cell.task, i): case for cell, cases in found.items() for i, case in enumerate(cases)
+            (cell.task, i): case for cell, cases in admitted.items() for i, case in enumerate(cases)
         }
         return [{"name": task, "suite": "domino", "episode_idx": i} for task, i in self._cases]
 
@@ -126,9 +126,9 @@ class DominoEpisodes:
 
     def get_step_result(self, step_result: Any) -> Message:
         """Success, route completion and manipulation score (0-100)."""
-        found = step_result.info.get("score", {})
+        score = step_result.info.get("score", {})
         numbers = {
-            name: found.get(name, 0.0) for name in ("route_completion", "manipulation_score")
+            name: score.get(name, 0.0) for name in ("route_completion", "manipulation_score")
         }
         return {"success": bool(step_result.info.get("is_success", False))} | numbers
 
