@@ -11,6 +11,7 @@ import typer
 
 from pipeline.commands.common import AsJson, UsageError, print_result
 from pipeline.data.names import MANIFEST
+from pipeline.data.reading import check_tree
 from pipeline.data.store import place
 from pipeline.data.store.urls import url_of
 
@@ -77,12 +78,16 @@ Directory = Annotated[Path, typer.Argument(help="A directory.", metavar="DIR")]
 def pull(url: Url, directory: Directory, as_json: AsJson = False) -> None:
     """Copy what is below a URL to a directory of this machine. Files that are there already are
     compared by size and checksum; rerun it to resume."""
+    check_tree(directory)
     _print_moved(*place.pull(_named(url), directory), f"fetched to {directory}", as_json)
 
 
 def push(directory: Directory, url: Url, as_json: AsJson = False) -> None:
     """Copy the files of a directory to a URL. Files that are there already are compared by size and
     checksum; rerun it to resume."""
+    if not directory.is_dir():
+        raise UsageError(f"{directory} is no directory")
+    check_tree(directory)
     _print_moved(*place.push(directory, _named(url)), f"put to {url}", as_json)
 
 

@@ -11,12 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, write_atomic
+from pipeline.data.disk import describe_error
 from pipeline.data.errors import DominoError
 from pipeline.data.index import FULL, Index
 from pipeline.data.names import RETIRED
 from pipeline.data.parsing import parse_json
 from pipeline.data.paths import Paths
-from pipeline.data.reading import check_regular, read_regular
+from pipeline.data.reading import check_regular, check_tree, read_regular
 from pipeline.data.recipe.file import is_edited, read_recipe
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, RecipeError, Slot, parse_recipe
@@ -44,6 +45,8 @@ FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "logs", "
 
 class Dataset(Paths):
     """One dataset directory: its paths, its recipe, and which of its slots are finished."""
+
+    _is_plain = False
 
     def create(self, recipe: Recipe) -> None:
         """Freeze the recipe, or check that the directory already holds this one or a part of it,
@@ -119,13 +122,20 @@ class Dataset(Paths):
         return self.recipe().setup
 
     def check_folders(self) -> None:
-        """Raise DatasetError for a file where the dataset or one of its directories belongs."""
+        """Raise DatasetError for a file where the dataset or one of its directories belongs, and
+        for a link, pipe or device anywhere below the dataset: no path of it leads elsewhere."""
         if os.path.lexists(self.root) and not self.root.is_dir():
             raise DatasetError(f"{self.root} is a file, and a dataset is a directory: name another")
         for name in FOLDERS:
             path = self.root / name
             if os.path.lexists(path) and not path.is_dir():
                 raise DatasetError(f"{path} is a file, not a directory; remove it")
+        if not self._is_plain:
+            try:
+                check_tree(self.root)
+            except OSError as error:
+                raise DatasetError(describe_error(error)) from error
+            self._is_plain = True
 
     def ask[T](self, question: Callable[[Index], T]) -> T:
         """What the index answers; it is made again from the files first if it is missing or

@@ -4,10 +4,14 @@ may stand in it."""
 import errno
 import os
 import stat
+from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 
 from pipeline.data.store.place import place_of
+
+LARGEST = 1 << 28
+"""Bytes of a file that is parsed whole, at most."""
 
 IRREGULAR = "is no regular file; remove it"
 """What is said of a directory, pipe, socket or device in place of a file."""
@@ -36,10 +40,33 @@ def open_regular(path: Path) -> BufferedReader:
     return open(path, "rb")
 
 
-def read_regular(path: Path) -> bytes:
-    """The bytes of a regular file. Raises OSError for what is none."""
+def read_regular(path: Path, most: int = LARGEST) -> bytes:
+    """The bytes of a regular file. Raises OSError for what is none, or has more than `most`
+    bytes."""
     with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size > most:
+            raise OSError(errno.E2BIG, f"has more than {most} bytes", str(path))
         return file.read()
+
+
+def check_tree(root: Path) -> None:
+    """Raise OSError for anything below a directory that is neither a plain file nor a directory: a
+    symbolic link, pipe, socket or device. The directory itself may be a link, or lie below one.
+
+    Readers, writers and deleters of a dataset rely on it: its paths are made from plain names, so
+    that without a link none leads elsewhere.
+    """
+    waiting = [os.fspath(root)]
+    while waiting:
+        with suppress(FileNotFoundError), os.scandir(waiting.pop()) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(entry.path)
+                elif not entry.is_file(follow_symlinks=False):
+                    kind = "a link" if entry.is_symlink() else "no plain file"
+                    raise OSError(
+                        errno.EINVAL, f"is {kind}, which no dataset has; remove it", entry.path
+                    )
 
 
 def printable(text: str) -> str:

@@ -83,7 +83,7 @@ def other(keys, kind):
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     """Slots of every state: open, given up, accepted, out of date in each way, with a file that is
-    missing or a link to nothing."""
+    missing."""
     dataset, rng = Dataset(tmp_path_factory.mktemp("status") / "data"), random.Random(0)
     dataset.create(RECIPE)
     entries = []
@@ -96,7 +96,7 @@ def dataset(tmp_path_factory):
                 "done",
                 "done",
                 "missing",
-                "link",
+                "missing",
                 PHYSICS,
                 "render",
                 "language",
@@ -116,10 +116,7 @@ def dataset(tmp_path_factory):
         entries.append(
             (slot, SlotRecord(keys, True, file_hash(path), rows, file=FileFacts.of(path.stat())))
         )
-        if case == "link":
-            path.unlink()
-            path.symlink_to(path.with_name("nothing"))
-        elif case == "missing":
+        if case == "missing":
             path.unlink()
         elif slot.index == 2:
             path.write_bytes(b"other bytes")

@@ -1,6 +1,7 @@
 """HDF5 files: opened so that no damage makes the library hang, and written so that no full disk
 makes it crash."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import FileIO
@@ -70,7 +71,7 @@ def check_dataset(dataset: h5d.DatasetID) -> None:
 
 
 def _check_heaps(path: Path) -> None:
-    data = read_regular(path)
+    data = read_regular(path, sys.maxsize)
     start = data.find(_HEAP)
     while start >= 0:
         end = start + int.from_bytes(data[start + 8 : start + _HEAD], "little")
