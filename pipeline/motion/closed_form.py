@@ -76,7 +76,7 @@ class ClosedForm(ABC):
         return self.rates(np.maximum(t, -self.lead)) * (t >= -self.lead)[..., None]
 
     def speed(self, t: ArrayLike) -> Array:
-        """What alpha bounds (m/s) at times t: the speed of the body's origin."""
+        """What alpha bounds (m/s) at times t (...,): the speed of the body's origin."""
         return np.asarray(np.linalg.norm(self.twist(t)[..., :3], axis=-1), float)
 
     def carried_by(self, x: Array, y: Array, z: ArrayLike = 0.0) -> Array:

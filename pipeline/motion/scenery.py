@@ -43,7 +43,7 @@ class Prop:
 
 
 def standing(at: Pose) -> Callable[[ArrayLike], Array]:
-    """The pose of a prop that never moves."""
+    """The pose (7,) of a prop that never moves."""
     return lambda t: np.broadcast_to(at, (*np.shape(t), 7))
 
 

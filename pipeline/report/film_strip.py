@@ -96,7 +96,7 @@ def meeting_frame(episode: Episode) -> int | None:
 def target_path(
     e: EpisodeFile, episode: Episode, camera: str
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """`path_pixels` of the target's origin, as a stored camera saw it."""
+    """`path_pixels` (T,2) of the target's origin, as a stored camera saw it."""
     focal = e.array(f"observation/{camera}/intrinsic_cv")[0]
     height, width = e.rgb(camera, 0).shape[:2]
     kind = CameraType(width, height, float(np.degrees(2 * np.arctan(height / 2 / focal[1, 1]))))
@@ -134,11 +134,11 @@ def draw_path(
     now: int,
     meeting: int | None,
 ) -> None:
-    """Draw the path on an image, in place, with a ring at the meeting point and a dot at the
-    target's present position.
+    """Draw the path (T,2) on an image (H,W,3), in place, with a ring at the meeting point and a dot
+    at the target's present position.
 
-    The path is coloured by time up to `now` (violet early, yellow late), then a thin line to the
-    meeting."""
+    It is coloured by time up to `now` (violet early, yellow late), then a thin line to the meeting.
+    """
     unit = max(rgb.shape[1] / 320, 0.5)
     last = len(pixels) - 1
     ramp = _plasma()[np.linspace(40, 255, last + 1).astype(np.uint8)]

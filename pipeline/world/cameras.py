@@ -51,12 +51,10 @@ def setup_cameras(embodiment: "Embodiment", setup: Setup) -> tuple[Camera, ...]:
 def wanted_cameras(
     mounted: Sequence[Camera], setup: Setup, sides: Collection[str] = SIDES
 ) -> tuple[Camera, ...]:
-    """The cameras of a setup, in its order; with a `size` all images have that size.
-
-    They are those `mounted` on the robot (or stored with an episode), the observer, and those that
-    the setup describes. The wrist camera of an arm that is not among `sides` is left out. Raises
-    CameraError for a name that is not among them.
-    """
+    """The cameras of a setup, in its order: those `mounted` on the robot (or stored with an
+    episode), the observer, and those that the setup describes; with a `size` all images have it.
+    The wrist camera of an arm that is not among `sides` is left out. Raises CameraError for an
+    unknown name."""
     known = {OBSERVER: observer(CAMERA_TYPES[setup.camera])} | {
         camera.name: camera for camera in mounted
     }

@@ -1,7 +1,6 @@
 """What a rigid body looks like and how it collides: plain data, no simulator.
 
-Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1, as
-a person would pick them.
+Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1.
 """
 
 from collections.abc import Callable, Sequence
@@ -60,11 +59,7 @@ class _Deferred(Mesh):
 
 def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
     """Function decorator: the mesh that is returned is computed when one of its arrays is first
-    read.
-
-    Layouts, plans and simulations look at the collision pieces alone, and the arrays take longer
-    than a layout.
-    """
+    read. Layouts, plans and simulations need the collision pieces alone."""
 
     @wraps(make)
     def later(*arguments: P.args, **options: P.kwargs) -> Mesh:
@@ -132,11 +127,8 @@ class Material:
 
 @deferred
 def seen_along(mesh: Mesh, axes: NDArray[np.float64], tile: ArrayLike) -> Mesh:
-    """The mesh with uvs projected along one direction.
-
-    `axes` (2,3) are the directions of u and v. `tile` is the size (m) of an image, or of its two
-    sides. The image begins at the mesh's smallest corner.
-    """
+    """The mesh with uvs projected along one direction, from its smallest corner: `axes` (2,3)
+    are the directions of u and v, `tile` the size (m) of an image, or of its two sides."""
     across = mesh.vertices @ np.asarray(axes, np.float32).T
     return Mesh(
         mesh.vertices,

@@ -247,6 +247,6 @@ def pack(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def unpack(packed: NDArray[np.uint8], height: int, width: int) -> NDArray[np.bool_]:
-    """Inverse of `pack`."""
+    """Inverse of `pack`: (T,K,H,W)."""
     bits = np.unpackbits(packed, axis=-1, count=height * width)
     return bits.reshape(*packed.shape[:-1], height, width).astype(bool)

@@ -50,7 +50,7 @@ class Ballistic(ClosedForm):
 
     @abstractmethod
     def carried(self, t: Array) -> tuple[Array, Array]:
-        """Height over the end (m) and vertical velocity (m/s) before the release."""
+        """Height over the end (...,) m and vertical velocity (...,) m/s before the release."""
 
     @property
     def landing(self) -> float:

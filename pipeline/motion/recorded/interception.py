@@ -73,8 +73,8 @@ class Interception:
 
     @cached_property
     def arm_links(self) -> tuple[NDArray[np.int64], ...]:
-        """Indices into `log.bodies` of the links of each arm, left and right; none of one that is
-        not there."""
+        """Indices (L,) into `log.bodies` of the links of each arm, left and right; none of a
+        missing arm."""
         names = list(enumerate(self.log.bodies))
         return tuple(
             np.array(
@@ -85,7 +85,7 @@ class Interception:
         )
 
     def contact_rows(self, side: int) -> NDArray[np.void]:
-        """Rows of the contact table between the target and one arm."""
+        """Rows (N,) of the contact table between the target and one arm."""
         rows, body = self.log.contacts, self.log.bodies.index(self.meta.target)
         links = self.arm_links[side]
         return rows[

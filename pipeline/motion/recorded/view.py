@@ -30,6 +30,6 @@ def is_hidden(last: NDArray[Any]) -> bool:
 
 
 def is_unoccluded(last: NDArray[Any]) -> bool:
-    """Whether a target is seen in at least half of the frames before the meeting: the rule of
-    `view: unoccluded`."""
+    """Whether a target is seen in at least half of the frames (F,) before the meeting: `view:
+    unoccluded`."""
     return bool(np.mean(last >= LEAST) >= 0.5)

@@ -31,9 +31,11 @@ def visibility(seen: Sequence[Seen], names: Mapping[str, str]) -> str:
         rejected = np.mean([not is_unoccluded(last) for last in lasts])
         values = (*np.quantile(shares, (0.1, 0.5, 0.9)), hidden, rejected)
         rows.append([name, *(f"{100 * value:.0f}" for value in values)])
-    head = ["camera", "visible share, 10th percentile of the frames (%)", "median (%)"]
-    head += ["90th percentile (%)", "episodes that hide the target (%)"]
-    head += ["episodes that `view: unoccluded` rejects (%)"]
+    head = (
+        "camera | visible share, 10th percentile of the frames (%) | median (%) |"
+        " 90th percentile (%) | episodes that hide the target (%) |"
+        " episodes that `view: unoccluded` rejects (%)"
+    )
     return VISIBILITY + table(head, rows) if rows else ""
 
 

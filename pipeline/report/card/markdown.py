@@ -5,9 +5,10 @@ from collections.abc import Iterable, Sequence
 from pipeline.html import markdown
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table; the head is Markdown, cells are escaped."""
-    lines = [head, ["---"] * len(head), *(map(markdown, row) for row in rows)]
+def table(head: str, rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table: cells of the head are Markdown, parted by bars; others are escaped."""
+    cells = head.split(" | ")
+    lines = [cells, ["---"] * len(cells), *(map(markdown, row) for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n\n"
 
 

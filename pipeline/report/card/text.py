@@ -160,7 +160,7 @@ def _reasons(seen: Sequence[Seen]) -> str:
         [stage, reason, count]
         for (stage, reason), count in sorted(told.items(), key=lambda item: (-item[1], item[0]))
     ]
-    return table(["stage", "reason", "attempts"], rows)
+    return table("stage | reason | attempts", rows)
 
 
 def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
@@ -187,16 +187,7 @@ def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
                 length,
             ]
         )
-    head = [
-        "task",
-        "robot",
-        "level",
-        "alpha (m/s)",
-        "domain",
-        "episodes",
-        "attempts accepted",
-        "length (s)",
-    ]
+    head = "task | robot | level | alpha (m/s) | domain | episodes | attempts accepted | length (s)"
     text = table(head, rows)
     return (
         text
@@ -223,18 +214,12 @@ def _speeds(seen: Sequence[Seen]) -> str:
                 late,
             ]
         )
-    head = [
-        "level",
-        "alpha (m/s)",
-        "episodes",
-        "asked of the law, mean (m/s)",
-        "average speed, mean (m/s)",
-        "average speed, most",
-        "greatest speed (m/s)",
-        "from start to meeting (m)",
-        "started after the robot",
-    ]
-    return table(head, rows)
+    return table(
+        "level | alpha (m/s) | episodes | asked of the law, mean (m/s) | average speed, mean (m/s)"
+        " | average speed, most | greatest speed (m/s) | from start to meeting (m) |"
+        " started after the robot",
+        rows,
+    )
 
 
 def _camera_names(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Mapping[str, str]:
@@ -257,14 +242,10 @@ def _cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
             robots[names.get(camera, camera), size, f"{info.fovy:g}", f"{focal:.1f}", link].append(
                 robot
             )
-    head = [
-        "camera",
-        "pixels",
-        "vertical field of view (degrees)",
-        "focal length (pixels)",
-        "carried by",
-        "robots",
-    ]
+    head = (
+        "camera | pixels | vertical field of view (degrees) | focal length (pixels) | carried by |"
+        " robots"
+    )
     return table(
         head,
         [[*row, ", ".join(names_of_robots)] for row, names_of_robots in sorted(robots.items())],
@@ -287,12 +268,10 @@ def _out_of_view(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
             frames, ends = np.concatenate(views).mean(), np.mean([view[-1] for view in views])
             if min(frames, ends) < IN_VIEW:
                 rows.append([task, name, f"{100 * frames:.0f}", f"{100 * ends:.0f}"])
-    head = [
-        "task",
-        "camera",
-        "frames with the target in the image, %",
-        "episodes with it there at the end, %",
-    ]
+    head = (
+        "task | camera | frames with the target in the image, % |"
+        " episodes with it there at the end, %"
+    )
     opening = (
         "In these tasks a camera does not show the target all the time, so that its images may not"
         " show the outcome:\n\n"
@@ -307,7 +286,7 @@ def _joints(seen: Sequence[Seen]) -> str:
         for number, name in enumerate(names):
             unit = "0 closed, 1 open" if name.endswith("gripper") else "rad"
             rows.append([robot, number, code_span(name), unit])
-    return table(["robot", "index", "joint", "unit"], rows)
+    return table("robot | index | joint | unit", rows)
 
 
 def _loading(folder: Path, summary: Mapping[str, Any]) -> str:
@@ -361,8 +340,8 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
         " split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes, because"
         " they can name only ranges of rows: select by the column. Seen and unseen sentences have"
         " templates and descriptions of their own. To hold out textures, split by domain.\n\n"
-        + table(["split", "episodes"], shares)
-        + table(["distinct", "number"], rows)
+        + table("split | episodes", shares)
+        + table("distinct | number", rows)
     )
 
 
@@ -384,5 +363,5 @@ def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
     if is_failures(summary):
         origin = f"an attempt goes through {stages}; these failed in one of them"
     text = f"Physics at 240 Hz; {origin}.\n\n"
-    text += table(["made with", ""], rows) if rows else ""
+    text += table("made with | ", rows) if rows else ""
     return text + (f"The recipe:\n\n{code_block(recipe, 'yaml')}" if recipe else "")

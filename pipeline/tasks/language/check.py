@@ -72,11 +72,9 @@ def check_templates(
 ) -> None:
     """Raise ValueError, listing everything that is wrong with the templates of a task.
 
-    Wrong are an unknown or malformed slot, a slot used twice, an article before a slot, the
-    possessive of a thing ("{pot}'s side", where the pot may be "the pot with brown handles"), two
-    phrases "with ..." in one clause, a template given twice (case and punctuation aside) or in both
-    splits, an empty split, and a word of motion in a template that is not marked "~" or a mark
-    without one.
+    Wrong are an unknown, malformed or repeated slot, an article before a slot, and the possessive
+    of a thing. So are two phrases "with ..." in one clause, a template given twice, an empty split,
+    and words of motion without the mark "~" or the reverse.
     """
     wrong = [
         f"no {split} templates"
@@ -195,10 +193,8 @@ def _wrong_arm(text: str, wording: Wording) -> bool:
 
 
 def _is_misattached(text: str, wording: Wording) -> bool:
-    """Whether "with the left arm" seems to belong to a goal ("on the plate with the left arm") or
-    to the second of two things.
-
-    Also whether a clause has two phrases "with ..."."""
+    """Whether "with the left arm" seems to belong to a goal ("on the plate with the left arm")
+    or to the second of two things. Also whether a clause has two phrases "with ..."."""
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
         named = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]

@@ -92,15 +92,13 @@ class Wording:
 def instructions(
     wording: Wording, rng: np.random.Generator, count: int = 100
 ) -> dict[str, list[str]]:
-    """`count` instructions for each of the splits "seen" and "unseen" (templates and descriptions
-    of that split).
+    """`count` instructions for each of the splits "seen" and "unseen".
 
     Every combination of template and descriptions comes once before any comes again, templates
-    taking turns, and no instruction follows itself unless it is the only one. A template that says
-    "the left arm" outright is used only where the left arm acts, one with two roles only where two
-    arms act, one marked "~" only where the target moves. Raises LanguageError, naming the template
-    and the slot, for a slot that is neither a body nor a role, for a side that is not left or
-    right, and if no template of a split is true.
+    taking turns, and no instruction follows itself unless it is the only one. A template is used
+    only where the arms that it names act and, marked "~", where the target moves. Raises
+    LanguageError, naming the template and the slot, for an unknown slot or side, and if no template
+    of a split is true.
     """
     objects, arms = wording.objects, wording.arms
     for role, side in arms.items():
@@ -189,12 +187,9 @@ class _Filling:
 def _fillings(
     template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]
 ) -> list[_Filling]:
-    """Every way to fill a template.
-
-    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a
-    noun of the template), those with two phrases "with ..." in one clause, and those with an
-    adjective of the template before one of size ("the moving small bell").
-    """
+    """Every way to fill a template. Where it can be, those are left out that name a thing twice,
+    have two phrases "with ..." in one clause, or an adjective of the template before one of
+    size."""
     template = template.removeprefix(MOVING)
     names = slots(template)
     for name in names:
@@ -233,11 +228,8 @@ def _fillings(
 
 
 def crowded(text: str) -> bool:
-    """Whether a clause is ambiguous: it has two phrases "with ...", or one before "on it", "in it"
-    or "of the".
-
-    In "the can with a label on it" or "the drawer with a knob of the cabinet" the second phrase may
-    belong to either noun."""
+    """Whether a clause is ambiguous: it has two phrases "with ...", or one before "on it", "in
+    it" or "of the"."""
     return any(_CROWDED.search(clause) for clause in CLAUSE.split(text))
 
 

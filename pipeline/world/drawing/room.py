@@ -24,8 +24,8 @@ ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
 
 
 def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
-    """Rectangle from a corner and two edge vectors (m), normal u x v, one texture tile every `tile`
-    metres."""
+    """Rectangle from a corner (3,) and two edge vectors (3,) m, normal u x v, one texture tile
+    every `tile` m."""
     corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
     n = np.cross(u, v)
     n = n / np.linalg.norm(n)
@@ -39,8 +39,8 @@ def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
 
 
 def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
-    """Axis-aligned box with flat faces, from its centre and half extents (m); uvs in metres /
-    `tile`."""
+    """Axis-aligned box with flat faces, from its centre (3,) and half extents (3,) m; uvs in
+    metres / `tile`."""
     x, y, z = np.asarray(half, float)[:, None] * np.eye(3)
     c = np.asarray(centre, float)
     sides = [
@@ -82,7 +82,7 @@ def table(tile: float) -> tuple[Mesh, Mesh]:
 def table_top(
     visuals: Visuals, images: Mapping[str, Rgba] | None = None
 ) -> list[tuple[Mesh, Material]]:
-    """Table top with its material; `images` by kind are the textures that are not drawn."""
+    """Table top with its material; `images` (H,W,4) by kind are the textures that are not drawn."""
     sheen = (
         TABLE_ROUGHNESS
         if visuals.look == FIRST_LOOK

@@ -91,5 +91,5 @@ class Sensing:
 def moved(
     poses: Mapping[str, NDArray[np.float64]], at: ArrayLike
 ) -> dict[str, NDArray[np.float64]]:
-    """`between` of every body by name."""
+    """`between` of the poses (T,7) of every body by name, at times (N,)."""
     return {name: between(rows, at) for name, rows in poses.items()}

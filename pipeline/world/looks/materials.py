@@ -133,6 +133,20 @@ def print_texture(
     return TextureSource("packaging", (srgb(base), srgb(accent), kind, text, seed, size))
 
 
+def made_of(material: str, color: Color, seed: int | None = None) -> Material:
+    """A material by its word: wood (grained where a seed is given), metal, painted, plastic, rubber
+    or ceramic."""
+    if material == "wood":
+        return wood(color, seed)
+    return {
+        "metal": metal,
+        "painted": painted,
+        "plastic": plastic,
+        "rubber": rubber,
+        "ceramic": glaze,
+    }[material](color)
+
+
 def _textured(
     pattern: str, color: Color, seed: int | None, roughness: float, metallic: float = 0.0
 ) -> Material:

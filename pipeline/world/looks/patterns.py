@@ -17,7 +17,7 @@ SIZES = dict.fromkeys(TABLETOPS, 512) | dict.fromkeys(WALLS, 512)
 
 
 def texture(pattern: str, seed: int, colour: ArrayLike, size: int | None = None) -> Rgba:
-    """Texture of a named pattern from an integer seed. Raises KeyError, naming the patterns, for an
+    """Texture (size,size,4) of a named pattern from an integer seed. Raises KeyError for an
     unknown one."""
     if pattern not in PATTERNS:
         raise KeyError(

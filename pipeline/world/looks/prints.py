@@ -14,8 +14,7 @@ HANDLED = BUSY | {"worn"}
 
 
 def printing(base: Triple, accent: Triple, kind: str, text: str, seed: int, size: int) -> Rgba:
-    """The design of that kind, `size` pixels square, fresh from the press: ink `accent` on ground
-    `base` (sRGB 0-1)."""
+    """The design (size,size,4) of that kind, unused: ink `accent` on ground `base` (sRGB 0-1)."""
     rng = np.random.Generator(np.random.Philox(seed))
     grain = value_noise(rng, size, (size // 2, size // 2))
     ground, ink = np.array(base, np.float32), np.array(accent, np.float32)

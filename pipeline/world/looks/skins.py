@@ -158,7 +158,7 @@ SKINS: dict[str, Callable[[np.random.Generator, int, NDArray[np.float32]], Field
 
 
 def skin(kind: str, seed: int, colour: ArrayLike, size: int) -> Rgba:
-    """The skin of that name of a thing of that colour (sRGB 0-1)."""
+    """The skin (size,size,4) of that name of a thing of that colour (3,), sRGB 0-1."""
     rng = np.random.Generator(np.random.Philox(seed))
     return rgba(SKINS[kind](rng, size, np.asarray(colour, np.float32)))
 

@@ -1,8 +1,6 @@
-"""Table tops and floors at the scale of real materials: grain and thread of about a millimetre,
-seeded as `textures` are.
+"""Table tops and floors (size,size,4) at the scale of real materials, seeded as `textures` are.
 
-A tile is meant for 0.5 to 0.8 m and is drawn finer than the patterns of `textures`: 512 texels a
-side.
+A tile is meant for 0.5 to 0.8 m: grain and thread of about a millimetre, 512 texels a side.
 """
 
 from collections.abc import Callable

@@ -38,7 +38,7 @@ class Wall:
         colour: ArrayLike,
         relief: float = 0.12,
     ) -> None:
-        """A rectangle, lighter at its top and darker at its foot by `relief`."""
+        """A rectangle of a colour (3,), lighter at its top and darker at its foot by `relief`."""
         x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
         ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[
             :, None, None

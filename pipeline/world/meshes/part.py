@@ -41,7 +41,7 @@ class Part:
     uv: Floats | None = None
 
     def moved(self, matrix: Floats) -> "Part":
-        """The part under a 4x4 matrix. A mirroring one turns the triangles: they stay outward."""
+        """The part under a matrix (4,4). A mirroring one turns the triangles: they stay outward."""
         mirrors = np.linalg.det(matrix[:3, :3]) < 0
         faces = self.faces[:, ::-1] if mirrors else self.faces
         points = self.points @ matrix[:3, :3].T + matrix[:3, 3]
@@ -106,7 +106,7 @@ def painted(part: Part, colors: Floats) -> Part:
 
 
 def srgb(light: Floats) -> Floats:
-    """sRGB values of linear light, clipped to 0-1."""
+    """sRGB values (...,) of linear light, clipped to 0-1."""
     return srgb_of(np.clip(light, 0, 1))
 
 

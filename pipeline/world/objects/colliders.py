@@ -27,7 +27,7 @@ def box_collider(
     position: ArrayLike = (0, 0, 0),
     quaternion: ArrayLike = UPRIGHT,
 ) -> Colliders:
-    """A box of half extents at `position`."""
+    """A box of half extents at `position` (3,)."""
     return (Collider("box", (hx, hy, hz), pose(position, quaternion)),)
 
 
@@ -68,7 +68,7 @@ def disc(radius: float, thickness: float, z: float = 0.0) -> Colliders:
 
 
 def sphere_collider(radius: float, position: ArrayLike = (0, 0, 0)) -> Colliders:
-    """A ball."""
+    """A ball at `position` (3,)."""
     return (Collider("sphere", (radius,), pose(position)),)
 
 

@@ -1,10 +1,5 @@
 """An object is a directory: `object.toml`, `looks.glb` (what is drawn), `solid.obj` (its convex
-collision pieces).
-
-`domino-data objects add` writes such directories from meshes of others (intake/objects/). An object
-stands for an object family: a recipe that says `objects: {mug: [mug7]}` puts it where a layout asks
-for a mug.
-"""
+collision pieces). `domino-data objects add` writes them; an object stands for an object family."""
 
 from dataclasses import dataclass
 from functools import cached_property

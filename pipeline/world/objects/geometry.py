@@ -18,7 +18,7 @@ from pipeline.world.shapes import Mesh, deferred, quads
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
-    """The mesh turned by `quaternion` (wxyz), then moved to `position` (m)."""
+    """The mesh turned by `quaternion` (4,) wxyz, then moved to `position` (3,) m."""
     return mesh.moved(pose(position, quaternion))
 
 
@@ -59,6 +59,13 @@ def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[NDArra
     return [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
 
 
+def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> tuple[Mesh, Mesh]:
+    """Outside, with its rim, and inside of a hollow cone of radii `foot` and `rim` (m)."""
+    edge = (rim - wall, height)
+    outside = revolve([(0, 0), (foot, 0), (rim, height), edge], sides)
+    return outside, revolve([edge, (foot - wall, wall), (0, wall)], sides)
+
+
 @deferred
 def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
     """A label round a cylinder, from height `lower` to `upper`: `prints` images, the middle of
@@ -83,8 +90,8 @@ def decal(
     position: ArrayLike = (0, 0, 0),
     quaternion: ArrayLike = (1, 0, 0, 0),
 ) -> Mesh:
-    """A rectangle in the local xy plane facing +z, the image upright along +y, placed by `position`
-    and `quaternion`."""
+    """A rectangle in the local xy plane facing +z, the image upright along +y, placed by
+    `position` (3,) and `quaternion` (4,)."""
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [width / 2, height / 2, 1]
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])

@@ -28,11 +28,8 @@ Grasps = tuple[Grasp, ...]
 def pinches(
     tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float, kind: str = "side"
 ) -> Grasps:
-    """Candidates from (position, approach, opening) of the tcp, fingers `width` (m) apart along
-    `opening`.
-
-    Approaches may have any length; openings are made perpendicular to them.
-    """
+    """Candidates from (position, approach, opening), each (3,), of the tcp, fingers `width` (m)
+    apart. Approaches may have any length; openings are made perpendicular to them."""
     if not tcps:
         return ()
     position, x, y = np.array(tcps, float).transpose(1, 0, 2)
@@ -250,8 +247,8 @@ def handle_pinches(
     leans: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
     kind: str = "handle",
 ) -> Grasps:
-    """Pinches of a straight grip at `position`: the grip runs `along`, `out` points from it towards
-    the gripper.
+    """Pinches of a straight grip at `position` (3,): it runs `along` (3,), `out` (3,) points
+    towards the gripper.
 
     The opening is across both; the approach is -`out`, leaned by `leans` (degrees) in the plane of
     `along` and `out`.

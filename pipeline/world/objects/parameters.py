@@ -1,12 +1,5 @@
-"""Parameters that are declared with how they are drawn: `Parametric` draws them in their order and
-derives the words.
-
-Each draw has the generator and the parameters declared before it. A family reads like a table:
-
-    radius: float = between(0.028, 0.034, size=LARGE)
-    foot: float = between(0.74, 0.98, of="radius")
-    colour: str = one_of(COLOURS)
-"""
+"""Parameters that are declared with how they are drawn: `Parametric` draws them in their order,
+each with those declared before it, and derives the words."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields

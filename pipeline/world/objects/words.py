@@ -24,8 +24,8 @@ def describe(family: str, noun: str, **facts: str) -> Words:
     filled by `facts`.
 
     A slot such as {colour} stands for a fact of that name; a phrase whose fact is missing or "" is
-    passed over, and so is one that says what another one said. `noun` is the object's plain name.
-    Raises LanguageError, naming the file, where too few are left.
+    passed over, and so is a repeated one. `noun` is the object's plain name. Raises LanguageError,
+    naming the file, where too few are left.
     """
     if noun in FAMILIES and family not in FAMILIES:
         raise LanguageError(

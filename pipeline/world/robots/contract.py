@@ -1,8 +1,5 @@
-"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data.
-
-An arm's joint and link names are local to the arm; in the world every name carries its side:
-`left_joint1`, `right_link6`.
-"""
+"""What an embodiment is: two arms or one, each one spec, plus fixed furniture. Plain data. An
+arm's joint and link names are local; in the world every name carries its side: `left_joint1`."""
 
 from dataclasses import dataclass, field
 
@@ -48,12 +45,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Gripper:
-    """Two fingers, moved by coupled joints: two slides, a linkage of hinges, or one hinge of a jaw
-    that meets a fixed one.
-
-    `closed`/`opened` are the positions (m or rad) of each joint; opening in m between the pads. The
-    normalised gripper value is 0 closed, 1 open, linear in the joint positions.
-    """
+    """Two fingers, moved by coupled joints: two slides, a linkage of hinges, or one hinge of a
+    jaw that meets a fixed one. `closed`/`opened` are the positions (m or rad) of each joint; the
+    normalised gripper value is 0 closed, 1 open, linear in them."""
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]  # link names of the fingers; the hand for a jaw that is part of it
@@ -144,11 +138,8 @@ LEAD = 0.05
 
 def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> float:
     """What the joints of a gripper at measured `positions` (J,) are driven to for a commanded
-    normalised `value`.
-
-    In a linkage (more than two joints) each link holds the others back: none is driven further from
-    their mean than LEAD, so that all stop where one meets an object.
-    """
+    normalised `value`. In a linkage (more than two joints) none is driven further from their
+    mean than LEAD, so that all stop if one meets an object."""
     if len(gripper.joints) <= 2:
         return value
     now = jaw_value(gripper, positions)

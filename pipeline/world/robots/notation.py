@@ -15,23 +15,23 @@ Triple = tuple[float, float, float]
 
 
 def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
-    """Pose of a URDF `<origin xyz rpy>` (m, rad)."""
+    """Pose (7,) of a URDF `<origin xyz rpy>` (m, rad)."""
     return pose(xyz, quat_from_rpy(*rpy))
 
 
 def wrist_camera(
     tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
 ) -> Pose:
-    """Camera pose in the hand link, `behind` and `above` the tool frame (m), pitched down by
+    """Camera pose (7,) in the hand link, `behind` and `above` the tool frame (m), pitched down by
     `pitch` (rad).
 
-    RoboTwin's mounts (further forward or unpitched) cut off the pads or a finger in a 37 degree
-    image; from here both fingers and what they hold are in view at any opening up to 9 cm.
+    From here both fingers and what they hold are in view at any opening up to 9 cm; RoboTwin's
+    mounts cut off the pads or a finger in a 37 degree image.
     """
     return compose(tcp, at((-behind, 0, above), (0, pitch, 0)))
 
 
 def box(lower: ArrayLike, upper: ArrayLike) -> Collider:
-    """Axis-aligned box between two corners (m, link frame)."""
+    """Axis-aligned box between two corners (3,), m, link frame."""
     a, b = np.asarray(lower, float), np.asarray(upper, float)
     return Collider("box", tuple(((b - a) / 2).tolist()), pose((a + b) / 2))

@@ -22,10 +22,7 @@ GAP = 0.003  # between the stand's collision and the base link, m
 
 def pedestal(base: Triple, half: float) -> Stand:
     """A stand in the world frame for a base at `base` (m) whose foot fits a square of half edge
-    `half` (m).
-
-    The column keeps behind the table edge; only the plate under the foot may reach over the table.
-    """
+    `half` (m). Only the plate under the foot may reach over the table."""
     x, y, z = base
     column_y = min(y, TABLE_EDGE - 0.015 - half)
     front = max(y, column_y) + half
@@ -61,7 +58,7 @@ def pedestal(base: Triple, half: float) -> Stand:
 
 
 def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
-    """Box between two corners (m) with chamfered edges."""
+    """Box between two corners (3,), m, with chamfered edges."""
     a, b = np.asarray(lower, float), np.asarray(upper, float)
     return geometry.at(geometry.box(*((b - a) / 2), bevel=bevel), (a + b) / 2)
 

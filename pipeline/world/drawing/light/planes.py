@@ -93,8 +93,8 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
 
 
 def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
-    """How often to halve a texture so that a texel is about as large as a `pixel` (m), 0 to
-    MAX_LEVEL."""
+    """How often to halve a texture (H,W,4) so that a texel is about as large as a `pixel` (m), 0
+    to MAX_LEVEL."""
     if mesh.uvs is None:
         return 0
     a, b = mesh.triangles[0][:2]

@@ -144,8 +144,8 @@ def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
 
 
 def table_window(direction: ArrayLike) -> tuple[slice, slice]:
-    """Rows and columns of the map with the light that meets the table top, and FAR // 2 texels
-    around."""
+    """Rows and columns of the map with the light from `direction` (3,) that meets the table top,
+    and FAR // 2 texels around."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0)])
     corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
     x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T

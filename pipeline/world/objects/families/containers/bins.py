@@ -8,7 +8,7 @@ from pipeline.world.looks.materials import metal, plastic
 from pipeline.world.objects.colliders import tray, vessel
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.containers.baskets import open_box
-from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep
+from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep, tapered
 from pipeline.world.objects.grasping import rim_pinches
 from pipeline.world.objects.kit import COLOURS, hollow, lean
 from pipeline.world.objects.parameters import LARGE, WIDE, Parametric, between, one_of
@@ -30,8 +30,7 @@ class TableBin(Parametric):
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, 0.004
         skin = plastic if self.material == "plastic" else metal
-        outside = revolve([(0, 0), (f, 0), (r, h), (r - wall, h)], 26)
-        inside = revolve([(r - wall, h), (f - wall, wall), (0, wall)], 26)
+        outside, inside = tapered(f, r, h, wall, 26)
         lip = revolve(
             [
                 (r - 0.0005, h - 0.006),
@@ -78,8 +77,7 @@ class Dustbin(Parametric):
 
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, 0.008
-        outside = revolve([(0, 0), (f, 0), (r, h), (r - wall, h)], 32)
-        inside = revolve([(r - wall, h), (f - wall, wall), (0, wall)], 32)
+        outside, inside = tapered(f, r, h, wall, 32)
         rim = revolve(
             [(r - 0.002, h - 0.03), (r + 0.004, h - 0.03), (r + 0.004, h), (r - wall, h + 0.001)],
             32,

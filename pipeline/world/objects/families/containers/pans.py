@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import metal, painted, plastic, wood, wrapped
+from pipeline.world.looks.materials import made_of, metal, painted, plastic, wrapped
 from pipeline.world.objects.colliders import arc_of_capsules, box_collider, vessel
 from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, box, revolve, sweep
+from pipeline.world.objects.geometry import at, box, revolve, sweep, tapered
 from pipeline.world.objects.grasping import handle_pinches, rim_pinches
 from pipeline.world.objects.kit import COLOURS, hollow, mark
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
@@ -141,16 +141,11 @@ class Skillet(Parametric):
             if self.colour in ("silver", "gray", "charcoal")
             else painted(self.colour)
         )
-        outside = revolve([(0, 0), (foot, 0), (r, h), (r - WALL, h)], 32)
-        inside = revolve([(r - WALL, h), (foot - WALL, WALL), (0, WALL)], 32)
+        outside, inside = tapered(foot, r, h, WALL, 32)
         middle, turn = self.along(0.5), quat_about((1, 0, 0), -LEAN)
         grip = at(box(self.grip, 0.36 * self.handle, HALF_DEEP, 0.004), self.along(0.64), turn)
         neck = at(box(0.55 * self.grip, 0.2 * self.handle, 0.004), self.along(0.18), turn)
-        cover = (
-            wood(self.handle_colour)
-            if self.handle_material == "wood"
-            else plastic(self.handle_colour)
-        )
+        cover = made_of(self.handle_material, self.handle_colour)
         return Shape(
             visual=(
                 (outside, skin),

@@ -7,12 +7,12 @@ import numpy as np
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import (
     glaze,
+    made_of,
     metal,
     plastic,
     print_texture,
     printed,
     rubber,
-    wood,
 )
 from pipeline.world.objects.colliders import Colliders, box_collider, cylinder_collider, disc, slab
 from pipeline.world.objects.contract import NamedFrames, register
@@ -65,11 +65,7 @@ class QrSign(Parametric):
     def shape(self) -> Shape:
         hx, hz, f = self.hx, (self.height - self.foot_height) / 2, self.foot_height
         middle = f + hz
-        skin = (
-            wood(self.foot_colour, self.seed)
-            if self.foot_material == "wood"
-            else plastic(self.foot_colour)
-        )
+        skin = made_of(self.foot_material, self.foot_colour, self.seed)
         side = 1.6 * min(hx, hz)
         code = printed(print_texture("white", "black", "qr", "", self.seed), 0.4)
         title = printed(print_texture(self.colour, "white", "label", "PAY", self.seed), 0.4)

@@ -7,11 +7,10 @@ import numpy as np
 
 from pipeline.world.looks.materials import (
     fabric,
+    made_of,
     painted,
     print_texture,
     printed,
-    rubber,
-    wood,
     worn,
     wrapped,
 )
@@ -42,11 +41,7 @@ class Coaster(Parametric):
 
     def shape(self) -> Shape:
         r, t = self.radius, self.thickness
-        skin = {
-            "wood": wood(self.colour, self.seed),
-            "rubber": rubber(self.colour),
-            "painted": painted(self.colour),
-        }[self.material]
+        skin = made_of(self.material, self.colour, self.seed)
         body = (
             cylinder(r, t, 28, 0.001)
             if self.form == "round"

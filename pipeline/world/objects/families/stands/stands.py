@@ -5,7 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import WOODS, glaze, metal, painted, plastic, srgb, wood
+from pipeline.world.looks.materials import (
+    WOODS,
+    made_of,
+    srgb,
+)
 from pipeline.world.objects.colliders import arc_of_capsules, box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import (
@@ -56,12 +60,7 @@ class DisplayStand(Parametric):
 
     def shape(self) -> Shape:
         r, h, f, c, t = self.radius, self.height, self.foot, self.column, self.plate
-        skin = {
-            "wood": wood(self.colour, self.seed),
-            "metal": metal(self.colour),
-            "ceramic": glaze(self.colour),
-        }.get(self.material)
-        skin = painted(self.colour) if skin is None else skin
+        skin = made_of(self.material, self.colour, self.seed)
         foot = [(f - 0.001, 0.0), (f, 0.002), (f - 0.002, 0.007)]
         bead = [(c + 0.003, 0.020), (c + 0.003, 0.023), (0.96 * c, 0.0245)]
         column = revolve(
@@ -171,11 +170,7 @@ class PhoneStand(Parametric):
         return np.array([0, -0.3 * self.depth, 0.024])
 
     def shape(self) -> Shape:
-        skin = {
-            "plastic": plastic(self.colour),
-            "metal": metal(self.colour),
-            "wood": wood(self.colour, self.seed),
-        }[self.material]
+        skin = made_of(self.material, self.colour, self.seed)
         return Shape(
             visual=tuple(
                 (at(box(*half, 0.0012), centre, turn), skin) for half, centre, turn in self.boxes()
@@ -227,11 +222,7 @@ class Rack(Parametric):
         return np.stack([root, root + self.peg * np.array([0, -np.cos(t), np.sin(t)])])
 
     def shape(self) -> Shape:
-        skin = {
-            "wood": wood(self.colour, self.seed),
-            "metal": metal(self.colour),
-            "painted": painted(self.colour),
-        }[self.material]
+        skin = made_of(self.material, self.colour, self.seed)
         root, tip = self.peg_path()
         back = np.array([root, root + (tip - root) * [1, -1, 1]])
         knob = at(sphere(1.25 * self.post, 6, 14), (0, 0, self.height - 1.25 * self.post))

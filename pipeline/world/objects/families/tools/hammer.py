@@ -4,7 +4,7 @@
 from dataclasses import dataclass, replace
 
 from pipeline.poses import pose
-from pipeline.world.looks.materials import metal, painted, rubber, wood
+from pipeline.world.looks.materials import made_of, metal, painted, rubber
 from pipeline.world.objects.colliders import ALONG_X, cylinder_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
@@ -34,7 +34,7 @@ class Hammer(Parametric):
 
     def shape(self) -> Shape:
         h, f, long, z = self.half, self.face, self.length, self.reach / 2
-        skin = wood(self.colour, self.seed) if self.grip == "wood" else rubber(self.colour)
+        skin = made_of(self.grip, self.colour, self.seed)
         steel = (
             metal(self.head_colour) if self.head_colour in _METALS else painted(self.head_colour)
         )

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.poses import quat_about, quat_from_rpy
-from pipeline.world.looks.materials import metal, plastic, print_texture, printed, rubber, wood
+from pipeline.world.looks.materials import (
+    made_of,
+    metal,
+    plastic,
+    print_texture,
+    printed,
+    rubber,
+)
 from pipeline.world.objects.colliders import (
     box_collider,
     cylinder_collider,
@@ -43,7 +50,7 @@ class Seal(Parametric):
 
     def shape(self) -> Shape:
         a, b, h, g = self.half, self.block, self.height, self.grip
-        skin = wood(self.colour, self.seed) if self.material == "wood" else plastic(self.colour)
+        skin = made_of(self.material, self.colour, self.seed)
         foot = 0.006
         if self.form == "round":
             pad, block = cylinder(a, foot, 24), at(cylinder(a, b - foot, 24, 0.002), (0, 0, foot))

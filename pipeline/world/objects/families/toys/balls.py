@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.world.looks.materials import plastic, rubber
+from pipeline.world.looks.materials import made_of, plastic
 from pipeline.world.objects.colliders import ALONG_Y, sphere_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, revolve, sphere
@@ -26,7 +26,7 @@ class Ball(Parametric):
 
     def shape(self) -> Shape:
         r = self.radius
-        skin = plastic(self.colour) if self.material == "plastic" else rubber(self.colour)
+        skin = made_of(self.material, self.colour)
         return Shape(
             visual=((at(sphere(r, 8, 14), (0, 0, r)), skin),),
             collision=sphere_collider(r, (0, 0, r)),
