@@ -114,9 +114,14 @@ def result_of[R](work: R | Steps[R]) -> R:
 
 
 def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
-    """The executor to use and its number of workers: `auto` is inline for one worker and where Ray
-    is not installed, else Ray."""
-    count = workers or usable_cores()
+    """The executor to use and its number of workers: `auto` is inline for one worker, or if Ray is
+    not installed and no number was given; else Ray. Raises CrewError for several workers without
+    Ray."""
+    count, has_ray = workers or usable_cores(), find_spec("ray") is not None
     if name == "auto":
-        name = "ray" if count > 1 and find_spec("ray") else "inline"
+        name = "ray" if count > 1 and (has_ray or workers) else "inline"
+    if name == "ray" and not has_ray:
+        raise CrewError(
+            "several workers need ray: uv pip install 'domino-data[ray]', or use --workers 1"
+        )
     return name, 1 if name == "inline" else count

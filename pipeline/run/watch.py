@@ -4,9 +4,11 @@ cells."""
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 from pipeline.crew.contract import Crew
 from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
+from pipeline.data.cores import usable_cores
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
@@ -73,6 +75,10 @@ def _announce(
         f"episodes to make: {len(jobs):,}, in {with_urls(str(dataset.root))};"
         f" {cost.describe(len(jobs), crew.workers)}. Ctrl-C stops; rerun the same command to resume"
     )
+    if crew.executor == "inline" and usable_cores() > 1 and find_spec("ray") is None:
+        progress.write_line(
+            f"one worker: uv pip install 'domino-data[ray]' lets all {usable_cores()} cores work"
+        )
     if not is_compiled():
         progress.show_activity("compiling, once, about 20 s")
         if crew.executor != "inline":
