@@ -105,6 +105,8 @@ def evaluate(
     seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup, apart)
     for place in (out, seeds.root):
         check_directory(place)
+    for cell in evaluation.cells:
+        seeds.read(cell)  # what is none is refused before anything is written
     evaluation = replace(evaluation, policy=_introduced(evaluation, run, tell))
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
