@@ -1,11 +1,13 @@
 """`domino-data export`: choose the intact episodes of a dataset, or its kept failures, and write
 them in another format."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
@@ -19,6 +21,7 @@ from pipeline.export.options import flag_name
 from pipeline.export.shared.episodes import EPISODES, FAILURES, expression, select_episodes
 from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
+from pipeline.run.identity.core import package_root, shared_physics
 
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 
@@ -45,7 +48,7 @@ class Request:
 @dataclass(frozen=True)
 class Export:
     """An export: its summary, where it is, how many episodes it holds, and a warning about sensors
-    that it leaves out, or ""."""
+    that it leaves out and about stale episodes, or ""."""
 
     summary: Mapping[str, Any]
     place: Path
@@ -96,7 +99,15 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
         summary,
         place,
         len(episodes),
-        left_out_warning(request.format, left, exporter.options) if left else "",
+        "; ".join(
+            filter(
+                None,
+                [
+                    left_out_warning(request.format, left, exporter.options) if left else "",
+                    "" if failures else stale_warning(source, recipe),
+                ],
+            )
+        ),
     )
 
 
@@ -113,6 +124,24 @@ def differences(source: Dataset, place: Path) -> list[str]:
         record.summary.get("validation", VALIDATION),
     )
     return record.check(source.root, select_episodes(sorted(episodes), where, validation))
+
+
+def stale_warning(source: Dataset, recipe: Recipe) -> str:
+    """How many episodes another version of the core or of the packages made, by the keys in the
+    index; "" for none. What else can be out of date, `status` compares."""
+    rows, now = source.present(recipe), shared_physics(package_root()).items()
+    stale = {
+        number
+        for number, text in rows.texts.items()
+        if not now <= json.loads(text).get("physics", {}).items()
+    }
+    count = int(np.isin(rows.keys[rows.accepted], list(stale)).sum())
+    if not count:
+        return ""
+    return (
+        f"{count} episodes were made by another version of the code and are exported as they are;"
+        f" `domino-data status {source.root}` shows what changed"
+    )
 
 
 def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> str:

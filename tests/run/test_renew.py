@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline.run.identity import code
+from pipeline.run.identity import code, core
 from pipeline.tasks import TASKS
 from tests.run.command import inside
 from tests.run.identity.test_slot_keys import CODE
@@ -22,9 +22,9 @@ def tree(tmp_path, monkeypatch):
     """A copy of the sources to edit, from which this process takes its keys. It runs the sources
     themselves: no edit of the test but that of the phrases does anything."""
     root = shutil.copytree(
-        code.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
+        core.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
     )
-    monkeypatch.setattr(code, "package_root", lambda: root)
+    monkeypatch.setattr(core, "package_root", lambda: root)
     yield root
     monkeypatch.undo()
     forget_sources()
@@ -35,9 +35,9 @@ def forget_sources():
     for cached in (
         code.cell_code,
         code.drawing_code,
-        code.hash_files,
+        core.hash_files,
         code._hash_imported,
-        code._hash_file,
+        core.hash_file,
     ):
         cached.cache_clear()
 

@@ -18,7 +18,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.keys import canonical
 from pipeline.run.annotate import annotate
 from pipeline.run.build import build
-from pipeline.run.identity import code
+from pipeline.run.identity import code, core
 from pipeline.run.verify import verify
 from tests.run.command import inside
 from tests.synthetic import make_episode
@@ -275,7 +275,7 @@ def test_an_episode_that_nobody_could_have_made_is_found(mine):
 
 def test_episodes_of_another_version_cannot_be_made_again(mine, monkeypatch):
     without_index(mine)
-    monkeypatch.setattr(code, "PHYSICS_PACKAGES", ("numpy",))
+    monkeypatch.setattr(core, "PHYSICS_PACKAGES", ("numpy",))
     code.cell_code.cache_clear()
     status, out, _ = inside("verify", mine, "--again", "2", "--quiet")
     code.cell_code.cache_clear()

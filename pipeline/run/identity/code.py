@@ -7,12 +7,10 @@ trees without docstrings: a comment, a docstring or a line break changes no hash
 """
 
 import ast
-import hashlib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import pipeline
@@ -21,6 +19,18 @@ from pipeline.data.names import NONE
 from pipeline.data.rules import Rules
 from pipeline.motion.models import MODELS as MOTIONS
 from pipeline.plugins import outside_modules
+from pipeline.run.identity.core import (
+    CORE,
+    LANGUAGE,
+    OF_DRAWING,
+    PHYSICS_PACKAGES,
+    REGISTERED,
+    files_below,
+    hash_file,
+    hash_files,
+    shared_physics,
+    versions,
+)
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
 from pipeline.tasks.layout import families_of
@@ -29,22 +39,12 @@ from pipeline.world.objects.from_files import directory_of
 from pipeline.world.robots import MODELS, OURS
 from pipeline.world.robots.directory import content_key
 
-REGISTERED = ("tasks/library", "world/objects/families", "motion/models")
-LANGUAGE = ("tasks/language", "world/objects/words.py")
 SHADERS = ("world/drawing/shaders",)
-_DRAWING = ("stages/drawing", "world/drawing", "world/looks")
-CORE = (
-    *("stages", "tasks", "expert", "planning", "motion", "world", "poses.py"),
-    *("data/cameras.py", "data/clock.py", "data/rules.py", "data/spec.py"),
-    "data/episode/state_log.py",
-)
-NOT_CORE = (*REGISTERED, *LANGUAGE, *_DRAWING)
 DRAWING = (
-    *_DRAWING,
+    *OF_DRAWING,
     *("world/cameras.py", "world/glb.py", "world/shapes.py", "poses.py"),
     *("data/brought.py", "data/cameras.py", "data/sensors.py", "data/episode/visuals.py"),
 )
-PHYSICS_PACKAGES = ("manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")
 DRAWING_PACKAGES = ("numba", "numpy", "opencv-python-headless", "sapien")
 
 
@@ -57,11 +57,6 @@ class CellCode:
     language: dict[str, str]
 
 
-def package_root() -> Path:
-    """Directory of the package."""
-    return Path(next(iter(pipeline.__path__)))
-
-
 def code_version(root: Path) -> str:
     """One hash of all code that can change any slot."""
     objects = [name for name, family in FAMILIES.items() if directory_of(family)]
@@ -71,7 +66,7 @@ def code_version(root: Path) -> str:
             _hash_modules(root, [*TASKS.values(), *FAMILIES.values(), *MOTIONS.values()]),
             [robot_contents(root, name) for name in MODELS],
             [object_content(name) for name in objects],
-            sorted((name, _hash_file(path)) for name, path in outside_modules().items()),
+            sorted((name, hash_file(path)) for name, path in outside_modules().items()),
             versions((*PHYSICS_PACKAGES, *DRAWING_PACKAGES)),
         ]
     )
@@ -87,12 +82,11 @@ def cell_code(root: Path, task: str, robots: str, randomized: bool, motion: str 
     contents = robot_contents(root, robots)
     motions = (motion or this.motion, *this.movers.values())
     physics = {
-        "core": hash_files(root, CORE, NOT_CORE),
+        **shared_physics(root),
         "task": _hash_modules(root, [this]),
         "objects": _hash_modules(root, [FAMILIES[name] for name in placed]),
         "robot": digest([robots, [content["physics"] for content in contents]]),
         "motion": _hash_modules(root, [MOTIONS[name] for name in motions]),
-        "packages": versions(PHYSICS_PACKAGES),
     }
     language = {
         "phrases": _hash_phrases(root, this, task),
@@ -147,19 +141,6 @@ def object_content(name: str) -> dict[str, str]:
     return {"physics": name, "looks": name} if files is None else content_key(files.path)
 
 
-@cache
-def hash_files(root: Path, where: tuple[str, ...], without: tuple[str, ...] = ()) -> str:
-    """One hash of all files at or below some paths of the package, but those of `without`."""
-    found = {path for each in where for path in _files(root / each)}
-    found -= {path for each in without for path in _files(root / each)}
-    return digest([[path.relative_to(root).as_posix(), _hash_file(path)] for path in sorted(found)])
-
-
-def _files(path: Path) -> Iterator[Path]:
-    below = path.rglob("*") if path.is_dir() else [path]
-    return (each for each in below if each.is_file() and "__pycache__" not in each.parts)
-
-
 def _hash_modules(root: Path, items: Iterable[object]) -> str:
     """A hash of the modules of tasks, families or motion models, and of those that they import
     from beside them: modules of REGISTERED, or of plugins."""
@@ -173,7 +154,7 @@ def _hash_imported(root: Path, modules: tuple[str, ...]) -> str:
         name = names.pop()
         if name not in found:
             path = known.get(name) or Path(str(sys.modules[name].__file__))
-            found[name] = _hash_file(path)
+            found[name] = hash_file(path)
             names += [each for each in _imports(path, name) if each in known]
     return digest(sorted(found.items()))
 
@@ -181,7 +162,9 @@ def _hash_imported(root: Path, modules: tuple[str, ...]) -> str:
 @cache
 def _registered(root: Path) -> dict[str, Path]:
     """The modules of REGISTERED and of plugins by name."""
-    paths = [path for each in REGISTERED for path in _files(root / each) if path.suffix == ".py"]
+    paths = [
+        path for each in REGISTERED for path in files_below(root / each) if path.suffix == ".py"
+    ]
     ours = [path.relative_to(root).with_suffix("").parts for path in paths]
     names = [".".join([pipeline.__name__, *parts]) for parts in ours]
     return dict(zip(names, paths, strict=True)) | outside_modules()
@@ -203,23 +186,6 @@ def _imports(path: Path, module: str) -> frozenset[str]:
     return frozenset(found)
 
 
-@cache
-def _hash_file(path: Path) -> str:
-    """A hash of a file's bytes; of a Python file, of its syntax tree without docstrings."""
-    content = path.read_bytes()
-    if path.suffix == ".py":
-        tree = ast.parse(content)
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-                node.body = [each for each in node.body if not _is_text(each)] or [ast.Pass()]
-        content = ast.dump(tree).encode()
-    return hashlib.sha256(content).hexdigest()[:32]
-
-
-def _is_text(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-
-
 def _hash_phrases(root: Path, item: object, name: str) -> str:
     """A hash of the phrases of a task or a family: beside its module or, of a plugin, in it."""
     module = str(item.__module__)
@@ -227,10 +193,4 @@ def _hash_phrases(root: Path, item: object, name: str) -> str:
         return hash_files(root, ("/".join([*module.split(".")[1:-1], "phrases", f"{name}.txt"]),))
     path = Path(str(sys.modules[module].__file__))
     text = path.parent / "phrases" / f"{name}.txt"
-    return digest([text.read_text("utf-8") if text.is_file() else "", _hash_file(path)])
-
-
-@cache
-def versions(distributions: tuple[str, ...]) -> str:
-    """A hash of the installed versions of packages."""
-    return digest({name: version(name) for name in distributions})
+    return digest([text.read_text("utf-8") if text.is_file() else "", hash_file(path)])

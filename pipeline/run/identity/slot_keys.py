@@ -13,7 +13,7 @@ from pipeline.data.keys import Key, SlotKeys, digest
 from pipeline.data.recipe.model import CHOOSING, Recipe, RecipeError, Slot
 from pipeline.data.rules import Rules
 from pipeline.data.setup import IMAGES
-from pipeline.run.identity import code
+from pipeline.run.identity import code, core
 from pipeline.run.names import add_originals
 
 FOR_SENTENCES = ("instructions",)
@@ -23,7 +23,7 @@ class RecipeKeys:
     """The keys that the slots of a recipe have with the code and the packages as they are now."""
 
     def __init__(self, recipe: Recipe) -> None:
-        self._recipe, self._root = recipe, code.package_root()
+        self._recipe, self._root = recipe, core.package_root()
         self._placed: dict[tuple[str, bool], dict[str, str]] = {}
         if recipe.assets is not None:
             # slots whose objects are missing have no keys, which readers report
@@ -100,9 +100,9 @@ def redrawn_keys(recipe: Recipe, slot: Slot, source: SlotKeys) -> SlotKeys:
 def code_version() -> str:
     """One hash of everything that can change any slot: for provenance, and to see that all workers
     run the same code."""
-    return code.code_version(code.package_root())
+    return code.code_version(core.package_root())
 
 
 def policy_version() -> str:
     """A hash of the code by which policies act and are corrected, without that of the policies."""
-    return code.evaluation_code(code.package_root())
+    return code.evaluation_code(core.package_root())

@@ -16,7 +16,7 @@ from pipeline.data.recipe.model import Floor, Slot
 from pipeline.data.rules import Corrections, Sight
 from pipeline.data.sensors import Sensors
 from pipeline.data.spec import EpisodeSpec
-from pipeline.run.identity import code
+from pipeline.run.identity import code, core
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys, slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
@@ -39,7 +39,7 @@ RECIPE = recipe_from(
 )
 SLOTS = {slot.cell.path: slot for slot in RECIPE.slots()}
 SLOT = next(iter(RECIPE.slots()))
-PACKAGE = code.package_root()
+PACKAGE = core.package_root()
 
 ALL = ("",)
 NONE = ()
@@ -146,7 +146,7 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     tmp_path, monkeypatch, package, before, file, text, cells, changed
 ):
     root = edited(package, tmp_path / "pipeline", file, text)
-    monkeypatch.setattr(code, "package_root", lambda: root)
+    monkeypatch.setattr(core, "package_root", lambda: root)
     for cell, new in all_keys().items():
         stale = {
             name
@@ -158,7 +158,7 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
 
 def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
     shutil.copytree(PACKAGE, tmp_path / "pipeline")
-    monkeypatch.setattr(code, "package_root", lambda: tmp_path / "pipeline")
+    monkeypatch.setattr(core, "package_root", lambda: tmp_path / "pipeline")
     assert all_keys() == before
     version = code_version()
     monkeypatch.undo()
@@ -167,17 +167,17 @@ def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
 
 def test_a_key_says_which_part_changed(tmp_path, monkeypatch, package, before):
     root = edited(package, tmp_path / "pipeline", "assets/robots/aloha-agilex/robot.toml", DOC)
-    monkeypatch.setattr(code, "package_root", lambda: root)
+    monkeypatch.setattr(core, "package_root", lambda: root)
     path = SLOT.cell.path
     assert slot_keys(RECIPE, SLOT).physics.changed(before[path].physics) == ["robot"]
 
 
 def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
-    monkeypatch.setattr(code, "version", lambda name: "9.9" if name == "sapien" else "1")
-    for cached in (code.versions, code.cell_code, code.drawing_code):
+    monkeypatch.setattr(core, "version", lambda name: "9.9" if name == "sapien" else "1")
+    for cached in (core.versions, code.cell_code, code.drawing_code):
         cached.cache_clear()
     changed = slot_keys(RECIPE, SLOT).physics.changed(before[SLOT.cell.path].physics)
-    for cached in (code.versions, code.cell_code, code.drawing_code):
+    for cached in (core.versions, code.cell_code, code.drawing_code):
         cached.cache_clear()
     assert changed == ["packages"]
 
@@ -242,7 +242,7 @@ def test_a_plugin_counts_with_what_it_imports_from_beside_it_and_nothing_else(
         for text in ("", CODE):
             with open(folder / f"{name}.py", "a") as f:
                 f.write(text)
-            for cached in (code._registered, code._hash_imported, code._hash_file):
+            for cached in (code._registered, code._hash_imported, core.hash_file):
                 cached.cache_clear()
             hashes.append(code._hash_imported(PACKAGE, ("mine.task",)))
         used[name] = hashes[0] != hashes[1]
@@ -262,15 +262,15 @@ def test_a_family_that_the_key_does_not_name_is_refused():
 
 
 def test_the_core_draws_nothing_and_looks_collide_with_nothing():
-    core = [path for each in code.CORE for path in code._files(PACKAGE / each)]
-    outside = {path for each in code.NOT_CORE for path in code._files(PACKAGE / each)}
-    for path in (path for path in core if path not in outside):
+    files = [path for each in core.CORE for path in core.files_below(PACKAGE / each)]
+    outside = {path for each in core.NOT_CORE for path in core.files_below(PACKAGE / each)}
+    for path in (path for path in files if path not in outside):
         assert not {
             name
             for name in code._imports(path, "")
             if name.startswith(("pipeline.world.drawing", "pipeline.stages.drawing"))
         }, path
-    for path in code._files(PACKAGE / "world/looks"):
+    for path in core.files_below(PACKAGE / "world/looks"):
         assert "Collider" not in path.read_text(), path
 
 
@@ -394,7 +394,7 @@ def test_only_what_draws_makes_a_drawing_stale(
     root = edited(
         package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}"
     )
-    monkeypatch.setattr(code, "package_root", lambda: root)
+    monkeypatch.setattr(core, "package_root", lambda: root)
     source = before[SLOT.cell.path]
     assert redrawn_keys(RECIPE, SLOT, source).render.changed(source.render) == changed
 

@@ -1,0 +1,70 @@
+"""Hashes of files of the package, and which of them decide every episode. It imports no simulator,
+so that an export can tell what another version of the code made."""
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import pipeline
+from pipeline.data.keys import digest
+
+REGISTERED = ("tasks/library", "world/objects/families", "motion/models")
+LANGUAGE = ("tasks/language", "world/objects/words.py")
+OF_DRAWING = ("stages/drawing", "world/drawing", "world/looks")
+CORE = (
+    *("stages", "tasks", "expert", "planning", "motion", "world", "poses.py"),
+    *("data/cameras.py", "data/clock.py", "data/rules.py", "data/spec.py"),
+    "data/episode/state_log.py",
+)
+NOT_CORE = (*REGISTERED, *LANGUAGE, *OF_DRAWING)
+PHYSICS_PACKAGES = ("manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")
+
+
+def package_root() -> Path:
+    """Directory of the package."""
+    return Path(next(iter(pipeline.__path__)))
+
+
+def shared_physics(root: Path) -> dict[str, str]:
+    """The parts of a physics key that are the same for every slot."""
+    return {"core": hash_files(root, CORE, NOT_CORE), "packages": versions(PHYSICS_PACKAGES)}
+
+
+@cache
+def hash_files(root: Path, where: tuple[str, ...], without: tuple[str, ...] = ()) -> str:
+    """One hash of all files at or below some paths of the package, but those of `without`."""
+    found = {path for each in where for path in files_below(root / each)}
+    found -= {path for each in without for path in files_below(root / each)}
+    return digest([[path.relative_to(root).as_posix(), hash_file(path)] for path in sorted(found)])
+
+
+def files_below(path: Path) -> Iterator[Path]:
+    """The files at or below a path, but those that Python makes."""
+    below = path.rglob("*") if path.is_dir() else [path]
+    return (each for each in below if each.is_file() and "__pycache__" not in each.parts)
+
+
+@cache
+def hash_file(path: Path) -> str:
+    """A hash of a file's bytes; of a Python file, of its syntax tree without docstrings."""
+    content = path.read_bytes()
+    if path.suffix == ".py":
+        tree = ast.parse(content)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                node.body = [each for each in node.body if not _is_text(each)] or [ast.Pass()]
+        content = ast.dump(tree).encode()
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+@cache
+def versions(distributions: tuple[str, ...]) -> str:
+    """A hash of the installed versions of packages."""
+    return digest({name: version(name) for name in distributions})
