@@ -48,11 +48,8 @@ def annotation_sheet(
     if not entries["flow"] and not entries["masks"]:
         return None
     with open_episode(dataset / "episodes" / episode) as e:
-        chosen = (
-            list(frames)
-            if frames is not None
-            else np.linspace(0, len(e) - 1, 7)[1:].round().astype(int).tolist()
-        )
+        spread = np.linspace(0, len(e) - 1, 7)[1:].round().astype(int).tolist()
+        chosen = spread if frames is None else list(frames)
         images = {t: e.rgb(camera, t) for t in chosen}
     first = images[chosen[0]]
     size = (width, round(width * first.shape[0] / first.shape[1]))

@@ -15,7 +15,6 @@ from pipeline.annotate.options import AnnotateOptions
 from pipeline.annotate.selection import (
     STAGES,
     Absent,
-    build_for_dry_run,
     build_stages,
     select_episodes,
 )
@@ -81,7 +80,7 @@ class AnnotateReport(TypedDict):
 
 def annotate(
     dataset: Path,
-    stages: Sequence[str] = tuple(STAGES),
+    stages: Sequence[str] = STAGES,
     *,
     options: AnnotateOptions | None = None,
     where: str | None = None,
@@ -105,8 +104,7 @@ def annotate(
     )
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)
-    build = build_for_dry_run if dry_run else build_stages
-    built = build(options, stages, render, execution.device)
+    built = build_stages(options, stages, render, execution.device, dry_run)
     report: AnnotateReport = {
         "dataset": str(dataset),
         "episodes": len(chosen),

@@ -177,11 +177,8 @@ def image_settings(files: ModelFiles) -> dict[str, Any]:
         if path.is_file():
             content = read_json(path)
             settings |= content.get("image_processor", content)
-    return {
-        "size": settings.get("size", {}),
-        "image_mean": settings.get("image_mean", _IMAGENET[0]),
-        "image_std": settings.get("image_std", _IMAGENET[1]),
-    }
+    defaults = {"size": {}, "image_mean": _IMAGENET[0], "image_std": _IMAGENET[1]}
+    return {name: settings.get(name, value) for name, value in defaults.items()}
 
 
 def pixels(
