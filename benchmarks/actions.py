@@ -1,4 +1,4 @@
-"""RecordedCase actions replayed in closed loop through every representation of an action.
+"""Recorded actions replayed in closed loop through every representation of an action.
 
     python -m benchmarks.actions --tasks click_bell,handover_block --robots aloha-agilex \
         --levels 0,3 --slots 2 --rows rows.jsonl
@@ -237,7 +237,7 @@ def _is_base(row: Row) -> bool:
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(
-        description="RecordedCase actions through every representation."
+        description="Recorded actions through every representation."
     )
     parser.add_argument("--tasks", default=",".join(TASKS))
     parser.add_argument("--robots", default="aloha-agilex,franka-panda")
