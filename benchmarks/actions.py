@@ -236,9 +236,7 @@ def _is_base(row: Row) -> bool:
 
 def main() -> None:
     """The command."""
-    parser = argparse.ArgumentParser(
-        description="Recorded actions through every representation."
-    )
+    parser = argparse.ArgumentParser(description="Recorded actions through every representation.")
     parser.add_argument("--tasks", default=",".join(TASKS))
     parser.add_argument("--robots", default="aloha-agilex,franka-panda")
     parser.add_argument("--levels", default="0,3")

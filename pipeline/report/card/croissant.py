@@ -110,6 +110,7 @@ def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
         if is_failures(summary)
         else "met the named conditions of its task"
     )
+    action = summary.get("action", "the joint target of the interval after it")
     return {
         "rai:dataCollection": f"{made} Each attempt was judged from its state log and {judged}.",
         "rai:dataCollectionType": ["Software Collection"],
@@ -119,9 +120,7 @@ def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
         "rai:dataCollectionMissingData": (
             "Failed attempts are left out of the episodes; no frame or value is imputed."
         ),
-        "rai:dataPreprocessingProtocol": [
-            "State is measured at a frame; action is the joint target of the interval after it."
-        ],
+        "rai:dataPreprocessingProtocol": [f"State is measured at a frame; action is {action}."],
         "rai:dataAnnotationProtocol": (
             "Instructions are made from templates and descriptions of the objects."
         ),
