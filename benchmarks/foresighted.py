@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.data.names import SIDES
 from pipeline.data.rules import Sight
 from pipeline.expert.reactive.actor import KEPT, ReactiveActor
-from pipeline.expert.reactive.prediction import Track
+from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
@@ -24,7 +24,7 @@ from pipeline.world.physics.simulation import Simulation
 from training.ladder.demonstrations import Demonstration, SlotJob, fill
 
 
-class Foresight(Track):
+class Foresight(TargetFilter):
     """The true motion of a target in place of a prediction, until the target is touched.
 
     `further` (s) is added to every time that is asked for.

@@ -177,7 +177,7 @@ class CollisionWorld:
 
     def _grouped(
         self, pieces: Pieces, pairs: Ints, owners: int, margins: tuple[float, float]
-    ) -> "Pairs":
+    ) -> "PiecePairs":
         """Sort piece pairs by the pairs of owners they belong to. `margins` are those of objects
         and of two hands."""
         frame, balls = np.zeros(owners, np.int64), np.zeros((owners, 4))
@@ -198,7 +198,7 @@ class CollisionWorld:
         pairs = pairs[order]
         bodies = pieces.owner[pairs[starts]]
         columns = (np.ascontiguousarray(c) for c in pairs.T)
-        return Pairs(
+        return PiecePairs(
             frame,
             balls,
             bodies,
@@ -238,7 +238,7 @@ class CollisionWorld:
         return [i for i, n in enumerate(names) if n in members]
 
 
-class Pairs(NamedTuple):
+class PiecePairs(NamedTuple):
     """Piece pairs a, b (M,) sorted by the owners they belong to.
 
     Owners (O): frame and bounding ball (O,4) in it. Owner pairs (G): `bodies` (G,2), `margins` (G,)
@@ -261,7 +261,7 @@ class CollisionScene:
 
     world: CollisionWorld
     pieces: Pieces
-    pairs: Pairs
+    pairs: PiecePairs
 
     def first_blocked(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws = OPEN) -> int | None:
         """Index of the first colliding row of joint rows (K,n), None when all are free. A single

@@ -34,7 +34,7 @@ Apart = Callable[[ArrayLike, ArrayLike], bool]
 one."""
 
 
-class JointLimits(NamedTuple):
+class MotionBounds(NamedTuple):
     """Speed (n,) that motions keep to, the fastest (n,) that a skill may ask for, and acceleration
     (n,): rad or m per s and s2."""
 
@@ -275,11 +275,11 @@ class ArmPlanner:
         return self.timed(path, minimum=length / metres_per_second, speed_scale=speed_scale)
 
 
-def _motion_limits(arm: Arm) -> JointLimits:
+def _motion_limits(arm: Arm) -> MotionBounds:
     own = {j.name: j.velocity for j in arm.joints}
     fastest = np.array([LIMITS.speed_share * own[n] for n in arm.arm_joints])
     acceleration = np.full(len(fastest), min(arm.acceleration, LIMITS.acceleration))
-    return JointLimits(np.minimum(fastest, LIMITS.speed), fastest, acceleration)
+    return MotionBounds(np.minimum(fastest, LIMITS.speed), fastest, acceleration)
 
 
 @lru_cache(maxsize=4)

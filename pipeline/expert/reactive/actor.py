@@ -13,8 +13,8 @@ from pipeline.data.names import SIDES
 from pipeline.data.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
-from pipeline.expert.reactive.imagination import PACE, Plan, Script, imagine
-from pipeline.expert.reactive.prediction import Track
+from pipeline.expert.reactive.imagination import PACE, MeetingPlan, Script, imagine
+from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.motion.workspace import Workspace
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
@@ -79,7 +79,7 @@ class ReactiveActor(Actor):
         sight."""
         self.sight, self.workspace, self._sight_rng = sight, workspace, rng
         box = self.bodies[self.simulation.target].instance.shape().aabb()
-        self.track, self.believed = Track(sight.noise, box.mean(axis=0)), dict[str, Pose]()
+        self.track, self.believed = TargetFilter(sight.noise, box.mean(axis=0)), dict[str, Pose]()
         self._late = list[tuple[float, Pose]]()
         self._look()
 
@@ -130,7 +130,7 @@ class ReactiveActor(Actor):
             "missed", f"nothing touched the {self.simulation.target} in {TRIES} tries"
         )
 
-    def _prepare(self, plan: Plan, script: Script) -> Plan:
+    def _prepare(self, plan: MeetingPlan, script: Script) -> MeetingPlan:
         """Carry out what comes before the last skill of a plan; returns a newer plan of that skill
         where there is one."""
         began = self.simulation.steps
@@ -142,7 +142,7 @@ class ReactiveActor(Actor):
         self.held = dict(plan.holding)
         return self._newer(script) or plan
 
-    def _newer(self, script: Script) -> Plan | None:
+    def _newer(self, script: Script) -> MeetingPlan | None:
         """A plan of the last skill for where the target is expected now; None if what is held
         cannot go there."""
         try:
@@ -160,7 +160,7 @@ class ReactiveActor(Actor):
         if by := self.simulation.touched_by:
             raise PlanFailure("early_meeting", f"{by} touched the target too soon")
 
-    def plan(self, script: Script, *, rest: bool, rounds: int = ROUNDS) -> Plan:
+    def plan(self, script: Script, *, rest: bool, rounds: int = ROUNDS) -> MeetingPlan:
         """A plan that meets the target where it is expected to be then; waits between two rounds
         where none is found.
 
@@ -204,7 +204,7 @@ class ReactiveActor(Actor):
         pose[:2] = inside + share * (suits - inside)
         return pose
 
-    def _imagine(self, script: Script, aim: Pose, *, rest: bool) -> Plan:
+    def _imagine(self, script: Script, aim: Pose, *, rest: bool) -> MeetingPlan:
         target, measured = self.simulation.target, self.simulation.pose
         riders = [name for name, body in self.bodies.items() if body.inside == target]
         self.believed = {target: aim} | {
@@ -215,7 +215,9 @@ class ReactiveActor(Actor):
         finally:
             self.believed = {}
 
-    def _follow(self, expert: ReactiveExpert, plan: Plan, script: Script) -> Plan | None:
+    def _follow(
+        self, expert: ReactiveExpert, plan: MeetingPlan, script: Script
+    ) -> MeetingPlan | None:
         """Execute the last skill of a plan, or of a newer one if the target leaves the predicted
         path.
 
@@ -278,7 +280,7 @@ class ReactiveActor(Actor):
             if moved and self.simulation.released:
                 break
 
-    def _note(self, plan: Plan, passed: Sequence[tuple[float, int]]) -> None:
+    def _note(self, plan: MeetingPlan, passed: Sequence[tuple[float, int]]) -> None:
         """Note the runs of skills of a plan whose rows were `passed` at these steps."""
         rows, steps = np.array(passed, float).T
         for run in plan.runs:

@@ -7,8 +7,8 @@ import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.limiter import LAG, Limiter
-from pipeline.expert.reactive.imagination import PACE, Plan
-from pipeline.expert.reactive.prediction import Track
+from pipeline.expert.reactive.imagination import PACE, MeetingPlan
+from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.path import IsFree
@@ -79,7 +79,7 @@ class ReactiveExpert:
         """Control periods near the target in which the hand did not go nearer, the last ones in a
         row in which it could not follow the target, and those at the end of the plan."""
 
-    def follow(self, plan: Plan, bars: Sequence[tuple[IsFree, IsFree]] = ()) -> None:
+    def follow(self, plan: MeetingPlan, bars: Sequence[tuple[IsFree, IsFree]] = ()) -> None:
         """Begin the last skill of a plan, made from the command as it is. `bars` are tests of
         commands (A,): the hand waits where the target has led it to one that fails the first test
         of a pair, and the plan passes the second one there."""
@@ -104,7 +104,7 @@ class ReactiveExpert:
         """Whether the hand moves as the target does."""
         return self.row >= self.plan.near
 
-    def act(self, track: Track, time: float, *, touched: bool = False) -> Iterator[Command]:
+    def act(self, track: TargetFilter, time: float, *, touched: bool = False) -> Iterator[Command]:
         """Commands of the physics steps of a control period from `time` (s) on; they need not all
         be taken.
 
@@ -139,7 +139,7 @@ class ReactiveExpert:
             pace if at_once else float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
         )
 
-    def _excess(self, track: Track) -> tuple[float, float]:
+    def _excess(self, track: TargetFilter) -> tuple[float, float]:
         """How far the hand is from where it should be, and the target from where it was expected,
         in what is allowed of each."""
         left, unsure = (
@@ -149,7 +149,7 @@ class ReactiveExpert:
         astray = self._error / (CLOSE + FUNNEL * left + unsure)
         return max(astray, 1.0) if self.beyond else astray, track.surprise / (EXPECTED + unsure)
 
-    def back(self, track: Track, time: float) -> Iterator[Command]:
+    def back(self, track: TargetFilter, time: float) -> Iterator[Command]:
         """As `act`, the way back to where the hand was first near the target."""
         self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
         return self._move(max(self.row - PACE * PERIOD, min(self.row, self.plan.near)))

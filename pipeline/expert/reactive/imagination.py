@@ -29,7 +29,7 @@ STIRS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeetingPlan:
     """Commands (N,A) at the physics rate, and their velocities, that meet a target which stands at
     `aim` (7,).
 
@@ -150,7 +150,7 @@ class _Imagined(Actor):
         )
 
 
-def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> Plan:
+def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> MeetingPlan:
     """Plan a script that meets a target at `aim` (7,), which is where `actor` believes it to be.
 
     With `rest`, all skills but the last are taken to be done. Raises PlanFailure.
@@ -176,7 +176,7 @@ def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> P
     near, met = (after[0].end, after[-1].end) if after else (len(rows), len(rows))
     sides = tuple(side for side in SIDES if any(side in move.sides for move in after))
     holding = next(move.held for move in mind.moves if move.end > last)
-    return Plan(
+    return MeetingPlan(
         aim,
         rows,
         speeds,

@@ -32,7 +32,7 @@ ROLLING = 1.5
 the hand need not turn with it."""
 
 
-class Track:
+class TargetFilter:
     """The target's motion as it was seen so far: `see` takes one sighting after another, `predict`
     continues at constant velocity.
 

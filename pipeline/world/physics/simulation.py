@@ -41,7 +41,7 @@ from pipeline.world.physics.scene_building import (
     rigid_of,
     to_sapien,
 )
-from pipeline.world.physics.target_motion import Motion, Standing
+from pipeline.world.physics.target_motion import Motion, StillMotion
 from pipeline.world.robots.contract import Embodiment
 
 _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock starts
@@ -262,7 +262,7 @@ class Simulation:
         command, still = self.home_vector(), np.zeros(len(self.command))
         motion, self.motion, self._waiting = (
             self.motion,
-            Standing(self.motion.pose(np.zeros(()))),
+            StillMotion(self.motion.pose(np.zeros(()))),
             True,
         )
         for n in range(PHYSICS_HZ):

@@ -25,7 +25,7 @@ class Motion(Protocol):
         ...
 
 
-class Standing:
+class StillMotion:
     """A motion that stands still at a pose."""
 
     def __init__(self, pose: Pose) -> None:
