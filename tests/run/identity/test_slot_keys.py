@@ -75,7 +75,7 @@ EDITS = [
     ("world/objects/families/containers/tableware.py", CODE, ("place_container_plate",), PHYSICS),
     ("world/objects/families/devices/ringers.py", CODE, ("click_bell", "randomized"), PHYSICS),
     ("world/objects/families/containers/cabinet.py", CODE, NONE, set()),
-    ("world/objects/families/goods/boxes.py", CODE, ("randomized",), PHYSICS),
+    ("world/objects/families/goods/boxes.py", CODE, ("click_bell", "randomized"), PHYSICS),
     ("motion/models/planar.py", CODE, ALL, PHYSICS),
     ("motion/models/turntable.py", CODE, NONE, set()),
     ("world/objects/geometry.py", CODE, ALL, PHYSICS),
