@@ -86,6 +86,10 @@ IDLE = 4.0
 """A writer waits so many times as long as its last commit took before the next one: a slow disk
 costs a fifth of its time."""
 
+PUT = 300.0
+"""Seconds between the copies of the index that a store gets while it is written: after a kill, only
+the episodes of so long are read again."""
+
 
 class IndexWriter:
     """The index of the command that writes a dataset: one that is lost meanwhile is made again from
@@ -98,6 +102,7 @@ class IndexWriter:
     def __init__(self, dataset: Paths, recipe: Recipe) -> None:
         self._dataset, self._recipe = dataset, recipe
         self._waiting, self._free_at = list[tuple[Slot, SlotRecord]](), 0.0
+        self._put_at = 0.0
         try:
             self.index = Index(dataset.index)
         except DamagedIndex:
@@ -133,6 +138,9 @@ class IndexWriter:
             self.index.add(waiting)
         self._waiting, ended = [], time.monotonic()
         self._free_at = ended + IDLE * (ended - began)
+        if (place := place_of(self._dataset.root)) and ended >= self._put_at:
+            place.put([self._dataset.index])
+            self._put_at = ended + PUT
 
     def catch_up(self) -> set[Slot]:
         """Read the files that were written since they were last read: what has no row gets one, if
