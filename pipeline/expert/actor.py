@@ -120,7 +120,6 @@ class Actor:
         return self.simulation.steps + self.simulation.settle_steps
 
     # --- measuring
-    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str) -> Pose:
         """Measured world pose (7,) of a body."""
@@ -189,7 +188,6 @@ class Actor:
         return self.bodies[name].instance.shape().collision
 
     # --- noting
-    # ------------------------------------------------------------------------------------------
 
     @contextmanager
     def noting(self, skill: str, arms: tuple[str, ...], body: str, part: str) -> Iterator[None]:
@@ -235,7 +233,6 @@ class Actor:
         self._runs += skills
 
     # --- acting
-    # ------------------------------------------------------------------------------------------
 
     def perform(self, skill: Skill) -> None:
         """Plan and execute a skill to its end. Raises PlanFailure."""

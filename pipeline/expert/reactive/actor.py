@@ -107,7 +107,6 @@ class ReactiveActor(Actor):
         return OBSERVED + self.sight.delay
 
     # --- the first half of a script
-    # ---------------------------------------------------------------------------------------
 
     def meet(self, script: Script) -> None:
         """Carry out the first half of a task's script until the target is touched.

@@ -202,7 +202,6 @@ class Simulation:
         return np.concatenate([[*self.embodiment.arms[side].home, 1.0] for side in self._arms])
 
     # --- stepping
-    # ------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
@@ -366,7 +365,6 @@ class Simulation:
         }
 
     # --- reading
-    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str) -> Pose:
         """World pose (7,) of a body of the scene."""
