@@ -12,7 +12,8 @@ die() { say "$*"; exit 2; }
 
 case "${1:-all}" in core | all) ;; *) die "usage: scripts/setup.sh [core|all]" ;; esac
 PROFILE=${1:-all}
-grep -qs '^all ' "$STAMP" && PROFILE=all
+# an environment that holds all stays so; stamps of before there were profiles are of such ones
+[ ! -f "$STAMP" ] || grep -q '^core ' "$STAMP" || PROFILE=all
 
 key() { echo "$PROFILE $(sha256sum uv.lock pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1)"; }
 ready() { [ -f "$STAMP" ] && [ "$(cat "$STAMP")" = "$(key)" ] && .venv/bin/python -c '' 2>/dev/null; }
