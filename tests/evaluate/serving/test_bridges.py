@@ -15,6 +15,7 @@ import zmq
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
+from pipeline.data.actions import Representation
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.fit import pad_to_square
@@ -353,7 +354,11 @@ def test_groot_is_asked_in_its_own_words():
 def test_the_parts_for_groot_are_those_of_our_exports():
     for robot in ("aloha", "franka", "ur5"):
         names = get_embodiment(robot).vector_names
-        facts = SimpleNamespace(log=SimpleNamespace(vector_names=names))
+        facts = SimpleNamespace(
+            log=SimpleNamespace(vector_names=names),
+            action_names=names,
+            representation=Representation(),
+        )
         exported = {
             part: slice(at["start"], at["end"]) for part, at in modality(facts, {})["state"].items()
         }

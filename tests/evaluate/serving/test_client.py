@@ -88,7 +88,6 @@ def test_a_connection_that_idled_too_long_is_opened_again_at_the_next_episode():
         (Contract(action_names=("a", "b")), ("2 (a b)", "left_gripper")),
         (Contract(image_sizes={"head_camera": (224, 224)}), ("224x224", "8x6")),
         (Contract(normalization="evaluator"), ("evaluator", "policy")),
-        (Contract(representation="poses"), ("poses", "joints")),
     ],
 )
 def test_a_mismatch_is_a_refusal_with_both_values(contract, both):
