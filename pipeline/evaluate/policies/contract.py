@@ -49,8 +49,8 @@ class Contract:
             raise PolicyError(f"the policy's {line_of_text(str(error))}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data, without what is None and the words of tool poses if there are none."""
-        unused = () if self.actions.poses else ("rotation", "frame")
+        """As plain data, without what is None, and without rotation and frame of joint targets."""
+        unused = () if self.representation != JOINTS.actions else ("rotation", "frame")
         return {k: v for k, v in asdict(self).items() if v is not None and k not in unused}
 
 
