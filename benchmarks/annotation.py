@@ -33,7 +33,7 @@ from pipeline.annotate.networks.masks import load_detector, load_segmenter
 from pipeline.annotate.networks.models import image_settings, inference, pick_device, resolve
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.annotate.selection import build_stages
+from pipeline.annotate.selection import Absent, build_stages
 from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage import Stage, directory_of, encoded_frames
 from pipeline.annotate.store import episode_paths
@@ -181,12 +181,18 @@ def model_floors(
     return masks, features
 
 
+def made(options: AnnotateOptions, *names: str) -> list[Stage]:
+    """The stages of these names, with their models."""
+    stages = build_stages(options, list(names), None)
+    return [stage for stage in stages if not isinstance(stage, Absent)]
+
+
 def stage_rows(
     dataset: Path, paths: Sequence[Path], models: tuple[MaskOptions, FeatureOptions] | None
 ) -> list[list[str]]:
     """Rows of the table of stages."""
     options = AnnotateOptions()
-    flow = build_stages(options, ["flow"], None)[0]
+    (flow,) = made(options, "flow")
     pairs: list[tuple[Stage, Callable[[], object], Sequence[Path], int]] = [
         (flow, lambda: flow_floor(dataset, paths), paths, 3)
     ]
@@ -194,7 +200,7 @@ def stage_rows(
         options = AnnotateOptions(masks=models[0], features=models[1])
         few = paths[:1]
         masks, features = model_floors(options, dataset, few)
-        stages = build_stages(options, ["masks", "features"], None)
+        stages = made(options, "masks", "features")
         pairs += [(stages[0], masks, few, 1), (stages[1], features, few, 1)]
     rows = []
     for stage, floor, used, repeats in pairs:
