@@ -1,8 +1,6 @@
 """A model of motions that is not of the package: a sinusoid along x during which the target
 turns."""
 
-# pyright: reportArgumentType=false
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass

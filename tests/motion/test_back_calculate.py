@@ -1,4 +1,3 @@
-# pyright: reportArgumentType=false
 from dataclasses import asdict
 
 import numpy as np

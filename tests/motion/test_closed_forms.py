@@ -1,8 +1,6 @@
 """Motions in closed form: what holds of every model, and the law of each by an independent
 calculation."""
 
-# pyright: reportAbstractUsage=false, reportArgumentType=false, reportAttributeAccessIssue=false
-
 import json
 from dataclasses import fields
 

@@ -1,7 +1,5 @@
 """The report and the contact sheet against episodes of known numbers and colours."""
 
-# pyright: reportOptionalSubscript=false
-
 import base64
 import re
 from html.parser import HTMLParser

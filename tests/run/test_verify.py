@@ -2,7 +2,6 @@
 made again."""
 
 # h5py's types say of every object that it may be a group, a dataset or a type
-# pyright: reportIndexIssue=false, reportArgumentType=false
 
 import json
 import os

@@ -1,9 +1,6 @@
 """The three stages on one scene: clearance against brute force, reasons of failure, the time of
 success."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportPossiblyUnboundVariable=false
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 """The episode file: what goes in comes out, bytes depend on nothing else, damage is named."""
 
 # h5py's types say of every object that it may be a group, a dataset or a type
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOperatorIssue=false
-# pyright: reportAttributeAccessIssue=false, reportCallIssue=false
 
 import io
 import json

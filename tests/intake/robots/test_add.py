@@ -1,8 +1,6 @@
 """`robots add`: what is found in a URDF, what is written, and that it comes back as the same
 robot."""
 
-# pyright: reportArgumentType=false, reportOptionalSubscript=false
-
 import numpy as np
 import pytest
 import trimesh

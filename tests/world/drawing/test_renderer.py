@@ -1,8 +1,6 @@
 """The renderer against closed-form projection, and its promises: same bytes everywhere, exact
 masks, light that makes sense."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import hashlib
 import os
 import subprocess

@@ -1,8 +1,5 @@
 """OBJ and MTL of others: what is stated is read; what is guessed or missing has a line each."""
 
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false
-# pyright: reportOptionalSubscript=false
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Grasp candidates against plain trigonometry."""
 
-# pyright: reportReturnType=false
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
