@@ -181,7 +181,7 @@ def model_floors(
     return masks, features
 
 
-def made(options: AnnotateOptions, *names: str) -> list[Stage]:
+def stages_of(options: AnnotateOptions, *names: str) -> list[Stage]:
     """The stages of these names, with their models."""
     stages = build_stages(options, list(names), None)
     return [stage for stage in stages if not isinstance(stage, Absent)]
@@ -192,7 +192,7 @@ def stage_rows(
 ) -> list[list[str]]:
     """Rows of the table of stages."""
     options = AnnotateOptions()
-    (flow,) = made(options, "flow")
+    (flow,) = stages_of(options, "flow")
     pairs: list[tuple[Stage, Callable[[], object], Sequence[Path], int]] = [
         (flow, lambda: flow_floor(dataset, paths), paths, 3)
     ]
@@ -200,7 +200,7 @@ def stage_rows(
         options = AnnotateOptions(masks=models[0], features=models[1])
         few = paths[:1]
         masks, features = model_floors(options, dataset, few)
-        stages = made(options, "masks", "features")
+        stages = stages_of(options, "masks", "features")
         pairs += [(stages[0], masks, few, 1), (stages[1], features, few, 1)]
     rows = []
     for stage, floor, used, repeats in pairs:

@@ -1,8 +1,6 @@
 """What `verify` finds: every kind of damage in the file that has it, and an episode that cannot be
 made again."""
 
-# h5py's types say of every object that it may be a group, a dataset or a type
-
 import json
 import os
 import shutil

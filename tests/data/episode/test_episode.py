@@ -1,7 +1,5 @@
 """The episode file: what goes in comes out, bytes depend on nothing else, damage is named."""
 
-# h5py's types say of every object that it may be a group, a dataset or a type
-
 import io
 import json
 import time
