@@ -83,7 +83,8 @@ def test_every_key_of_every_message_is_described():
             re.findall(r"^\| (`[^|]*)\|", page.split("| key of `contract` |")[1], re.MULTILINE)
         ),
     )
-    assert set(described) == set(metadata["domino"]["contract"])
+    poses = Contract(representation="ee")
+    assert set(described) == {*metadata["domino"]["contract"], *poses.to_dict()}
     assert set(re.findall(r"^\| (\d+) \|", page, re.MULTILINE)) == set(
         map(str, (REFUSED, FAILED, INVALID, BUSY))
     )
