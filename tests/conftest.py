@@ -4,6 +4,7 @@ that `tests.synthetic` is ours."""
 import gc
 import os
 from functools import cache
+from pathlib import Path
 
 import pytest
 import typer.main
@@ -83,6 +84,8 @@ def one_parser_for_all_commands():
 
 @pytest.fixture(scope="module")
 def ray_session():
-    """Ray with two workers for the tests of a module."""
-    with session(Crew("ray", 2)):
-        yield
+    """Ray with two workers, which import tests, for the tests of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+        with session(Crew("ray", 2)):
+            yield

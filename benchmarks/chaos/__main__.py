@@ -48,7 +48,8 @@ class Driver:
         command = [sys.executable, "-m", "benchmarks.chaos.command", "build", *RECIPE, *words]
         self.process = subprocess.Popen(
             [*command, "--out", str(root), "--progress", "json"],
-            env=os.environ | {STORED: str(stored), "TMPDIR": str(root.parent)},
+            env=os.environ
+            | {STORED: str(stored), "TMPDIR": str(root.parent), "PYTHONPATH": os.getcwd()},
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,

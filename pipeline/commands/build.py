@@ -11,6 +11,7 @@ import typer
 
 from pipeline.commands import common
 from pipeline.commands.options import EVERY, FLAGS, Given, recipe_options
+from pipeline.data.cores import usable_cores
 from pipeline.data.dataset import Dataset
 from pipeline.data.store.urls import with_urls
 
@@ -117,7 +118,7 @@ def plan(
     from pipeline.run.state import redo_lines
 
     recipe = given.recipe()
-    _, count = common.executor_of("ray", workers)
+    count = workers or usable_cores()
     cost = None
     if measure:
         print("measuring: four episodes, up to a minute", file=sys.stderr)

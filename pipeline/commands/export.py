@@ -17,11 +17,11 @@ from pipeline.commands.common import (
     Root,
     UsageError,
     Workers,
-    executor_of,
     print_result,
     split_list,
     warn_of_pattern,
 )
+from pipeline.data.cores import usable_cores
 from pipeline.data.dataset import Dataset
 from pipeline.data.licences import forbidden, licences_in
 from pipeline.data.splits import VALIDATION
@@ -179,7 +179,7 @@ def export(
         format_, ctx.meta[GIVEN], out, split, robots or (), where or "", validation, ladder
     )
     warn_of_pattern(out or dataset)
-    made = run_export(source, request, executor_of("ray", workers)[1], not as_json and not quiet)
+    made = run_export(source, request, workers or usable_cores(), not as_json and not quiet)
     if made.warning:
         print(f"domino-data: warning: {made.warning}", file=sys.stderr)
     what = "failed attempts" if split == "failures" else "episodes"

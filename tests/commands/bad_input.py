@@ -400,7 +400,6 @@ CASES = [
     *cases(
         "build --tasks click_bell",
         ("--out memory://", "memory:"),
-        ("--out memory://set", "memory://"),
         ("--out sftp://a/b", "sftp"),
     ),
     *cases(

@@ -353,7 +353,7 @@ def test_the_same_episodes_give_the_same_plots(card):
 
 
 def test_tables_and_choices():
-    assert table(["a"], [["x|y"]]) == "| a |\n| --- |\n| x&#124;y |\n\n"
+    assert table("a", [["x|y"]]) == "| a |\n| --- |\n| x&#124;y |\n\n"
     assert spread([*map(Path, "abcdefghi")], 3) == [*map(Path, "aei")] and spread(
         [Path("a")], 3
     ) == [Path("a")]
