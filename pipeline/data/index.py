@@ -236,12 +236,13 @@ class Index:
         """The slots of a recipe that are there, or one of them, with some columns of the table of
         slots besides. Raises DamagedIndex, OSError."""
         with _faults(self.path):
+            names = ("id", "cell", "slot", "variant", "accepted", "keys", *more)
+            question = f"SELECT {', '.join(names)} FROM slot"
+            # before cells and keys, which a build adds meanwhile and never takes away
+            found = [] if of else self._file.execute(question).fetchall()
             cells = self._file.execute(
                 f"SELECT id, {', '.join(_PLACE_OF_CELL)} FROM cell"
             ).fetchall()
-            texts = dict(self._file.execute("SELECT id, text FROM keys").fetchall())
-            names = ("id", "cell", "slot", "variant", "accepted", "keys", *more)
-            question = f"SELECT {', '.join(names)} FROM slot"
             if of:
                 number = next(
                     (
@@ -255,8 +256,7 @@ class Index:
                 found = self._file.execute(
                     f"{question} WHERE (cell, slot, variant) = (?, ?, ?)", place
                 ).fetchall()
-            else:
-                found = self._file.execute(question).fetchall()
+            texts = dict(self._file.execute("SELECT id, text FROM keys").fetchall())
         rank_of = {cell: rank for rank, cell in enumerate(recipe.cells())}
         ranks = np.full(max((number for number, *_ in cells), default=0) + 1, -1)
         for number, *cell in cells:
