@@ -45,6 +45,7 @@ from pipeline.tasks.contract import expand_tasks
 from pipeline.world.physics.forces import ContactKinds
 from pipeline.world.robots import MODELS, get_embodiment
 
+SUITES = ("domino", "beyond")
 ORIGINAL_STATIC = {"aloha-agilex": 78, "arx-x5": 78, "franka-panda": 69, "piper": 27, "ur5-wsg": 61}
 """Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0
 documentation)."""
@@ -182,6 +183,21 @@ def rates(rows: Sequence[Row], by: str) -> str:
     return "\n".join(lines)
 
 
+def summary(rows: Sequence[Row]) -> str:
+    """Markdown, one row an expert and suite: slots, attempts and per cent accepted."""
+    head = "| expert | suite | slots | filled | attempts | accepted, % | 95 % interval by slot |"
+    lines = [head, "|---|---|---:|---:|---:|---:|---:|"]
+    suite_of = {task: suite for suite in SUITES for task in expand_tasks([suite])}
+    groups = defaultdict[tuple[str, str], list[Row]](list)
+    for row in rows:
+        groups[row["expert"], suite_of.get(row["task"], "others")].append(row)
+    for (expert, suite), group in sorted(groups.items()):
+        count = sum(len(row["tries"]) for row in group)
+        cells = (len(group), sum(map(is_filled, group)), count, percent(group, 1), interval(group))
+        lines.append(f"| {expert} | {suite} | " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
 def original(rows: Sequence[Row]) -> str:
     """The original's success on the robot of these slots, "" for several robots."""
     robots = {row["embodiment"] for row in rows}
@@ -310,6 +326,7 @@ def reasons(rows: Sequence[Row]) -> str:
 def tables(rows: Sequence[Row]) -> Iterator[str]:
     """All tables, expert by expert."""
     yield hardware()
+    yield summary(rows)
     for expert in sorted({row["expert"] for row in rows}):
         own = [row for row in rows if row["expert"] == expert]
         seconds = sum(one["seconds"] for row in own for one in row["tries"]) / max(

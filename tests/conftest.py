@@ -3,6 +3,7 @@ that `tests.synthetic` is ours."""
 
 import gc
 import os
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -83,9 +84,15 @@ def one_parser_for_all_commands():
 
 
 @pytest.fixture(scope="module")
-def ray_session():
-    """Ray with two workers, which import tests, for the tests of a module."""
+def tests_path() -> Iterator[None]:
+    """Processes that start within can import tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
-        with session(Crew("ray", 2)):
-            yield
+        yield
+
+
+@pytest.fixture(scope="module")
+def ray_session(tests_path: None):
+    """Ray with two workers for the tests of a module."""
+    with session(Crew("ray", 2)):
+        yield

@@ -22,7 +22,7 @@ NAME = "DOMINO_TEST_NODE"
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
+def cluster(tests_path: None) -> Iterator[Any]:
     """A head with a GPU that nobody looks at, and a second node."""
     from ray.cluster_utils import Cluster
 
