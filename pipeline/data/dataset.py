@@ -21,7 +21,7 @@ from pipeline.data.reading import check_regular, check_tree, read_regular
 from pipeline.data.recipe.file import is_edited, read_recipe
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, RecipeError, Slot, parse_recipe
-from pipeline.data.records import ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
+from pipeline.data.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
 from pipeline.data.reread import ask_index
 from pipeline.data.rows import Listing, Rows
 from pipeline.data.sealed import seal_yaml
@@ -192,11 +192,29 @@ class Dataset(Paths):
             raise DatasetError(
                 f"{self.provenance}: cannot be read ({said}); run the build again"
             ) from error
-        if not isinstance(values, dict):
+        if not isinstance(values, dict) or not isinstance(values.get("packages", {}), dict):
             raise DatasetError(
                 f"{self.provenance}: does not name what made the dataset; run the build again"
             )
         return values
+
+    def attempt_rows(self, *names: str) -> list[dict[str, Any]]:
+        """The rows of attempts.parquet in some of its columns; none without that file. Raises
+        DatasetError for one that is damaged or not of ours."""
+        if not self.attempts.exists():
+            return []
+        try:
+            check_regular(self.attempts)
+            with pq.ParquetFile(self.attempts) as file:
+                if file.metadata.num_rows > MOST_ATTEMPTS:
+                    raise ValueError(f"it has more than {MOST_ATTEMPTS:,} rows")
+                table = file.read(columns=list(names)).select(names)
+            return table.cast(pa.schema([ATTEMPTS.field(name) for name in names])).to_pylist()
+        except (OSError, ValueError, TypeError, KeyError, pa.ArrowException) as error:
+            raise DatasetError(
+                f"{self.attempts}: cannot be read ({' '.join(str(error).split())[:200]}); delete it"
+                " and run the build again"
+            ) from error
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""

@@ -10,7 +10,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +117,29 @@ def _faults(path: Path) -> Iterator[None]:
         raise OSError(number, os.strerror(number), str(path)) from error
 
 
+BESIDE = ("-journal", "-wal", "-shm")
+"""What the names of files end in that SQLite looks for beside a database."""
+
+_SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
+"""The last bytes of a journal that names other files, which SQLite would delete
+(sqlite.org/fileformat.html, "The Rollback Journal")."""
+
+
+def _check_beside(path: Path) -> None:
+    """Raise DamagedIndex for what no writer of an index leaves, and by which SQLite would write or
+    delete a file elsewhere: a journal that names others, one of another kind, a hard link."""
+    with path.open("rb") as file:
+        modes = file.read(20)[18:]
+    plain = modes == b"\1\1" and path.stat().st_nlink == 1
+    for end in BESIDE:
+        with suppress(FileNotFoundError), Path(f"{path}{end}").open("rb") as file:
+            state, last = os.fstat(file.fileno()), min(8, file.seek(0, os.SEEK_END))
+            file.seek(-last, os.SEEK_END)
+            plain &= end == "-journal" and state.st_nlink <= 1 and file.read() != _SUPER_JOURNAL
+    if not plain:
+        raise DamagedIndex(f"{path}: it or a file beside it is not of ours")
+
+
 class Index:
     """An open index. `path` may be ":memory:" for one that nothing keeps. Raises DamagedIndex for a
     file that is none."""
@@ -126,6 +149,8 @@ class Index:
         with _faults(path):
             if not new and not path.exists():
                 raise DamagedIndex(f"{path}: is missing")
+            if not new:
+                _check_beside(path)
             self._file = sqlite3.connect(path, timeout=WAIT, check_same_thread=False)
         try:
             with _faults(path):
@@ -265,6 +290,8 @@ class Index:
             np.zeros(0, np.int64) for _ in names
         ]
         ids, cell, index, variants, accepted, keys = columns[:6]
+        if not (set(cell.tolist()) <= {n for n, *_ in cells} and set(keys.tolist()) <= {*texts}):
+            raise DamagedIndex(f"{self.path}: a slot names a cell or keys that are missing")
         rank, wanted = ranks[cell], np.array([*recipe.counts().values(), 0])
         mine = (rank >= 0) & (index < wanted[rank]) & (variants < recipe.variants)
         order = np.lexsort((variants, rank, index))

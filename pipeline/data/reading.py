@@ -58,15 +58,24 @@ def check_tree(root: Path) -> None:
     """
     waiting = [os.fspath(root)]
     while waiting:
-        with suppress(FileNotFoundError), os.scandir(waiting.pop()) as entries:
-            for entry in entries:
-                if entry.is_dir(follow_symlinks=False):
-                    waiting.append(entry.path)
-                elif not entry.is_file(follow_symlinks=False):
-                    kind = "a link" if entry.is_symlink() else "no plain file"
-                    raise OSError(
-                        errno.EINVAL, f"is {kind}, which no dataset has; remove it", entry.path
-                    )
+        with suppress(FileNotFoundError):
+            waiting += check_plain(waiting.pop())
+
+
+def check_plain(directory: str | Path) -> list[str]:
+    """The directories in a directory. Raises OSError for what is in it and is neither a plain file
+    nor a directory."""
+    found = list[str]()
+    with os.scandir(directory) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                found.append(entry.path)
+            elif not entry.is_file(follow_symlinks=False):
+                kind = "a link" if entry.is_symlink() else "no plain file"
+                raise OSError(
+                    errno.EINVAL, f"is {kind}, which does not belong there; remove it", entry.path
+                )
+    return found
 
 
 def printable(text: str) -> str:

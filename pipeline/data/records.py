@@ -42,6 +42,9 @@ attempt that is kept; speeds (m/s) and displacement (m) are those of the motion 
 PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
 """The columns of an attempt that name its slot."""
 
+MOST_ATTEMPTS = 2_000_000
+"""Rows of attempts.parquet that are read at most."""
+
 OF_ATTEMPT = tuple(name for name in ATTEMPTS.names if name not in PLACE)
 """The other columns of an attempt."""
 

@@ -19,7 +19,7 @@ from pipeline.data.cores import usable_cores
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.given_up import read_given_up, write_given_up
-from pipeline.data.index import DamagedIndex, Index
+from pipeline.data.index import BESIDE, DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.paths import Paths
 from pipeline.data.reading import check_regular
@@ -27,6 +27,7 @@ from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.records import (
     ATTEMPTS,
+    MOST_ATTEMPTS,
     PLACE,
     TIMED,
     FileFacts,
@@ -78,7 +79,8 @@ def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
             if (dataset.root / "ledger").is_dir():
                 index.add(_given_up_before(dataset, recipe, index))
         # what an index that was killed left to be rolled back is not of this one
-        dataset.index.with_name(f"{dataset.index.name}-journal").unlink(missing_ok=True)
+        for end in BESIDE:
+            Path(f"{dataset.index}{end}").unlink(missing_ok=True)
     return Index(dataset.index)
 
 
@@ -264,6 +266,9 @@ def _measured(dataset: Paths) -> Attempts:
     """The rows of attempts.parquet; nothing if it is missing or damaged."""
     try:
         check_regular(dataset.attempts)
+        with pq.ParquetFile(dataset.attempts) as file:
+            if file.metadata.num_rows > MOST_ATTEMPTS:
+                return {}
         table = pq.read_table(dataset.attempts, schema=ATTEMPTS).to_pylist()
     except (OSError, ValueError, TypeError, pa.ArrowException):
         return {}

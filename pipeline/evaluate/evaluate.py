@@ -11,6 +11,7 @@ from typing import Any
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.disk import check_directory
+from pipeline.data.reading import check_plain
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.store.lock import exclusive
@@ -105,6 +106,8 @@ def evaluate(
     seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup, apart)
     for place in (out, seeds.root):
         check_directory(place)
+        if place.exists():
+            check_plain(place)
     for cell in evaluation.cells:
         seeds.read(cell)  # what is none is refused before anything is written
     evaluation = replace(evaluation, policy=_introduced(evaluation, run, tell))

@@ -3,6 +3,8 @@
 import errno
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.atomic import write_atomic
@@ -11,7 +13,7 @@ from pipeline.data.intact import intact_episodes
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.parsing import parse_json
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.records import ATTEMPTS
+from pipeline.data.records import ATTEMPTS, MOST_ATTEMPTS
 from tests import recording
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
@@ -278,3 +280,18 @@ def test_finished_episodes_that_are_missing_are_counted_and_the_first_is_named(t
     ):
         intact_episodes(dataset, RECIPE)
     assert dataset.missing(RECIPE) == [dataset.episode(slots[0]), dataset.episode(slots[2])]
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        pa.table({"a": [1]}),
+        pa.table({name: [[1]] for name in ("task", "embodiment", "outcome")}),
+        pa.table({"task": pa.nulls(MOST_ATTEMPTS + 1, pa.string())}),
+    ],
+)
+def test_a_table_of_attempts_that_is_none_is_named(tmp_path, table):
+    dataset = Dataset(tmp_path)
+    pq.write_table(table, dataset.attempts)
+    with pytest.raises(DatasetError, match=r"attempts\.parquet: cannot be read"):
+        dataset.attempt_rows("task", "embodiment", "outcome")

@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import sqlite3
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -287,10 +288,43 @@ def flipped(path):
     path.write_bytes(data)
 
 
+def names_another(path):
+    """A journal to roll back that names a file, which SQLite then deletes
+    (sqlite.org/fileformat.html, "The Rollback Journal")."""
+    data, name = path.read_bytes(), os.fsencode(path.parents[1] / "elsewhere")
+    (size,) = struct.unpack(">H", data[16:18])
+    magic, page = bytes.fromhex("d9d505f920a163d7"), data[:size]
+    header = magic + struct.pack(">5I", 1, 7, len(data) // size, 512, size)
+    checked = 7 + sum(page[at] for at in range(size - 200, 0, -200))
+    record = struct.pack(">I", 1) + page + struct.pack(">I", checked)
+    end = struct.pack(">I", 2**30 // size + 1) + name + struct.pack(">2I", len(name), sum(name))
+    Path(f"{path}-journal").write_bytes(header.ljust(512, b"\0") + record + end + magic)
+
+
+def writes_ahead(path):
+    with sqlite3.connect(path) as file:
+        file.execute("PRAGMA journal_mode = WAL")
+    file.close()
+    os.link(path.parents[1] / "elsewhere", f"{path}-shm")
+
+
+def hard_linked(path):
+    os.link(path, path.parents[1] / "other")
+
+
+def without_cells(path):
+    with sqlite3.connect(path) as file:
+        file.execute("DELETE FROM cell")
+
+
 @pytest.mark.parametrize(
     "damage",
     [
         Path.unlink,
+        names_another,
+        writes_ahead,
+        hard_linked,
+        without_cells,
         cut,
         lambda p: p.write_bytes(b""),
         lambda p: p.write_bytes(b"no database" * 999),
@@ -300,12 +334,15 @@ def flipped(path):
     ],
 )
 def test_an_index_that_is_none_is_made_again(mine, whole, damage):
+    elsewhere = mine.root.parent / "elsewhere"
+    elsewhere.write_bytes(b"1" * 40_000)
     damage(mine.index)
     with pytest.raises(DamagedIndex), Index(mine.index) as index:
         index.rows(RECIPE)
     assert untold(known(mine)) == untold(whole[1])
     with Index(mine.index) as index:
         assert len(index.rows(RECIPE)) == 4
+    assert elsewhere.read_bytes() == b"1" * 40_000
 
 
 def test_what_nobody_may_write_is_read_in_memory(mine, whole, monkeypatch):

@@ -188,6 +188,18 @@ def test_two_evaluations_do_not_write_one_directory(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["manifests", "episodes.jsonl", "manifests/seed0"])
+def test_results_with_links_are_refused_before_anything_is_written(tmp_path, name):
+    elsewhere, out = tmp_path / "elsewhere", tmp_path / "out"
+    elsewhere.mkdir()
+    (out / name).parent.mkdir(parents=True)
+    (out / name).symlink_to(elsewhere)
+    wanted = Evaluation((CELL,), policy_name("random"), parse_clock("sim"), 1)
+    with pytest.raises((OSError, DominoError), match="is a link"):
+        evaluate(wanted, out, inline)
+    assert not list(elsewhere.iterdir())
+
+
 def test_a_policy_is_loaded_before_any_scene_is_admitted(tmp_path, monkeypatch):
     monkeypatch.setattr(Manifests, "admitted", lambda *given: pytest.fail("scenes were admitted"))
     (tmp_path / "bad.py").write_text("def make_policy(:")

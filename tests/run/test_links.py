@@ -95,7 +95,7 @@ def test_no_verb_follows_a_link(verb, sound, outside, tmp_path):
         words = [word.format(set=root, sound=sound, out=out) for word in VERBS[verb]]
         code, printed, err = inside(*words, *(("--out", root) if verb == "build" else ()))
         assert (code, err.count("\n")) == (2, 1), (name, printed, err)
-        assert f"{path}: is a link, which no dataset has; remove it" in err
+        assert f"{path}: is a link, which does not belong there; remove it" in err
         assert CANARY not in printed + err
         assert everything(outside) == before and not out.exists(), name
 
@@ -104,7 +104,7 @@ def test_a_pipe_is_no_file_of_a_dataset(sound, tmp_path):
     root = shutil.copytree(sound, tmp_path / "set")
     os.mkfifo(root / f"episodes/{CELL}/episode_0000001.hdf5")
     code, _, err = inside("verify", root, "--quiet")
-    assert code == 2 and "is no plain file, which no dataset has" in err
+    assert code == 2 and "is no plain file, which does not belong there" in err
 
 
 def test_a_dataset_that_is_reached_through_a_link_is_one(sound, tmp_path):

@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Coroutine, Mapping
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
@@ -117,8 +118,10 @@ class WebSocket:
     async def _open(self) -> ClientConnection:
         # no compression: a small message cannot become a large one; no proxy; no pings of ours,
         # because a server that computes may not answer them: answers have a time limit
+        # an explicit host: a server cannot send us on to another one
         return await connect(
             self.url,
+            host=urlsplit(self.url).hostname,
             additional_headers=self._headers,
             compression=None,
             proxy=None,

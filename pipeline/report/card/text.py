@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from pipeline.data.cameras import CameraType, intrinsics
 from pipeline.data.dataset import Dataset
@@ -165,9 +164,9 @@ def _reasons(seen: Sequence[Seen]) -> str:
 
 def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
     attempts: dict[tuple[Any, ...], list[bool]] = {}
-    file = Dataset(dataset).attempts
-    for row in pq.ParquetFile(file).read().to_pylist() if file.exists() else []:
-        key = row["task"], row["embodiment"], row["level"], row["alpha"], row["domain"]
+    of_cell = ("task", "embodiment", "level", "alpha", "domain")
+    for row in Dataset(dataset).attempt_rows(*of_cell, "outcome"):
+        key = tuple(row[name] for name in of_cell)
         attempts.setdefault(key, []).append(row["outcome"] == "accepted")
     rows = []
     for cell, mine in by_cell(seen).items():

@@ -7,7 +7,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.data.annotations import (
@@ -67,9 +66,6 @@ def listing(path: Path, dataset: Path) -> dict[str, Any]:
 def failures(dataset: Path) -> list[dict[str, Any]]:
     """The attempts that failed, at most FAILURES of them: their cell, seed, stage, reason and named
     conditions."""
-    file = Dataset(dataset).attempts
-    if not file.exists():
-        return []
     keys = (
         "task",
         "embodiment",
@@ -83,7 +79,11 @@ def failures(dataset: Path) -> list[dict[str, Any]]:
         "detail",
         "conditions",
     )
-    rows = [row for row in pq.ParquetFile(file).read().to_pylist() if row["outcome"] != "accepted"]
+    rows = [
+        row
+        for row in Dataset(dataset).attempt_rows(*keys, "outcome")
+        if row["outcome"] != "accepted"
+    ]
     return [
         {key: str(row[key]) if key == "seed" else row[key] for key in keys}
         for row in rows[:FAILURES]

@@ -9,7 +9,10 @@ from dataclasses import replace
 import msgpack
 import numpy as np
 import pytest
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
 from websockets.server import ServerProtocol
+from websockets.sync.server import serve
 
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.actions import ActionError
@@ -18,6 +21,7 @@ from pipeline.evaluate.policies.contract import Contract
 from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
 from pipeline.evaluate.serving.address import parse_address
 from pipeline.evaluate.serving.probe import probe_policy
+from pipeline.evaluate.serving.websocket import WebSocket
 from tests.evaluate.serving.servers import START, Echo, look, serving
 from tests.evaluate.serving.test_bridges import websocket
 
@@ -315,3 +319,23 @@ def test_an_address_that_leads_nowhere_is_one_line(text, said):
     with pytest.raises(PolicyError, match=said) as error:
         policy_name(text)
     assert str(error.value).isprintable()
+
+
+def test_a_server_sends_nobody_on_to_another_one():
+    asked = list[str]()
+
+    def note(_: object, request: Request) -> Response:
+        asked.append(request.path)
+        return Response(404, "no", Headers())
+
+    def send_on(_: object, request: Request) -> Response:
+        place = f"ws://127.0.0.1:{other.socket.getsockname()[1]}"
+        return Response(302, "there", Headers(Location=place))
+
+    with serve(print, "127.0.0.1", 0, process_request=note) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        with serve(print, "127.0.0.1", 0, process_request=send_on) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            with pytest.raises(PolicyError, match="redirect"):
+                WebSocket(f"ws://127.0.0.1:{server.socket.getsockname()[1]}")
+    assert not asked
