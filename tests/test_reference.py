@@ -15,7 +15,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.mark.parametrize("page", ["add_a_task.md", "add_an_object.md", "recipes.md"])
 def test_the_tables_of_a_page_are_up_to_date(page):
     text = (DOCS / page).read_text()
-    assert with_tables(text) == text, f"write them anew: python -m scripts.reference docs/{page}"
+    assert with_tables(text) == text, f"update them: python -m scripts.reference docs/{page}"
 
 
 def test_an_edited_table_is_written_anew():

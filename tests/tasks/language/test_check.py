@@ -133,5 +133,5 @@ def test_the_page_in_the_documents_is_what_the_command_prints(drawn, monkeypatch
     shown = PAGE.read_text("utf-8")
     assert len(re.findall(r"^\| [A-Z]", shown, re.MULTILINE)) == COUNT == len(TASKS)
     assert shown == page(SEED, COUNT), (
-        "write it anew with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"
+        "update it with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"
     )
