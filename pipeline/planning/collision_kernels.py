@@ -150,7 +150,8 @@ def reduce_simplex(s, count, weights, trial, v):
         along = min(max(along, 0.0), 1.0)
         weights[0], weights[1] = 1.0 - along, along
     elif count == 3:
-        closest_on_triangle(s, 0, 1, 2, weights)
+        # not 0, 1, 2: constants are a type of their own, for which numba compiles again
+        closest_on_triangle(s, count - 3, count - 2, count - 1, weights)
     else:
         best, inside = np.inf, True
         for face in range(4):

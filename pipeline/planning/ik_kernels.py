@@ -3,7 +3,8 @@ face.
 
 A chain of n joints: `pre` (n,3,4), the transform in front of each joint with its axis on local z,
 `prismatic` (n,), `tool` (3,4), and joint limits. One file: numba's disk cache notices changes of a
-function's own file only.
+function's own file only. Rows are copied entry by entry: an assignment of arrays takes 2 s more to
+compile.
 
 The solver is Levenberg-Marquardt with the damping of Sugihara (T-RO 2011): H = J^T W J + (E + eps)
 I with E the squared weighted error. A joint at its limit that is asked to move outwards is left
@@ -271,7 +272,8 @@ def solve_many(chain, reach, targets, seeds, restarts, iterations, tolerance, fe
                 start = seeds[trial, i] if at < 0 else restarts[at, i]
                 q[i] = min(max(start, chain[3][i]), chain[4][i])
             if descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
-                out[k] = q
+                for i in range(n):
+                    out[k, i] = q[i]
                 ok[k] = True
                 break
             nearest = min(nearest, np.sum(work[5] ** 2))
@@ -283,8 +285,7 @@ def solve_path(chain, poses, start, iterations, tolerance, jump):
     """Joint vectors (K,n) along poses (K,7), each from the one before, and how many were reached
     without a jump."""
     count, n = poses.shape[0], start.shape[0]
-    out, work, goal_r, q = np.empty((count, n)), workspace(n), np.empty((3, 3)), np.empty(n)
-    q[:] = start
+    out, work, goal_r, q = np.empty((count, n)), workspace(n), np.empty((3, 3)), start.copy()
     before = start
     for k in range(count):
         rotation_of(poses[k, 3:], goal_r)
@@ -293,6 +294,6 @@ def solve_path(chain, poses, start, iterations, tolerance, jump):
         for i in range(n):
             if abs(q[i] - before[i]) > jump:
                 return out, k
-        out[k] = q
+            out[k, i] = q[i]
         before = out[k]
     return out, count

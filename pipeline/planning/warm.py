@@ -1,7 +1,5 @@
 """Compile the numba kernels into the cache on disk, before several workers would all do it."""
 
-from pathlib import Path
-
 import numpy as np
 
 from pipeline.planning.collision_pieces import Sweep
@@ -13,13 +11,8 @@ from pipeline.poses import IDENTITY, pose
 from pipeline.world.physics.body import TABLE_COLLISION
 
 
-def is_compiled() -> bool:
-    """Whether kernels of this installation are in numba's cache already."""
-    return any((Path(__file__).parent / "__pycache__").glob("collision_kernels.first_contact*.nbi"))
-
-
 def warm_up(embodiment: str) -> None:
-    """Call every kernel the expert uses: about 20 s of compilation the first time."""
+    """Call every kernel the expert uses: about 11 s of compilation the first time."""
     planner = planner_for(embodiment)
     arm = ArmPlanner(
         planner, planner.embodiment.sides[0], home_scene(planner), np.random.default_rng(0)

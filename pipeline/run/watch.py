@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 
 from pipeline.crew.contract import Crew
@@ -13,7 +13,8 @@ from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.records import SlotRecord
 from pipeline.data.store.place import with_urls
-from pipeline.planning.warm import is_compiled, warm_up
+from pipeline.planning.warm import warm_up
+from pipeline.run.compile_ahead import compiling_ahead, is_compiled
 from pipeline.run.early_stop import EarlyStop
 from pipeline.run.plan import cost_of
 from pipeline.run.slot.fill import FillJob
@@ -57,8 +58,9 @@ def watching(
     wanted = sum(recipe.counts().values())
     progress = SHOWN[shown](wanted, wanted - len(jobs))
     try:
-        _announce(progress, dataset, recipe, jobs, crew)
-        yield BuildWatch(progress, Metrics(crew), EarlyStop(dataset, recipe, jobs))
+        with compiling_ahead() if jobs else nullcontext():
+            _announce(progress, dataset, recipe, jobs, crew)
+            yield BuildWatch(progress, Metrics(crew), EarlyStop(dataset, recipe, jobs))
     finally:
         progress.close()
 
@@ -79,7 +81,7 @@ def _announce(
             f"one worker: uv pip install 'domino-data[ray]' lets all {usable_cores()} cores work"
         )
     if not is_compiled():
-        progress.show_activity("compiling, once, about 20 s")
+        progress.show_activity("compiling, once, about 15 s")
         if crew.executor != "inline":
             warm_up(jobs[0].slot.cell.embodiment)
     if crew.executor != "inline":

@@ -38,7 +38,8 @@ def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
         above, row, below = rows[max(y - 1, 0)], rows[y], rows[min(y + 1, height - 1)]
         for x in range(width):
             column[x + 3] = np.uint16(above[x]) + np.uint16(below[x]) + own * np.uint16(row[x])
-        column[:3], column[width + 3 :] = column[3:6], column[width : width + 3]
+        for c in range(3):
+            column[c], column[width + 3 + c] = column[c + 3], column[width + c]
         for x in range(width):
             spread[y, x] = np.uint16(
                 column[x] + column[x + 6] + own * column[x + 3] + half

@@ -151,7 +151,8 @@ def _track(
             box = _box(seen, flat, triangles[first:end], f, cx, cy, near)
             if box[0] > box[2]:
                 continue
-            boxes[t, n] = box
+            for i in range(4):  # an assignment of all takes 2 s more to compile
+                boxes[t, n, i] = box[i]
             # a silhouette is followed for one image beyond each border
             x0, y0 = int(np.floor(max(box[0], -width))), int(np.floor(max(box[1], -height)))
             w = int(np.ceil(min(box[2], 2 * width))) - x0
@@ -228,23 +229,16 @@ def draw(
     shift = grid // 2 + 0.5
     corner, cut = np.empty((3, 3)), np.empty((4, 3))
     for k in range(len(triangles)):
-        beyond = 0
         for i in range(3):
             v = triangles[k, i]
             if seen[v, 2] >= near:
-                beyond += 1
                 corner[i, 0] = (flat[v, 0] - x0 - shift) / grid
                 corner[i, 1], corner[i, 2] = (flat[v, 1] - y0 - shift) / grid, seen[v, 2]
-        if beyond == 3:
-            _fill(corner, (0, 1, 2), k, depths, drawn)
-            continue
-        if beyond == 0:
-            continue
         size = 0
         for i in range(3):
             a, b = triangles[k, i], triangles[k, (i + 1) % 3]
             if seen[a, 2] >= near:
-                cut[size] = corner[i]
+                cut[size, 0], cut[size, 1], cut[size, 2] = corner[i, 0], corner[i, 1], corner[i, 2]
                 size += 1
             if (seen[a, 2] >= near) != (seen[b, 2] >= near):
                 share = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])

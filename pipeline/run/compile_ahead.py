@@ -1,0 +1,72 @@
+"""Compile the kernels of drawing beside the first simulation, which compiles those of planning:
+numba compiles one function at a time in a process, and processes share its cache on disk."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.data.cameras import CAMERA_TYPES
+from pipeline.data.machine import usable_cores
+from pipeline.poses import IDENTITY
+from pipeline.world.drawing.edges import smoothed, through_lens
+from pipeline.world.drawing.shadows import Ground, soft
+from pipeline.world.drawing.silhouettes import draw, solids_of, track_bodies
+from pipeline.world.drawing.surfaces import opened
+from pipeline.world.shapes import Material, Mesh
+
+LAST = draw
+"""The kernel that is compiled last but for the one that calls it."""
+
+
+def is_compiled() -> bool:
+    """Whether numba's cache has the kernels, no older than their source."""
+    source = Path(LAST.py_func.__code__.co_filename)
+    cached = Path(LAST.stats.cache_path).glob(f"{source.stem}.{LAST.__name__}-*.nbi")
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in cached)
+
+
+@contextmanager
+def compiling_ahead() -> Iterator[None]:
+    """While inside, a process compiles what drawing will call, if a second core can run it."""
+    if usable_cores() < 2 or is_compiled():
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", __name__],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def compile_drawing() -> None:
+    """Call each kernel that draws an episode of default looks, in the order of their first use, on
+    arrays of the types that it gets there."""
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
+    up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
+    parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]
+    opened(parts)
+    depths = np.ones((40, 40), np.float32)
+    soft(depths, Ground(depths, depths, 1.0, (slice(4, 36), slice(4, 36))))
+    image = np.zeros((16, 16, 4), np.uint8)
+    image[8:] = 255
+    out = np.empty((16, 16, 3), np.uint8)
+    smoothed(image, out)
+    through_lens(out, np.empty_like(out))
+    here = IDENTITY[None]
+    track_bodies(
+        solids_of({"body": parts}, []), {"body": here}, ["body"], CAMERA_TYPES["L515"], here
+    )
+
+
+if __name__ == "__main__":
+    compile_drawing()
