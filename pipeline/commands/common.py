@@ -1,6 +1,7 @@
 """What the verbs share: options, printing, and the crew that options describe."""
 
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,6 +44,18 @@ def print_result(values: Any, as_json: bool, text: str) -> None:
     """Print JSON for a program, or text for a person."""
     lines = with_urls(json.dumps(values, indent=1) if as_json else text).split("\n")
     print("\n".join(map(printable, lines)))  # files of others name what a terminal would obey
+
+
+def at_terminal() -> bool:
+    """Whether a person types here, who can end the command by Ctrl-C."""
+    streams = (sys.stdin, sys.stdout)
+    return not os.environ.get("CI") and all(stream and stream.isatty() for stream in streams)
+
+
+def has_screen() -> bool:
+    """Whether a browser with windows can open here: one for the terminal would take it over."""
+    wanted = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in wanted)
 
 
 def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -1,14 +1,12 @@
 """demo: two episodes made here and shown, the first thing to type."""
 
-import os
-import sys
 import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Quiet, resumable
+from pipeline.commands.common import Quiet, has_screen, resumable
 
 TASK, ROBOT, LEVEL, EPISODES = "shake_bottle", "aloha-agilex", 3, 2
 NEXT = """next:
@@ -53,9 +51,3 @@ def demo(
     print(NEXT.format(out=out, task=TASK))
     if view and has_screen():
         webbrowser.open(page)
-
-
-def has_screen() -> bool:
-    """Whether a browser with windows can open here: one for the terminal would take it over."""
-    wanted = ("DISPLAY", "WAYLAND_DISPLAY")
-    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in wanted)

@@ -1,5 +1,6 @@
 """show and view: one episode, or a dataset, to look at in a browser."""
 
+import sys
 import webbrowser
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +8,16 @@ from typing import Annotated
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import AsJson, Quiet, Root, UsageError, check_file, print_result
+from pipeline.commands.common import (
+    AsJson,
+    Quiet,
+    Root,
+    UsageError,
+    at_terminal,
+    check_file,
+    has_screen,
+    print_result,
+)
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import check_bytes, kept_failures
@@ -92,20 +102,27 @@ def view(
     dataset: Root,
     out: Annotated[
         Path | None,
-        typer.Option(help="Directory of the pages.", show_default="DATASET/report/view"),
+        typer.Option(
+            help="Write the offline page to this directory.", show_default="DATASET/report/view"
+        ),
     ] = None,
     episodes: Annotated[
-        int,
+        int | None,
         typer.Option(
             min=1,
             max=100_000,
             help="Episodes on the offline page, and as many failures; levels have equal shares.",
+            show_default=str(PAGES),
         ),
-    ] = PAGES,
+    ] = None,
     serve: Annotated[
-        bool,
-        typer.Option("--serve", help="Show all episodes from a server on this machine instead."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--serve/--write",
+            help="Show all episodes from a server on this machine, or write an offline page.",
+            show_default="serve in a terminal, write elsewhere",
+        ),
+    ] = None,
     rerun: Annotated[
         Path | None,
         typer.Option(help="Write recordings for rerun (.rrd) to this directory instead."),
@@ -113,12 +130,19 @@ def view(
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the server; 0 selects a free one.")
     ] = 0,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    open_: Annotated[
+        bool | None,
+        typer.Option(
+            "--open/--no-open",
+            help="Open it in a browser.",
+            show_default="what a terminal serves, if there is a screen",
+        ),
+    ] = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write pages that show episodes, cameras in step with curves and events, or serve them; works
-    without a network."""
+    """Show the episodes of a dataset in a browser, cameras in step with curves and events, until
+    Ctrl-C; or write them as pages that open without a network."""
     from pipeline.report.viewer import choose, viewer_server, write_viewer
     from pipeline.report.viewer.rerun_log import log_episode
 
@@ -134,17 +158,19 @@ def view(
     )
     if not there and not failed:
         raise UsageError(f"{dataset} has no finished episodes to show")
-    if serve:
+    watched = at_terminal() and not (out or rerun or episodes or as_json)
+    if watched if serve is None else serve:
         with viewer_server(source.root, [*there, *failed], port) as server:
             address = f"http://{server.server_address[0]}:{server.server_address[1]}/"
             print_result({"address": address}, as_json, f"{address}  (Ctrl-C ends it)")
-            if open_:
-                webbrowser.open(address)
+            sys.stdout.flush()
             try:
+                if (watched and has_screen()) if open_ is None else open_:
+                    webbrowser.open(address)
                 server.serve_forever()
             except KeyboardInterrupt:
                 return
-    chosen = choose(there, episodes)
+    chosen = choose(there, episodes or PAGES)
     for path in chosen:
         check_bytes(source, path.relative_to(source.episodes))
     if rerun is not None:
@@ -156,7 +182,7 @@ def view(
             for path, name in zip(chosen, names, strict=True)
         ]
         return print_result({"recordings": made}, as_json, "\n".join(made))
-    shown = [*chosen, *choose(failed, episodes)]
+    shown = [*chosen, *choose(failed, episodes or PAGES)]
     with tqdm(total=len(shown), unit="ep", disable=as_json or quiet or None) as bar:
         page = write_viewer(source.root, shown, out or pages, len(there) + len(failed), bar.update)
     shown_values = {

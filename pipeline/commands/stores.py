@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.commands.common import AsJson, UsageError, print_result
+from pipeline.commands.common import AsJson, UsageError, at_terminal, print_result
 from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_tree
 from pipeline.data.store import place
@@ -56,7 +56,7 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
                             " there, no URL"
                         )
                     if verb.__name__ == "view" and not (
-                        given["out"] or given["serve"] or given["rerun"]
+                        given["out"] or given["serve"] or given["rerun"] or at_terminal()
                     ):
                         raise UsageError(
                             f"{url}: the pages are for this machine: add --out DIR, or --serve"

@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.atomic import write_atomic
+from pipeline.data.atomic import exclusive, write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.files import Paths
 from pipeline.data.recipe.cells import Cell, Slot
@@ -99,14 +99,15 @@ def write_viewer(
     progress: Callable[[int], object] = lambda _: None,
 ) -> Path:
     """Write the viewer of these episodes to the directory `out` and return its page. Raises
-    EpisodeError, OSError."""
+    EpisodeError, Busy, OSError."""
     out.mkdir(parents=True, exist_ok=True)
-    for old in (*out.glob("episode_*.js"), *out.glob("thumb_*.jpg")):
-        old.unlink()
-    for number, path in enumerate(episodes):
-        write_atomic(out / f"episode_{number}.js", episode_script(number, path, dataset))
-        write_atomic(out / f"thumb_{number}.jpg", thumbnail(path))
-        progress(1)
-    for name in (LIST, "view.css", "view.js", PAGE):
-        write_atomic(out / name, fixed(name, dataset, episodes, total))
+    with exclusive(out):
+        for old in (*out.glob("episode_*.js"), *out.glob("thumb_*.jpg")):
+            old.unlink()
+        for number, path in enumerate(episodes):
+            write_atomic(out / f"episode_{number}.js", episode_script(number, path, dataset))
+            write_atomic(out / f"thumb_{number}.jpg", thumbnail(path))
+            progress(1)
+        for name in (LIST, "view.css", "view.js", PAGE):
+            write_atomic(out / name, fixed(name, dataset, episodes, total))
     return out / PAGE
