@@ -47,7 +47,7 @@ def print_result(values: Any, as_json: bool, text: str) -> None:
 
 
 def at_terminal() -> bool:
-    """Whether a person types here, who can end the command by Ctrl-C."""
+    """Whether a person types here and can end the command by Ctrl-C."""
     streams = (sys.stdin, sys.stdout)
     return not os.environ.get("CI") and all(stream and stream.isatty() for stream in streams)
 

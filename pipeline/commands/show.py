@@ -141,8 +141,8 @@ def view(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show the episodes of a dataset in a browser, cameras in step with curves and events, until
-    Ctrl-C; or write them as pages that open without a network."""
+    """Show the episodes of a dataset in a browser until Ctrl-C, or write pages that open without a
+    network. Cameras are in step with curves and events."""
     from pipeline.report.viewer import choose, viewer_server, write_viewer
     from pipeline.report.viewer.rerun_log import log_episode
 

@@ -49,8 +49,8 @@ def compiling_ahead() -> Iterator[None]:
 
 
 def compile_drawing() -> None:
-    """Call each kernel that draws an episode of default looks, in the order of their first use, on
-    arrays of the types that it gets there."""
+    """Call each kernel that draws an episode of default looks, in the order of their first use.
+    Arrays have the types that they have there."""
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
     parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]
