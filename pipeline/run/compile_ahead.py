@@ -24,8 +24,8 @@ LAST = draw
 
 def is_compiled() -> bool:
     """Whether numba's cache has the kernels, no older than their source."""
-    source = Path(LAST.py_func.__code__.co_filename)
-    cached = Path(LAST.stats.cache_path).glob(f"{source.stem}.{LAST.__name__}-*.nbi")
+    source, folder = Path(LAST.py_func.__code__.co_filename), LAST.stats.cache_path
+    cached = Path(folder).glob(f"{source.stem}.{LAST.__name__}-*.nbi") if folder else ()
     return any(index.stat().st_mtime >= source.stat().st_mtime for index in cached)
 
 
