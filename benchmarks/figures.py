@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.data.assets import AssetStore
-from pipeline.data.episode.file import open_episode
+from pipeline.data.cameras import View
+from pipeline.data.episode.file import Episode, open_episode
 from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.report.film_strip import meeting_frame, with_path
+from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.drawing.redraw import facing, redraw_smooth
 from pipeline.stages.drawing.render import (
@@ -60,6 +61,17 @@ def from_the_side(rollout: Rollout, frames: list[int]) -> NDArray[np.uint8]:
     camera = facing(log, scene.task.target)
     appearance = replace(appearance_of(scene), cameras=(camera,), preset="raster-smooth")
     return render(appearance, log, frames=frames)[0].rgb
+
+
+def with_path(view: View, episode: Episode) -> NDArray[np.uint8]:
+    """The images (T,H,W,3) of a view of an episode, a copy, with the target's path drawn in."""
+    pixels, in_front = path_pixels(
+        view.camera.type, view.poses, episode.log.pose(episode.meta.target)
+    )
+    images, meeting = view.rgb.copy(), meeting_frame(episode)
+    for i, image in enumerate(images):
+        draw_path(image, pixels, in_front, i, meeting)
+    return images
 
 
 def robots(out: Path, task: str = "shake_bottle") -> None:

@@ -13,7 +13,6 @@ EXTRAS = {
     "peft": "train",
     "safetensors": "train",
     "tensorboard": "trackers",
-    "rerun": "viz",
     "zmq": "gr00t",
     "mujoco": "mjcf",
     "coacd": "shapes",

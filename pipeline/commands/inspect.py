@@ -82,6 +82,10 @@ def verify(
             help="Random episodes to simulate again and compare with those stored.",
         ),
     ] = 0,
+    episode: Annotated[
+        str | None,
+        typer.Option(help="Check this one only and simulate it again: its path below episodes/."),
+    ] = None,
     trust: Trust = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -95,10 +99,10 @@ def verify(
     if (
         executor == "auto"
         and workers is None
-        and not any(islice(source.recipe().slots(), FEW, None))
+        and (episode or not any(islice(source.recipe().slots(), FEW, None)))
     ):
         crew = Crew()
-    values = run_verify(source, crew, not quiet and not as_json, again, trust)
+    values = run_verify(source, crew, not quiet and not as_json, again, trust, episode)
     problems = values["problems"]
     lines = problems[:SHOWN] + [f"and {len(problems) - SHOWN} more (--json prints all)"] * (
         len(problems) > SHOWN

@@ -1,4 +1,4 @@
-"""diff, regenerate, merge, gc: datasets compared, proved, joined and cleaned."""
+"""diff, merge, gc: datasets compared, joined and cleaned."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import AsJson, Root, print_result
-from pipeline.commands.options import Trust
 from pipeline.data.dataset import Dataset
 
 SHOWN = 40  # lines of a list that are printed for a person; --json prints all
@@ -34,35 +33,6 @@ def diff(
     lines.append(f"{values['same']} slots are the same, {len(values['differ'])} differ")
     print_result(values, as_json, "\n".join(lines))
     if values["differ"]:
-        raise typer.Exit(1)
-
-
-def regenerate(
-    dataset: Root,
-    episode: Annotated[
-        str, typer.Option(help="The episode: its path below DATASET/episodes.", show_default=False)
-    ],
-    trust: Trust = False,
-    as_json: AsJson = False,
-) -> None:
-    """Make one episode again in a temporary directory, and compare its bytes with the stored ones;
-    exit code 1 if they differ."""
-    from pipeline.run.regenerate import regenerate as run_regenerate
-
-    made = run_regenerate(Dataset(dataset), episode, trust)
-    text = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
-    if not made.same:
-        why = (
-            f"; changed since it was made: {', '.join(made.changed)}"
-            if made.changed
-            else "; its keys are the same"
-        )
-        text = (
-            f"{made.slot}: made again, other bytes:"
-            f" {', '.join(made.differ) or 'how they are laid out'}{why}"
-        )
-    print_result(asdict(made), as_json, text)
-    if not made.same:
         raise typer.Exit(1)
 
 

@@ -31,7 +31,6 @@ TAKEN = {
     },
     "annotate": {"dataset": WHOLE},
     "diff": {"a": READS, "b": READS},
-    "regenerate": {"dataset": READS},
     "gc": {"dataset": WHOLE},
 }
 """Of every verb the parameters that may be URLs: what is pulled first, and whether it is
@@ -56,7 +55,7 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
                             " there, no URL"
                         )
                     if verb.__name__ == "view" and not (
-                        given["out"] or given["serve"] or given["rerun"] or at_terminal()
+                        given["out"] or given["serve"] or at_terminal()
                     ):
                         raise UsageError(
                             f"{url}: the pages are for this machine: add --out DIR, or --serve"

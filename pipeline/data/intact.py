@@ -57,6 +57,18 @@ def check_bytes(dataset: Dataset, episode: Path) -> None:
         raise DatasetError(f"{path}: {CHANGED}")
 
 
+def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
+    """The slot of an episode's path, from anywhere above or below `episodes/`. Raises DatasetError
+    for a path of none."""
+    path = Path(episode.removesuffix(".hdf5"))
+    if path.is_absolute() and path.is_relative_to(dataset.episodes.resolve()):
+        path = path.relative_to(dataset.episodes.resolve())
+    if slot := find_slot(recipe, path.as_posix().rpartition("episodes/")[2]):
+        return slot
+    first = next(recipe.slots()).path
+    raise DatasetError(f"--episode {episode}: {dataset.root} has no such slot; write it as {first}")
+
+
 def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
     """The episode files of the recipe's slots, in its order, after reading every one. Raises
     DatasetError for any that is missing or changed."""

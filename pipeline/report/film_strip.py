@@ -1,7 +1,6 @@
 """What a person looks at first: a few frames of an episode with the target's path drawn in, and a
 short film of it, an H.264 mp4 that any browser plays."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.cameras import CameraType, View, project
+from pipeline.data.cameras import CameraType, project
 from pipeline.data.episode.file import Episode, EpisodeError, open_episode
 from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.names import HEAD
@@ -109,14 +108,6 @@ def clip(path: Path, height: int = 180) -> bytes:
         return encode_mp4((np.ascontiguousarray(row, np.uint8) for row in rows), e.fps)
 
 
-def observed(path: Path, draw: Callable[[Path], Sequence[View]]) -> bytes:
-    """The mp4 of the first view that `draw` makes of an episode file, with the target's path.
-    Raises what `draw` raises."""
-    with open_episode(path) as e:
-        episode, fps = e.read(), e.fps
-    return encode_mp4(with_path(draw(path)[0], episode), fps, {"crf": "20"})
-
-
 def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
     """Indices of at most `columns` of `count` frames, from first to last: half of them up to the
     meeting, the rest after it.
@@ -152,17 +143,6 @@ def path_pixels(
     `cameras` and `poses` are the world poses (T,7) of camera and body."""
     seen = [project(kind, world, point) for world, point in zip(cameras, poses[:, :3], strict=True)]
     return np.array([uv for uv, _ in seen]), np.array([depth > NEAREST for _, depth in seen])
-
-
-def with_path(view: View, episode: Episode) -> NDArray[np.uint8]:
-    """The images (T,H,W,3) of a view of an episode, a copy, with the target's path drawn in."""
-    pixels, in_front = path_pixels(
-        view.camera.type, view.poses, episode.log.pose(episode.meta.target)
-    )
-    images, meeting = view.rgb.copy(), meeting_frame(episode)
-    for i, image in enumerate(images):
-        draw_path(image, pixels, in_front, i, meeting)
-    return images
 
 
 def draw_path(

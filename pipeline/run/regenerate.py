@@ -1,7 +1,6 @@
-"""`domino-data regenerate`: one episode made again from its recipe and compared byte by byte."""
+"""One episode made again from its recipe and compared byte by byte: `domino-data verify`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -9,73 +8,38 @@ from typing import Any
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.hdf5 import differing
-from pipeline.data.files import find_slot as slot_at
-from pipeline.data.keys import Key, file_hash
+from pipeline.data.intact import named_slot
+from pipeline.data.keys import file_hash
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.store.place import is_there
-from pipeline.run.identity.slot_keys import code_version, slot_keys
-from pipeline.run.names import check_trust, installed_recipe
+from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.names import installed_recipe
 from pipeline.run.slot.fill import FillJob, LostAttempt, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
 from pipeline.world.drawing.vulkan import ensure_renderer
 
 
-@dataclass(frozen=True)
-class Regenerated:
-    """A stored episode and the same made again: the sha256 of both files, the datasets that differ
-    ("header" for attributes), and the `changed` parts of the keys."""
+def regenerate(dataset: Dataset, episode: str) -> list[str]:
+    """Make an episode again in a temporary directory, with all attempts at its slot. Returns the
+    datasets of its file that differ ("header" for attributes), none if the bytes are the same.
 
-    slot: str
-    same: bool
-    stored: str
-    made: str
-    differ: tuple[str, ...] = ()
-    changed: tuple[str, ...] = ()
-
-
-def regenerate(dataset: Dataset, episode: str, trust: bool = False) -> Regenerated:
-    """Make an episode again in a temporary directory, with all attempts at its slot, and compare.
-    `episode` is its path, from anywhere below `episodes/`.
-
-    Raises DatasetError for one that is not in the dataset, Untrusted for a policy that is none of
-    ours, unless `trust`, EpisodeError, NoRenderer."""
+    `episode` is its path (data/intact.py:named_slot). Its recipe's policy runs: see `check_trust`.
+    Raises DatasetError for one that is not in the dataset, EpisodeError, NoRenderer."""
     recipe = installed_recipe(dataset)
-    if not trust:
-        check_trust(recipe.corrections, str(dataset.root))
-    slot = find_slot(dataset, recipe, episode)
+    slot = named_slot(dataset, recipe, episode)
     path = dataset.episode(slot)
     if not is_there(path):
         raise DatasetError(f"{path}: is not there: build it first")
-    with EpisodeFile(path) as file:
-        held = file.meta.keys
     ensure_renderer()
-    keys = slot_keys(recipe, slot)
-    changed = tuple(
-        f"{kind}.{part}"
-        for kind, parts in keys.to_json().items()
-        for part in Key(held.get(kind, {})).changed(Key(parts))
-    )
     with TemporaryDirectory(prefix="domino-regenerate-") as folder:
         copy = Dataset(Path(folder) / "dataset")
         copy.create(recipe)
         record = dataset.record(recipe, slot.physical)
         made = _make(copy, recipe, slot, record.attempts if record else ())
-        stored = file_hash(path)
-        differ = () if made.sha256 == stored else tuple(_differences(path, copy.episode(slot)))
-    return Regenerated(slot.path, made.sha256 == stored, stored, made.sha256, differ, changed)
-
-
-def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
-    """The slot of a path. Raises DatasetError for a path of none."""
-    path = Path(episode).with_suffix("") if episode.endswith(".hdf5") else Path(episode)
-    if path.is_absolute() and path.is_relative_to(dataset.episodes.resolve()):
-        path = path.relative_to(dataset.episodes.resolve())
-    name = path.as_posix().rpartition("episodes/")[2]
-    if slot := slot_at(recipe, name):
-        return slot
-    first = next(recipe.slots()).path
-    raise DatasetError(f"--episode {episode}: {dataset.root} has no such slot; write it as {first}")
+        if made.sha256 == file_hash(path):
+            return []
+        return _differences(path, copy.episode(slot)) or ["the layout of the file"]
 
 
 def _make(

@@ -17,7 +17,7 @@ from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import EDITED, Dataset
 from pipeline.data.files import EPISODE
-from pipeline.data.intact import kept_failures
+from pipeline.data.intact import kept_failures, named_slot
 from pipeline.data.reading import printable
 from pipeline.data.store.place import place_of
 from pipeline.run.file_checks import AGAIN, FileJob, judge
@@ -38,9 +38,10 @@ def verify(
     progress: bool = False,
     again: int = 0,
     trust: bool = False,
+    episode: str | None = None,
 ) -> dict[str, Any]:
     """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at
-    random.
+    random; or only judge the one `episode`, and make it again.
 
     Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
     "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
@@ -51,10 +52,16 @@ def verify(
     or do not last, NoRenderer if nothing can be drawn again, and Untrusted if episodes are to be
     made again whose recipe corrects a policy that is none of ours, unless `trust`.
     """
-    if again and not trust:
+    if (again or episode) and not trust:
         check_trust(dataset.recipe().corrections, str(dataset.root))
-    crew, root, paths = crew or Crew(), str(dataset.root.resolve()), list(_files_of(dataset))
-    known = _compare(dataset, set(paths))
+    crew, root = crew or Crew(), str(dataset.root.resolve())
+    if episode is None:
+        paths = list(_files_of(dataset))
+        known = _compare(dataset, set(paths))
+    else:
+        recipe, again = dataset.recipe(), 1
+        paths = [_name(dataset, dataset.episode(named_slot(dataset, recipe, episode)))]
+        known = Comparison(current=set(paths))
     jobs = [
         FileJob(root, path, known.hashes.get(path, ""))
         for path in paths
@@ -67,7 +74,7 @@ def verify(
             for path, problems in judged.items()
             if path.startswith("episodes/") and path.endswith(EPISODE) and not problems
         ]
-        fresh = [path for path in sound if path in known.current]
+        fresh = [path for path in (paths if episode else sound) if path in known.current]
         chosen = np.random.default_rng().permutation(len(fresh))[:again]
         made = dict(
             _each(
@@ -193,7 +200,7 @@ def _name(dataset: Dataset, path: Path) -> str:
 def _differ(job: FileJob) -> list[str]:
     """The datasets in which an episode that is made again differs from the stored one; `verify` has
     checked that its policy may run."""
-    return list(regenerate(Dataset(Path(job.root)), job.path, trust=True).differ)
+    return regenerate(Dataset(Path(job.root)), job.path)
 
 
 def _each(

@@ -299,8 +299,7 @@ CASES = [
         ("data bad-manifest", "bad-manifest"),
     ),
     *cases(
-        "regenerate",
-        ("data", "--episode"),
+        "verify",
         ("data --episode 7", "has no such slot"),
         ("missing --episode x", "missing"),
     ),
@@ -370,14 +369,6 @@ CASES = [
         ("--families ghost", "ghost"),
         ("--gallery file/page.html --families ball", "file"),
     ),
-    *cases(
-        "show",
-        ("missing.hdf5", "missing.hdf5"),
-        ("file", "file"),
-        ("data", "data"),
-        (f"cut/{EPISODE}", "cut"),
-        ("", "EPISODE"),
-    ),
     *cases("check-object", ("nothing", "nothing"), ("", "NAME")),
     *cases(
         "view data",
@@ -385,16 +376,8 @@ CASES = [
         ("--out data", "inside the dataset"),
         ("--out data/episodes/pages", "inside the dataset"),
         ("--out .", "holds it"),
-        ("--rerun foreign", "thesis.txt"),
-        ("--rerun data/assets", "inside the dataset"),
+        ("--episode 7", "has no such slot"),
         ("--out memory://pages", "memory://"),
-    ),
-    *cases(
-        f"show data/{EPISODE}",
-        ("--out data/manifest.yaml", "manifest.yaml"),
-        (f"--out data/{EPISODE}", "page"),
-        ("--film film.gif", "mp4"),
-        ("--film film.mp4 --out page.html", "--out"),
     ),
     *cases("objects", ("--gallery foreign/thesis.txt", "page"), ("--families ,", "--families")),
     *cases(

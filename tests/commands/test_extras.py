@@ -14,7 +14,7 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 
 
 def test_every_extra_that_a_message_names_brings_its_module():
-    names = {"huggingface_hub": "huggingface-hub", "rerun": "rerun-sdk", "zmq": "pyzmq"}
+    names = {"huggingface_hub": "huggingface-hub", "zmq": "pyzmq"}
     for module, extra in EXTRAS.items():
         needed = PROJECT["optional-dependencies"][extra]
         found = {re.split(r"[\[<>=]", requirement)[0] for requirement in needed}

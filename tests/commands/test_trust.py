@@ -63,7 +63,7 @@ def test_what_a_dataset_stores_is_data(received, monkeypatch):
 
 
 VERBS = {
-    "regenerate": ("regenerate", "--episode", "click_bell/aloha-agilex/L1/clean/episode_0000000"),
+    "verify one": ("verify", "--episode", "click_bell/aloha-agilex/L1/clean/episode_0000000"),
     "verify": ("verify", "--again", "1", "--executor", "inline"),
     "build": ("build", "--executor", "inline", "--out", "NEW", "--like"),
     "plan": ("plan", "--measure", "--like"),

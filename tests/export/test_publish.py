@@ -165,10 +165,10 @@ def test_a_link_in_an_export_is_never_followed(hub, export, tmp_path, name):
 def test_links_and_changed_files_beside_and_in_an_export_are_not_sent(hub, export, tmp_path):
     (tmp_path / "keys").mkdir()
     (tmp_path / "keys" / "id").write_text("secret")
-    (export / "croissant.json").symlink_to(tmp_path / "keys" / "id")
+    (export / "stray.json").symlink_to(tmp_path / "keys" / "id")
     (export / "more").symlink_to(tmp_path / "keys")
     shipment = prepare(export, "me/set", private=False)
-    assert set(shipment.unlisted) == {"croissant.json", "more"}
+    assert set(shipment.unlisted) == {"stray.json", "more"}
     publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
     assert set(hub.files) == set(shipment.files) and not any(
         b"secret" in data for data in hub.files.values()

@@ -221,14 +221,10 @@ def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(
         ),
     )
     text = (out / "README.md").read_text()
-    described = json.loads((out / "croissant.json").read_text())
-    for said in (text, json.dumps(described)):
-        assert ("know the target's motion in advance" in said) == (meta == {})
-        assert ("nothing of its future but which arm is to act" in said) == (meta != {})
-        assert ("`intervention` is false" in said) == ("static@1" in said) == (corrected > 0)
-    assert any("`action` where `intervention`" in use for use in described["rai:dataUseCases"]) == (
-        corrected > 0
-    )
+    assert ("know the target's motion in advance" in text) == (meta == {})
+    assert ("nothing of its future but which arm is to act" in text) == (meta != {})
+    assert ("`intervention` is false" in text) == ("static@1" in text) == (corrected > 0)
+    assert ("`action` where `intervention`" in text) == (corrected > 0)
 
 
 def test_several_robots_are_several_datasets(card):
@@ -316,36 +312,10 @@ def test_splits_follow_physics_and_nothing_else(card):
     assert set(episodes["domino.split"].to_pylist()) == {"train"}
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_croissant_names_files_records_and_responsible_use(card, name):
-    made = card(name)
-    said = json.loads((made.out / "croissant.json").read_text())
-    assert said["conformsTo"] == [
-        "http://mlcommons.org/croissant/1.0",
-        "http://mlcommons.org/croissant/RAI/1.0",
-    ]
-    sets = {one["@id"]: one for one in said["distribution"]}
-    assert set(sets) - {"episode-files"}  # what holds the frames
-    for one in sets.values():
-        assert len(list(made.out.glob(one["includes"]))) == int(one["description"].split()[0])
-    for records in said["recordSet"]:
-        for field in records["field"]:
-            assert records["@id"] == "splits" or field["source"]["fileSet"]["@id"] in sets
-    assert [records["@id"] for records in said["recordSet"]][:2] == ["splits", "episodes"]
-    assert all(
-        said[f"rai:{key}"]
-        for key in ("dataUseCases", "dataLimitations", "dataBiases", "personalSensitiveInformation")
-    )
-    identifier = said["identifier"]
-    assert identifier in made.text and identifier in said["citeAs"]
-
-
 def test_one_identifier_for_all_formats_of_the_same_physics(card):
-    said = {
-        name: json.loads((card(name).out / "croissant.json").read_text())["identifier"]
-        for name in KINDS
-    }
-    assert len({said[name] for name in ONE}) == 1 and said["aloha"] != said["aloha, several robots"]
+    found = {name: re.findall("identifier ([0-9a-f]{16})", card(name).text) for name in KINDS}
+    assert len({found[name][0] for name in ONE}) == 1
+    assert found["aloha"] != found["aloha, several robots"]
 
 
 def test_the_same_episodes_give_the_same_plots(card):

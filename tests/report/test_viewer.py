@@ -31,7 +31,6 @@ from pipeline.report.film_strip import meeting_frame
 from pipeline.report.viewer import choose, viewer_server, write_viewer
 from pipeline.report.viewer.data import episode_data, skill_rows, thumbnail
 from pipeline.report.viewer.page import fixed
-from pipeline.report.viewer.rerun_log import log_episode
 from pipeline.report.viewer.serve import CONNECTIONS
 from tests.browser import browse, needs_browser
 from tests.synthetic import CAMERAS, episode_path, make_episode
@@ -99,7 +98,7 @@ def test_what_is_shown_is_the_episode(dataset):
         )
     assert [event["name"] for event in shown["events"]] == ["meeting", "release", "success"]
     assert shown["meeting"] == round(shown["events"][0]["time"] * 15)
-    assert shown["again"] == f"domino-data regenerate {root} --episode {shown['file']}"
+    assert shown["again"] == f"domino-data verify {root} --episode {shown['file']}"
     assert shown["spans"] == [{"name": "left touches", "start": 4 / 15, "end": 5 / 15}]
     middle = FRAMES // 2 / 15
     assert [
@@ -222,30 +221,6 @@ def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
         finally:
             for each in half_open:
                 each.close()
-
-
-def test_rerun_reads_the_recording(dataset, tmp_path):
-    chunk = pytest.importorskip("rerun.chunk")
-    _, (path, _) = dataset
-    recording = chunk.RrdReader(log_episode(path, "one", tmp_path / "one.rrd"))
-    assert [(r.application_id, r.recording_id) for r in recording.recordings()] == [
-        ("domino-data", "one")
-    ]
-    rows = Counter()
-    for part in recording.stream().to_chunks():
-        rows[part.entity_path] += part.num_rows
-    wanted = [
-        "/cameras/left_camera",
-        "/world/target",
-        "/world/right_hand",
-        "/joints/left_joint6/state",
-        "/joints/right_gripper/action",
-    ]
-    assert (
-        [rows[name] for name in wanted] == [FRAMES] * 5
-        and rows["/events"] == 3
-        and rows["/world/target/path"] == 1
-    )
 
 
 @needs_browser

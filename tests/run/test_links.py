@@ -47,7 +47,7 @@ VERBS = {
     "render": ("render", "{set}", "--out", "{out}", "--size", "64x48", "--quiet"),
     "diff": ("diff", "{set}", "{sound}"),
     "merge": ("merge", "{set}", "{sound}", "--out", "{out}"),
-    "regenerate": ("regenerate", "{set}", "--episode", f"{CELL}/episode_0000000"),
+    "verify one": ("verify", "{set}", "--episode", f"{CELL}/episode_0000000"),
     "push": ("push", "{set}", "s3://bucket/x"),
 }
 

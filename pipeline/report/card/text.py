@@ -1,6 +1,5 @@
 """Writes the card of an export: Markdown, and its images in card/."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,6 @@ from pipeline.data.splits import TEST, VALIDATION, split_of
 from pipeline.html import Markdown, code_block, code_span, markdown
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar_shapes import mean_speed
-from pipeline.report.card.croissant import FILE, croissant
 from pipeline.report.card.frames import camera_names, cameras, idle, out_of_view, visibility
 from pipeline.report.card.loading import loading_section
 from pipeline.report.card.markdown import bullets, table
@@ -74,8 +72,6 @@ def describe(
             "Known limits": bullets(limits(seen, summary)),
             "Citation": f"```bibtex\n{citation(seen, summary)}```\n",
         }
-        described = json.dumps(croissant(folder, summary, seen), indent=2, ensure_ascii=False)
-        (folder / FILE).write_text(described + "\n")
         return "\n".join(
             f"{'## ' + head if head else '# ' + title(seen, summary)}\n\n{text.strip()}\n"
             for head, text in sections.items()
@@ -114,8 +110,7 @@ def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     return (
         f"{began}: {what}. Levels of motion: {levels}. Format: {code_span(summary['format'])}."
         f" {_timing(summary)} Poses are x y z qw qx qy qz in the world frame (m): x to"
-        " the robot's right, y away from it, z up, table top at z = 0.74. `croissant.json` has"
-        " files, records and responsible use in the vocabulary of MLCommons Croissant."
+        " the robot's right, y away from it, z up, table top at z = 0.74."
     )
 
 

@@ -62,7 +62,7 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
     times = np.linspace(-derived.motion.lead, derived.motion.duration, 60)
     planned, target = derived.motion.pose(times)[:, :3], derived.target[:, :3]
     meeting, file = meeting_frame(episode), path.relative_to(dataset).as_posix()
-    again = ["domino-data", "regenerate", str(dataset), "--episode", file]
+    again = ["domino-data", "verify", str(dataset), "--episode", file]
     return {
         "file": file,
         "again": "" if meta.failure else shlex.join(again),

@@ -20,7 +20,6 @@ EXTRAS = {
     "lerobot": "reading exports with LeRobot",
     "annotate": "masks and features by model",
     "train": "training the example policy",
-    "viz": "looking at exports in Rerun",
     "gr00t": "evaluating policies behind a GR00T server",
 }
 """What each extra is for."""

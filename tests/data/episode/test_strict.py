@@ -10,7 +10,6 @@ import pytest
 from pipeline.data.annotations import CorruptAnnotation, read_entry
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.run.file_checks import FileJob, judge
-from tests.run.command import inside
 from tests.synthetic import make_episode
 
 SECRET = b"canary, not of this file"
@@ -156,16 +155,6 @@ def test_what_is_no_plain_data_of_the_schema_is_refused_in_one_line(
     [*_, problem] = judge(FileJob(str(root), path.relative_to(root).as_posix()))
     assert "canary" not in problem
     assert judge(FileJob(str(root), "episodes/none.hdf5")) != []
-
-
-@pytest.mark.parametrize("kind", ["cycle", "SoftLink", "no frames"])
-def test_show_ends_in_one_line(kind, episode, outside, tmp_path):
-    path = shutil.copy(episode, tmp_path / "e.hdf5")
-    with h5py.File(path, "r+") as file:
-        KINDS[kind](file, outside)
-    code, _, err = inside("show", path, "--out", tmp_path / "e.jpg")
-    assert code == 2 and err.count("\n") == 1, err
-    assert not (tmp_path / "e.jpg").exists()
 
 
 @pytest.mark.parametrize("kind", ["external", "soft", "lzf"])

@@ -32,14 +32,14 @@ def test_extras_name_what_they_lack():
     wanted = [
         "torch<3; extra == 'annotate'",
         'transformers>=5 ; extra == "annotate"',
-        "rerun-sdk; extra == 'viz'",
+        "pyarrow; extra == 'lerobot'",
         "numpy>=2",
         "x; extra == 'other'",
     ]
     missing = packages.missing_by_extra(wanted, lambda name: name != "transformers")
-    assert missing == {"annotate": ["transformers"], "viz": []}
-    annotate, viz = packages.check_extras(missing)
-    assert (annotate.verdict, viz.verdict) == ("WARN", "PASS")
+    assert missing == {"annotate": ["transformers"], "lerobot": []}
+    annotate, lerobot = packages.check_extras(missing)
+    assert (annotate.verdict, lerobot.verdict) == ("WARN", "PASS")
     assert "transformers" in annotate.detail and "domino-data[annotate]" in annotate.fix
 
 
