@@ -41,7 +41,7 @@ def verify(
     episode: str | None = None,
 ) -> dict[str, Any]:
     """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at
-    random; or only judge the one `episode`, and make it again.
+    random. If `episode` names one, only that is judged and made again.
 
     Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
     "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
