@@ -31,6 +31,7 @@ MODULES = {
     "export": ("export", "publish"),
     "annotate": ("annotate",),
     "evaluate": ("evaluate",),
+    "freeze": ("freeze",),
     "compare": ("compare", "check_result", "results", "paper_table"),
     "serve": ("serve_policy",),
     "manage": ("diff", "merge", "gc"),

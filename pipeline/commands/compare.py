@@ -161,16 +161,23 @@ def check_result(
     manifests: Annotated[
         Path | None, typer.Option(help="Directory of the scenes; BUNDLE/manifests by default.")
     ] = None,
+    benchmark: Annotated[
+        str | None,
+        typer.Option(help="File of the benchmark; by default the one of its name that ships here."),
+    ] = None,
     executor: Executor = "auto",
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Check that results are whole and unedited, and carry out recorded actions again; exit code 1
     if anything differs."""
+    from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.run.check_result import check_result as check
     from pipeline.run.evaluation import runner
 
-    checked = check(bundle, runner(crew_of(executor, workers, None)), again, seed, manifests)
+    scenes = None if benchmark is None else read_benchmark(benchmark)
+    run = runner(crew_of(executor, workers, None))
+    checked = check(bundle, run, again, seed, manifests, scenes)
     how = "every number" if checked.exact else "outcomes (made elsewhere or by another version)"
     text = [
         f"{checked.episodes} episodes; {checked.again} carried out again, compared: {how}",
@@ -263,17 +270,22 @@ def results(
     bundles: Annotated[
         list[Path], typer.Argument(help="Directories of evaluations.", metavar="BUNDLE...")
     ],
+    benchmark: Annotated[
+        str | None, typer.Option(help="File of their benchmark, if it does not ship here.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="The page.")] = Path("results.html"),
 ) -> None:
     """Write one page with a table of all policies and clocks of several evaluations, and their
     films."""
     from pipeline.data.atomic import write_atomic
     from pipeline.evaluate.board import board_page
+    from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scenes.manifests import inline
     from pipeline.evaluate.scoring.compare import newest
     from pipeline.run.check_result import check_result as check
 
-    faults = {bundle: check(bundle, inline).faults for bundle in bundles}
+    scenes = None if benchmark is None else read_benchmark(benchmark)
+    faults = {bundle: check(bundle, inline, benchmark=scenes).faults for bundle in bundles}
     page = board_page({bundle: newest(bundle) for bundle in bundles}, faults)
     write_atomic(out, page.encode())
     print_result({"page": str(out)}, False, f"{out}")

@@ -45,8 +45,10 @@ PolicyText = Annotated[
         ),
     ),
 ]
+MOST_EPISODES = 100_000
 Episodes = Annotated[
-    int, typer.Option(min=1, max=100_000, help="Admitted scenes per cell; the paper has 100.")
+    int,
+    typer.Option(min=1, max=MOST_EPISODES, help="Admitted scenes per cell; the paper has 100."),
 ]
 ClockText = Annotated[
     str | None,
@@ -70,6 +72,18 @@ InProcess = Annotated[
 ]
 Results = Annotated[
     Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
+]
+
+BenchmarkText = Annotated[
+    str | None,
+    typer.Option(
+        "--benchmark",
+        help=(
+            "A benchmark by its name or file, or NAME:PART; its scenes are not drawn. --tasks,"
+            " --levels and others choose some of its cells."
+        ),
+        metavar="NAME",
+    ),
 ]
 
 if TYPE_CHECKING:
@@ -100,7 +114,17 @@ PRINTS = "policy.log"
 def evaluate(
     given: Given,
     policy: PolicyText,
-    episodes: Episodes = 100,
+    benchmark: BenchmarkText = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(
+            "--episodes",
+            "--scenes",
+            min=1,
+            max=MOST_EPISODES,
+            help="Scenes of each cell; the paper has 100. By default all of a benchmark, else 100.",
+        ),
+    ] = None,
     seed: Annotated[
         int,
         typer.Option(
@@ -150,18 +174,24 @@ def evaluate(
     intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
+    from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scoring.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     cameras = ("cameras",) if given.values.get("cameras") == [] else ()
+    frozen = None if benchmark is None else read_benchmark(benchmark)
     recipe = given.recipe(without=(*DEMONSTRATING, *cameras), levels=[1])
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)
     prints = out.absolute() / PRINTS if crew.executor == "ray" and address is None else None
     setup = _images_setup(given, recipe)
+    if frozen is not None:
+        if seed or manifests is not None:
+            raise UsageError("--seed and --manifests draw scenes: a benchmark has its own")
+        setup = frozen.under(setup, Setup.model_fields if given.from_file else given.values)
     if policy.startswith(SEEING) and not setup.cameras and "cameras" not in given.values:
         raise UsageError(
             f"--policy {policy} would get no images: add --like DATASET, or --cameras head"
@@ -172,7 +202,7 @@ def evaluate(
         setup,
         name,
         clock or "",
-        episodes=episodes,
+        episodes=episodes or 100,
         seed=seed,
         split=instructions,
         compounding=compounding,
@@ -180,6 +210,10 @@ def evaluate(
         answer_seconds=answer_seconds,
         baselines=baselines,
     )
+    if frozen is not None:
+        cells = tuple(frozen.choose(recipe, given.values))
+        scenes = episodes or frozen.head.scenes
+        evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
     together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
@@ -197,6 +231,8 @@ def evaluate(
             file=sys.stderr,
         )
     text = [table(outcome.cells), *_mean_lines(outcome)]
+    if outcome.benchmark:
+        text.append(str(outcome.benchmark))
     print_result(outcome.to_dict(), as_json, "\n".join(text))
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.evaluate.film import film_id
+from pipeline.evaluate.scoring.compare import check_one_benchmark
 from pipeline.evaluate.scoring.page import PUBLISHED
 from pipeline.evaluate.scoring.summary import Row, over_tasks, scene_of, summarise
 from pipeline.html import render_page
@@ -93,8 +94,10 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 
 
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
-    """The page's text; `faults` are what check-result found in each bundle."""
+    """The page's text; `faults` are what check-result found in each bundle. Raises CompareError for
+    bundles on different benchmarks."""
     rows = [row for of_bundle in bundles.values() for row in of_bundle]
+    benchmark = check_one_benchmark(rows)
     checks = [
         (out.name, len(bundles[out]), "; ".join(faults[out][:3]), len(faults[out]))
         for out in bundles
@@ -103,6 +106,7 @@ def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequ
         "pipeline.evaluate",
         "board.html",
         board=board(rows),
+        benchmark=benchmark,
         films=films_of(bundles),
         checks=checks,
         episodes=len(rows),

@@ -19,6 +19,7 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, play
 from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.scenes.benchmark import RecordedBenchmark
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.results import TIMES
 from pipeline.evaluate.scoring.summary import Row
@@ -51,6 +52,7 @@ class RecordedResult(BaseModel):
     scenes: str
     rows: str
     made_by: dict[str, Any]
+    benchmark: RecordedBenchmark | None = None
 
     @model_validator(mode="after")
     def _readable(self) -> "RecordedResult":

@@ -29,7 +29,6 @@ from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
 from pipeline.evaluate.serving.client import ANSWER_SECONDS
-from pipeline.stages.scene import build_scene
 from pipeline.world.cameras import setup_cameras
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
@@ -38,7 +37,8 @@ from pipeline.world.robots.contract import Embodiment
 @dataclass(frozen=True)
 class EpisodeJob:
     """One evaluated episode. `setup`, whose physics is that of the case, says what the policy sees;
-    `code` is the version of this program; one answer may take `answer_seconds`."""
+    `code` is the version of this program; one answer may take `answer_seconds`. `benchmark` is the
+    label of the one that the case is of."""
 
     case: Case
     policy: PolicyName
@@ -48,6 +48,7 @@ class EpisodeJob:
     split: str = "unseen"
     compounding: bool = False
     answer_seconds: float = ANSWER_SECONDS
+    benchmark: str = ""
 
     def __str__(self) -> str:
         spec = self.case.spec
@@ -61,6 +62,8 @@ class EpisodeJob:
         options = [self.setup.given(), self.split, self.compounding, self.policy.process]
         if seconds != ANSWER_SECONDS:
             options.append(f"{seconds:g} s")
+        if self.benchmark:
+            options.append(f"benchmark {self.benchmark}")
         names = (self.code, self.policy.label, self.clock.name)
         return (*names, case.spec.to_json(), case.digest, options)
 
@@ -90,7 +93,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
     """
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
-        scene = build_scene(spec, job.setup.ruling()).furnished(job.case.target_motion)
+        scene = job.case.scene(job.setup)
         trial = Trial(scene, job.clock.motion(job.case.target_motion), job.setup)
         eyes = Eyes(scene, job.setup) if job.setup.cameras else None
     same = start_hash(trial.simulation.poses(), trial.simulation.qpos()[0]) == job.case.start
@@ -133,6 +136,8 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
         "same_start": same,
         "sees_truth": asked.sees_truth,
     }
+    if job.benchmark:
+        row["benchmark"] = job.benchmark
     if asked.unreachable is not None:
         row["unreachable"] = asked.unreachable
     return trial, row | {"seconds_spent": dict(spent.seconds)}

@@ -31,7 +31,8 @@ from pipeline.evaluate.episode import EpisodeJob, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.names import is_built_in
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
-from pipeline.evaluate.scenes.case import BLIND, Case, blind
+from pipeline.evaluate.scenes.benchmark import Benchmark, RecordedBenchmark
+from pipeline.evaluate.scenes.case import BLIND, BenchmarkError, Case, blind
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.page import Film, caption, page
@@ -48,7 +49,7 @@ BASELINES = ("static", "still")
 class Evaluation:
     """What is to be evaluated. `code` is the version of this program: results of another one do not
     count. The first `films` episodes of every cell are filmed. With `baselines`, BASELINES try the
-    same scenes."""
+    same scenes. Those of a `benchmark` are taken from it."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -63,6 +64,7 @@ class Evaluation:
     answer_seconds: float = ANSWER_SECONDS
     baselines: bool = False
     made_by: Mapping[str, Any] = field(default_factory=dict)
+    benchmark: Benchmark | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class EvaluationResult:
     run: int
     path: Path
     page: Path
+    benchmark: RecordedBenchmark | None = None
 
     @property
     def faults(self) -> dict[str, int]:
@@ -88,7 +91,10 @@ class EvaluationResult:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        values = {"results": self.cells, "means": self.means, "baselines": self.baselines}
+        values: dict[str, Any] = {"results": self.cells, "means": self.means}
+        values["baselines"] = self.baselines
+        if self.benchmark:
+            values["benchmark"] = self.benchmark.model_dump()
         return values | {"run": self.run, "episodes": str(self.path), "page": str(self.page)}
 
 
@@ -104,8 +110,9 @@ def evaluate(
 
     The policy is loaded, and its contract compared, before any scene is admitted. Raises OSError
     for a file in place of a directory, ProtocolError, ResultsError, PolicyError if the policy
-    cannot be made, refuses or differs from the one that made rows of this label, and Busy if
-    another evaluation writes to `out`.
+    cannot be made, refuses or differs from the one that made rows of this label, BenchmarkError for
+    scenes that the benchmark does not have or rows of another one, and Busy if another evaluation
+    writes to `out`.
     """
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
@@ -114,7 +121,10 @@ def evaluate(
         check_directory(place)
         if place.exists():
             check_plain(place)
-    for cell in evaluation.cells:
+    frozen = None
+    if evaluation.benchmark:
+        frozen = evaluation.benchmark.cases(evaluation.cells, evaluation.episodes)
+    for cell in () if frozen else evaluation.cells:
         seeds.read(cell)  # what is none is refused before anything is written
     evaluation = replace(evaluation, policy=_introduced(evaluation, run, tell))
     out.mkdir(parents=True, exist_ok=True)
@@ -122,7 +132,7 @@ def evaluate(
         results = Results(out / EPISODES, check_episode)
         _check_identity(evaluation, results)
         tell("admitting seeds")
-        admitted = seeds.admitted(evaluation.cells, evaluation.episodes, run)
+        admitted = frozen or seeds.admitted(evaluation.cells, evaluation.episodes, run)
         beside = [_baseline(evaluation, name) for name in BASELINES]
         tried = [evaluation, *(beside if evaluation.baselines else ())]
 
@@ -145,7 +155,9 @@ def evaluate(
         _film(evaluation, admitted, out, run, tell)
         page = _write_page(evaluation.code, results, out)
         means = over_tasks(rows), over_tasks(others)
-        return EvaluationResult(summarise(rows), *means, len(missing), results.path, page)
+        noted = evaluation.benchmark and evaluation.benchmark.record(len(rows))
+        files = results.path, page
+        return EvaluationResult(summarise(rows), *means, len(missing), *files, noted)
 
 
 def _result(
@@ -169,6 +181,7 @@ def _result(
         scenes=hash_scenes(cases),
         rows=hash_rows(results.of(text_key(_job(evaluation, case).key) for case in cases)),
         made_by=dict(evaluation.made_by),
+        benchmark=evaluation.benchmark and evaluation.benchmark.record(len(cases)),
     )
 
 
@@ -179,11 +192,19 @@ def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
 
 
 def _check_identity(evaluation: Evaluation, results: Results) -> None:
-    """Raise PolicyError for rows of this version and label by a policy that answered otherwise."""
+    """Raise PolicyError for rows of this version and label by a policy that answered otherwise,
+    BenchmarkError for rows of this version on another benchmark."""
+    wanted = evaluation.benchmark.label if evaluation.benchmark else ""
     for row in results.rows():
         policy = evaluation.policy
-        same = (json.loads(row["key"])[0], row["policy"]) == (evaluation.code, policy.label)
-        if same and row["probe"] != policy.probe:
+        if json.loads(row["key"])[0] != evaluation.code:
+            continue
+        if (tried := row.get("benchmark", "")) != wanted:
+            raise BenchmarkError(
+                f"{results.path} holds episodes on {tried or 'no benchmark'}: give those on"
+                f" {wanted or 'no benchmark'} another --out"
+            )
+        if row["policy"] == policy.label and row["probe"] != policy.probe:
             raise PolicyError(
                 f"{results.path} holds episodes of another policy with the label {policy.label}:"
                 " give this one another ?label= or --out"
@@ -230,13 +251,16 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
     if strips:
         write_atomic(out / "contact_sheet.jpg", jpeg(sheet(strips)))
     path = out / "index.html"
-    write_atomic(path, page(summarise(rows), over_tasks(rows), films, code).encode())
+    benchmark = rows[0].get("benchmark", "") if rows else ""
+    write_atomic(path, page(summarise(rows), over_tasks(rows), films, code, benchmark).encode())
     return path
 
 
 def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
     names = ("policy", "clock", "code", "setup", "split", "compounding", "answer_seconds")
-    return EpisodeJob(case, **{name: getattr(evaluation, name) for name in names})
+    label = evaluation.benchmark.label if evaluation.benchmark else ""
+    given = {name: getattr(evaluation, name) for name in names}
+    return EpisodeJob(case, **given, benchmark=label)
 
 
 def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:

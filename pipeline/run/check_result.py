@@ -21,7 +21,8 @@ from pipeline.evaluate.bundle import (
     read_bundle,
     unpack,
 )
-from pipeline.evaluate.scenes.case import Case, start_hash
+from pipeline.evaluate.scenes.benchmark import Benchmark, read_benchmark
+from pipeline.evaluate.scenes.case import BenchmarkError, Case, start_hash
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.evaluate.scoring.clock import Clock, parse_clock
@@ -31,7 +32,6 @@ from pipeline.evaluate.scoring.summary import Row
 from pipeline.poses import Floats
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.provenance import machine
-from pipeline.stages.scene import build_scene
 
 PHYSICAL = ("packages", "processor")
 """Of `made_by`: what must be the same for the same bytes."""
@@ -62,10 +62,17 @@ class ReplayJob:
 
 
 def check_result(
-    out: Path, run: Runner, again: int = 0, seed: int | None = None, manifests: Path | None = None
+    out: Path,
+    run: Runner,
+    again: int = 0,
+    seed: int | None = None,
+    manifests: Path | None = None,
+    benchmark: Benchmark | None = None,
 ) -> CheckedBundle:
     """Check a directory of an evaluation; `again` random episodes are carried out again, without
-    which consistent forgeries pass. Raises BundleError, OSError, ResultsError, ProtocolError."""
+    which consistent forgeries pass. Scenes are those of `manifests`, by default OUT/manifests, or
+    those of the benchmark that was evaluated, by default the one of its name that ships with the
+    package. Raises BundleError, OSError, ResultsError, ProtocolError, BenchmarkError."""
     check_tree(out)
     checked, jobs, known = CheckedBundle(), list[ReplayJob](), set[str]()
     results = read_bundle(out)
@@ -74,7 +81,7 @@ def check_result(
     rows = Results(out / EPISODES, check_episode).rows()
     here = machine()
     for result in results:
-        cases = _cases(result, manifests or out / "manifests")
+        cases = _cases(result, manifests or out / "manifests", benchmark)
         mine = [
             row
             for row in rows
@@ -101,13 +108,26 @@ def _named(row: Mapping[str, Any]) -> str:
     return f"{row['task']} on {row['embodiment']}, level {row['level']}, seed {row['seed']}"
 
 
-def _cases(result: RecordedResult, manifests: Path) -> dict[tuple[str, str], Case]:
-    """The cases that the evaluation wanted, by spec and digest."""
-    seeds = Manifests(manifests, result.seed, result.read_setup(), result.apart)
+def _cases(
+    result: RecordedResult, manifests: Path, benchmark: Benchmark | None
+) -> dict[tuple[str, str], Case]:
+    """The cases that the evaluation wanted, by spec and digest. Raises BenchmarkError if the
+    benchmark is not the one that was evaluated."""
+    cells = result.read_cells()
+    if result.benchmark:
+        name, digest = result.benchmark.name, result.benchmark.sha256
+        benchmark = benchmark or read_benchmark(name)
+        if (benchmark.head.benchmark, benchmark.sha256) != (name, digest):
+            raise BenchmarkError(
+                f"the results are of a benchmark {name} (sha256 {digest[:12]}), which is not"
+                f" {benchmark.label}: give its file with --benchmark"
+            )
+        admitted = benchmark.cases(cells, result.episodes)
+    else:
+        seeds = Manifests(manifests, result.seed, result.read_setup(), result.apart)
+        admitted = {cell: seeds.read(cell).cases[: result.episodes] for cell in cells}
     return {
-        (case.spec.to_json(), case.digest): case
-        for cell in result.read_cells()
-        for case in seeds.read(cell).cases[: result.episodes]
+        (case.spec.to_json(), case.digest): case for cases in admitted.values() for case in cases
     }
 
 
@@ -123,13 +143,14 @@ def _differences(
     if len(cases) < wanted:
         yield f"{wanted - len(cases)} of {wanted} scenes are missing from the manifests"
     tried = {tuple(json.loads(row["key"])[3:5]) for row in rows}
+    label = result.benchmark and result.benchmark.label
     if dropped := cases.keys() - tried:
         yield f"{len(dropped)} episodes are missing, such as {sorted(dropped)[0][0]}"
     for row in rows:
         key = json.loads(row["key"])
         spec = json.loads(key[3])
-        claimed = [row["policy"], row["clock"], row["probe"], row["rules"]]
-        stated = [result.policy, result.clock, result.probe, result.read_setup().label]
+        claimed = [row["policy"], row["clock"], row["probe"], row["rules"], row.get("benchmark")]
+        stated = [result.policy, result.clock, result.probe, result.read_setup().label, label]
         named = isinstance(spec, dict) and all(row.get(name, of) == of for name, of in spec.items())
         if claimed != stated or not named:
             yield f"the row of {_named(row)} contradicts its key"
@@ -184,7 +205,7 @@ def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
 def carry_out_again(job: ReplayJob) -> dict[str, Any]:
     """The score of an episode that does what another did, with whether it began the same."""
     setup = job.result.read_setup()
-    scene = build_scene(job.case.spec, setup.ruling()).furnished(job.case.target_motion)
+    scene = job.case.scene(setup)
     trial = Trial(scene, job.clock.motion(job.case.target_motion), setup)
     start = start_hash(trial.simulation.poses(), trial.simulation.qpos()[0])
     try:

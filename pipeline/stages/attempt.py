@@ -113,10 +113,14 @@ def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, Tar
 
 
 def attempt(
-    spec: EpisodeSpec, setup: Setup, phases: Phases, demonstrator: Demonstrator | None = None
+    spec: EpisodeSpec,
+    setup: Setup,
+    phases: Phases,
+    demonstrator: Demonstrator | None = None,
+    frozen: Scene | None = None,
 ) -> Rollout:
-    """The three stages for one spec. A `demonstrator` does the third, by default the expert that
-    the setup names.
+    """The three stages for one spec, in its `frozen` scene if there is one. A `demonstrator` does
+    the third, by default the expert that the setup names.
 
     Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and
     OwnCodeError for an error in the code of a task from outside the package."""
@@ -129,7 +133,7 @@ def attempt(
     )
     try:
         with phases("scene"):
-            scene = build_scene(spec, setup.ruling())
+            scene = frozen or build_scene(spec, setup.ruling())
         dry, motion, steps = draw_motion(scene, setup, phases)
         drawn, meeting = motion.features(), dry.meeting
         with phases("replay"):

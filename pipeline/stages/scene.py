@@ -1,12 +1,14 @@
 """The scene of one attempt: everything that follows from its spec before physics starts."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
 from pipeline.data.episode.state_log import StateLog
+from pipeline.data.episode.visuals import Visuals
 from pipeline.data.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor
@@ -14,7 +16,7 @@ from pipeline.motion.scenery import Prop
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Floats
 from pipeline.stages.failure import Failure
-from pipeline.stages.surroundings import clutter, embodiment_of, occluded
+from pipeline.stages.surroundings import clutter, embodiment_of, occluded, stance_of
 from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.contract import TRACKING
 from pipeline.tasks.language.sentences import Wording
@@ -54,7 +56,8 @@ FRAME_MARGIN = 4.0  # pixels between the target and the border of the head camer
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms.
-    The last `bodies` are the distractors, whose names `clutter` lists. `scenery` is only seen."""
+    The last `bodies` are the distractors, whose names `clutter` lists. `scenery` is only seen.
+    `looks` and `sentences` (by split) are those of a frozen scene, in place of drawn ones."""
 
     spec: EpisodeSpec
     task: Task
@@ -64,6 +67,8 @@ class Scene:
     clutter: tuple[str, ...] = ()
     rules: Rules = STRICT
     scenery: tuple[Prop, ...] = ()
+    looks: Visuals | None = None
+    sentences: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def furnished(self, motion: Motion) -> "Scene":
         return replace(self, scenery=motion.scenery())
@@ -154,7 +159,7 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
     """Lay out the scene of a spec; a pure function of it and of the rules. Raises
     Failure("layout")."""
     task = TASKS[spec.task]
-    embodiment = embodiment_of(spec, rules.layout)
+    embodiment = embodiment_of(spec, rules.layout, stance_of(spec))
     head = cameras_of(embodiment)[0]
 
     def in_view(point: Floats) -> bool:

@@ -1,6 +1,8 @@
 """What the randomized domain changes around a task, besides looks: table height, head camera and
 clutter, each from its own stream of the spec."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,14 +65,28 @@ def table_drop(spec: EpisodeSpec) -> float:
     )
 
 
-def embodiment_of(spec: EpisodeSpec, layout: Layout = "ours") -> Embodiment:
-    """The robot of a spec, at its height above the table and with its head camera as in this
-    attempt."""
-    embodiment = get_embodiment(spec.embodiment, layout)
+class Stance(NamedTuple):
+    """By how much (m) the table is lower, and `shift` (m) and `turn` (rad) of the head camera."""
+
+    drop: float
+    shift: tuple[float, float, float]
+    turn: tuple[float, float, float]
+
+
+def stance_of(spec: EpisodeSpec) -> Stance | None:
+    """None in the clean domain."""
     if spec.domain == "clean":
-        return embodiment
+        return None
     shift, turn = spec.rng("head_camera").uniform(-1, 1, (2, 3)) * [[CAMERA_SHIFT], [CAMERA_TURN]]
-    return looking(raised(embodiment, table_drop(spec)), shift, turn.tolist())
+    return Stance(table_drop(spec), tuple(shift.tolist()), tuple(turn.tolist()))
+
+
+def embodiment_of(spec: EpisodeSpec, layout: Layout, stance: Stance | None) -> Embodiment:
+    """The robot of a spec, at its height above the table and with its head camera."""
+    embodiment = get_embodiment(spec.embodiment, layout)
+    if stance is None:
+        return embodiment
+    return looking(raised(embodiment, stance.drop), stance.shift, stance.turn)
 
 
 def clutter(

@@ -11,13 +11,18 @@ from pipeline.data.setup import RecipeError
 FOLDER = "manifests"
 
 
-def shipped_recipes() -> dict[str, Path]:
-    """The recipe files that ship with the package, by name: "smoke", "paper/10-tasks", ..."""
+def shipped_folder() -> Path:
+    """The folder of the files that ship with the package."""
     package = Path(str(pipeline.__file__)).parent
     # beside the package in a checkout, inside it in a wheel
-    root = next(
+    return next(
         (place for place in (package / FOLDER, package.parent / FOLDER) if place.is_dir()), package
     )
+
+
+def shipped_recipes() -> dict[str, Path]:
+    """The recipe files that ship with the package, by name: "smoke", "paper/10-tasks", ..."""
+    root = shipped_folder()
     return {
         path.relative_to(root).with_suffix("").as_posix(): path
         for path in sorted(root.rglob("*.yaml"))

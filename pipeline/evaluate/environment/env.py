@@ -38,7 +38,6 @@ from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
 from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
-from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world.robots import get_embodiment
@@ -162,7 +161,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)
         self._close_eyes()
-        scene = build_scene(case.spec, self.setup.ruling()).furnished(case.target_motion)
+        scene = case.scene(self.setup)
         self._trial = Trial(scene, case.target_motion, self.setup)
         self.task_description = instruction_of(scene, self._split)
         if self.setup.cameras:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.state_log import StateLog
+from pipeline.data.errors import DominoError
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.frozen import FrozenScene
+from pipeline.stages.scene import Scene, build_scene
 
 UNSEEN = Setup(textures="unseen")
 """The default setup of an environment: the robot's cameras, and textures that training never
@@ -44,6 +47,10 @@ BLIND = blind(UNSEEN)
 """The default setup of an evaluation: the policy sees no images."""
 
 
+class BenchmarkError(DominoError):
+    """A benchmark that cannot be used, or is not the one that was named."""
+
+
 @dataclass(frozen=True)
 class Case:
     """A spec that the expert solved.
@@ -51,7 +58,7 @@ class Case:
     `setup` is the physics by which it was solved and is judged. `motion` is TargetMotion.to_json(),
     `meeting` the time (s) of the first touch in the dry run, `frames` the length of the expert's
     episode. `start` and `end` are hashes of the first frame and of the whole state log: physics is
-    the same where they are.
+    the same where they are. `state` is the scene itself if a benchmark has frozen it.
     """
 
     spec: EpisodeSpec
@@ -61,6 +68,7 @@ class Case:
     start: str
     end: str
     setup: Setup = DEFAULT
+    state: FrozenScene | None = None
 
     @property
     def target_motion(self) -> TargetMotion:
@@ -71,9 +79,26 @@ class Case:
         """Short hash of the motion and of the first frame."""
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
 
+    def scene(self, setup: Setup | None = None) -> Scene:
+        """The scene, under the rules of a setup of the same physics. Raises Failure("layout"), and
+        BenchmarkError for a state that is none."""
+        rules = (setup or self.setup).ruling()
+        if self.state is None:
+            return build_scene(self.spec, rules).furnished(self.target_motion)
+        try:
+            return self.state.scene(self.spec, rules).furnished(self.target_motion)
+        except ValueError as error:
+            spec = self.spec
+            raise BenchmarkError(
+                f"the benchmark's scene of {spec.task}, level {spec.level}, seed {spec.seed}:"
+                f" {error}"
+            ) from error
+
     def to_dict(self) -> dict[str, Any]:
         """For a manifest: JSON values only; the motion is an object."""
-        return asdict(self) | {"motion": json.loads(self.motion), "setup": self.setup.given()}
+        values = asdict(replace(self, state=None))
+        del values["state"]
+        return values | {"motion": json.loads(self.motion), "setup": self.setup.given()}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
@@ -123,5 +148,8 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
 
 
 def expert_actions(case: Case) -> NDArray[np.float64]:
-    """The expert's recorded actions (T,A), one a control period."""
-    return expert(case.spec, case.setup).replay.log.action[:-1]
+    """The expert's actions (T,A), one a control period. Raises Failure."""
+    if case.state is None:
+        return expert(case.spec, case.setup).replay.log.action[:-1]
+    done = attempt(case.spec, case.setup, Phases(), frozen=case.scene())
+    return done.replay.log.action[:-1]

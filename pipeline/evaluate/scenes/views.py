@@ -56,4 +56,6 @@ class Eyes:
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:
     """The instruction of an episode, of the split "seen" or "unseen"."""
+    if scene.sentences:
+        return scene.sentences[split]
     return instructions(scene.wording(), scene.spec.rng("language"), 1)[split][0]

@@ -58,11 +58,23 @@ def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
             out.append(ComparedPolicy(run, grouped, len(policies)))
         else:
             out += [ComparedPolicy(policy, tuple(rows)) for policy, rows in policies.items()]
+    check_one_benchmark([row for arm in out for row in arm.rows])
     if len(out) < 2:
         raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
     if len({arm.name for arm in out}) == len(out):
         return out
     return [replace(arm, name=f"{arm.name} #{n}") for n, arm in enumerate(out, 1)]
+
+
+def check_one_benchmark(rows: Sequence[Row]) -> str:
+    """The benchmark of all rows, "" for none. Raises CompareError for several."""
+    first, *others = sorted({row.get("benchmark", "") for row in rows}) or [""]
+    if others:
+        raise CompareError(
+            f"the episodes are on {first or 'no benchmark'} and on {others[0]}: evaluate all"
+            " policies on one"
+        )
+    return first
 
 
 def newest(run: Path) -> list[Row]:

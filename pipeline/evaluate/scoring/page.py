@@ -12,11 +12,16 @@ type Film = tuple[str, bytes, bytes]
 
 
 def page(
-    cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (), code: str = ""
+    cells: Sequence[Row],
+    means: Sequence[Row],
+    films: Sequence[Film] = (),
+    code: str = "",
+    benchmark: str = "",
 ) -> str:
     """The page's text. `cells` and `means` are those of summary.py; `code` is the version of the
-    program."""
+    program, `benchmark` the label of what all were tried on."""
     version = f"Code {code[:12]}." if code else ""
+    version += f" Benchmark {benchmark}." if benchmark else ""
     episodes = sum(cell["episodes"] for cell in cells)
     values = {"cells": cells, "means": means, "panels": panels(means), "films": films}
     values |= {"published": PUBLISHED, "episodes": episodes, "code": version}

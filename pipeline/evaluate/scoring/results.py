@@ -100,6 +100,8 @@ def check_episode(row: dict[str, Any]) -> None:
         if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):
             raise ValueError(f"{wrong} is missing or of another type")
     numbers = [row[name] for name in FIELDS[int | float]]
+    if not isinstance(row.get("benchmark", ""), str):
+        raise ValueError("benchmark is no text")
     if any(isinstance(n, bool) or not 0 <= n < 1e12 for n in numbers):
         raise ValueError("a number is out of range")
     if not all(isinstance(name, str) for names in FIELDS[list] for name in row[names]):

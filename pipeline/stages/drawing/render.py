@@ -96,12 +96,17 @@ class Appearance:
         return replace(self, cameras=tuple(c for c in self.cameras if c.name in names))
 
 
-def visuals_of(spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0) -> Visuals:
+def visuals_of(
+    spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0, frozen: Visuals | None = None
+) -> Visuals:
     """The look of room and lights of an episode: of its domain, clean, or randomized, where every
-    seed and variant has a stream of its own. Textures and light of the setup replace those of every
-    look. Raises BroughtError if they are missing or have changed."""
+    seed and variant has a stream of its own. `frozen` is that of its domain with unseen textures,
+    if it is known. Textures and light of the setup replace those of every look. Raises BroughtError
+    if they are missing or have changed."""
     own = setup.visuals != "domain"
-    if (setup.visuals if own else spec.domain) == "clean":
+    if frozen and not own and (spec.domain == "clean" or setup.textures == "unseen"):
+        visuals = frozen
+    elif (setup.visuals if own else spec.domain) == "clean":
         visuals = CLEAN
     else:
         split = setup.textures if isinstance(setup.textures, str) else "seen"
@@ -139,7 +144,7 @@ def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
     bodies |= {prop.name: parts_of(prop) for prop in scene.scenery}
     cameras = setup_cameras(robot, setup)
     sensing = sensing_of(scene.spec, setup.sensors, setup.fps)
-    visuals = visuals_of(scene.spec, setup)
+    visuals = visuals_of(scene.spec, setup, frozen=scene.looks)
     images = images_of(visuals, setup)
     return Appearance(bodies, robot.furniture, cameras, visuals, setup.render, sensing, images)
 

@@ -1,0 +1,317 @@
+"""A benchmark: one file with the scenes of an evaluation as data, which nothing has to draw or to
+admit again.
+
+It is text, compressed with xz: a line of JSON about the whole, then a line for each scene, cell
+after cell. Its hash is that of the text, so it does not depend on who compressed it.
+"""
+
+import hashlib
+import json
+import lzma
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.reading import read_regular
+from pipeline.data.recipe.file import shipped_folder
+from pipeline.data.recipe.model import Cell, Recipe
+from pipeline.data.setup import IMAGES, Setup
+from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.scenes.case import BenchmarkError, Case
+from pipeline.evaluate.scenes.manifests import SeedJob
+from pipeline.motion.models import motion_from_json
+from pipeline.stages.frozen import FrozenScene, freeze
+from pipeline.tasks import TASKS
+
+FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"
+
+LARGEST = 1 << 28
+"""Bytes of text that a benchmark has at most."""
+
+_Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")]
+_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+
+
+class FrozenCell(BaseModel):
+    """A Cell, strictly read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    task: str
+    embodiment: str
+    level: int
+    alpha: float
+    domain: str
+
+    def cell(self) -> Cell:
+        return Cell(**self.model_dump())
+
+
+class FrozenCase(BaseModel):
+    """A case of a cell: see Case."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    seed: Annotated[int, Field(ge=0)]
+    motion: dict[str, Any]
+    meeting: Annotated[float, Field(ge=0, le=1e4)]
+    frames: Annotated[int, Field(ge=0, le=1_000_000)]
+    start: _Hash
+    end: _Hash
+    state: FrozenScene
+
+    def case(self, cell: Cell, setup: Setup) -> Case:
+        """Raises ValueError if the target is not where its motion meets."""
+        motion = motion_from_json(json.dumps(self.motion))
+        target = TASKS[cell.task].target
+        at = next((body.pose for body in self.state.bodies if body.name == target), (np.inf,) * 7)
+        if np.abs(motion.pose(motion.duration) - at).max() > 1e-6:
+            raise ValueError(f"the {target} is not where its motion ends")
+        facts = (motion.to_json(), self.meeting, self.frames, self.start, self.end)
+        return Case(SeedJob(cell, self.seed).spec, *facts, setup, self.state)
+
+
+class BenchmarkHead(BaseModel):
+    """The first line. Every cell has as many `scenes`; `parts` are tasks by the name of a part;
+    `made_by` names packages."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    benchmark: _Name
+    schema_version: Annotated[int, Field(ge=1, le=1)] = 1
+    physics_hz: Annotated[int, Field(ge=PHYSICS_HZ, le=PHYSICS_HZ)]
+    setup: dict[str, Any]
+    parts: dict[_Name, tuple[str, ...]]
+    made_by: dict[str, Any]
+    scenes: Annotated[int, Field(ge=1, le=100_000)]
+    cells: Annotated[tuple[FrozenCell, ...], Field(min_length=1)]
+
+    @field_validator("cells")
+    @classmethod
+    def _each_once(cls, cells: tuple[FrozenCell, ...]) -> tuple[FrozenCell, ...]:
+        if len({each.cell() for each in cells}) < len(cells):
+            raise ValueError("a cell is there twice")
+        for each in cells:
+            SeedJob(each.cell(), 0).spec  # noqa: B018 (its names are checked)
+        return cells
+
+
+class RecordedBenchmark(BaseModel):
+    """What a result states of its benchmark: `scenes` of `of` were tried, all in cells of `part`
+    ("" for no part)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    name: str
+    sha256: str
+    part: str
+    scenes: int
+    of: int
+
+    @property
+    def label(self) -> str:
+        """Name and short hash: what a row of results says of its benchmark."""
+        return f"{self.name} {self.sha256[:12]}"
+
+    def __str__(self) -> str:
+        part = f", part {self.part}" if self.part else ""
+        return (
+            f"benchmark {self.name} (sha256 {self.sha256[:12]}){part}: {self.scenes} of"
+            f" {self.of} scenes"
+        )
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What a file holds; `lines` are those of the scenes, which are read when they are asked
+    for."""
+
+    head: BenchmarkHead
+    sha256: str
+    lines: Sequence[bytes]
+    part: str = ""
+
+    @property
+    def label(self) -> str:
+        """See RecordedBenchmark."""
+        return self.record(0).label
+
+    @property
+    def setup(self) -> Setup:
+        return Setup.model_validate(self.head.setup)
+
+    def choose(self, recipe: Recipe, keys: Collection[str]) -> list[Cell]:
+        """The cells, those of the part if one was named, whose values of these `keys` are a
+        recipe's. Raises BenchmarkError for none."""
+        tasks = self.head.parts.get(self.part)
+        options = {
+            "tasks": "task",
+            "embodiments": "embodiment",
+            "levels": "level",
+            "alpha": "alpha",
+            "domains": "domain",
+        }
+        names = {key: options[key] for key in keys if key in options}
+        found = [
+            cell
+            for cell in map(FrozenCell.cell, self.head.cells)
+            if (tasks is None or cell.task in tasks)
+            and all(
+                getattr(cell, name) in getattr(recipe, key)
+                for key, name in names.items()
+                if key != "alpha" or cell.level
+            )
+        ]
+        if not found:
+            raise BenchmarkError(f"benchmark {self.head.benchmark} has no scene of these options")
+        return found
+
+    def under(self, setup: Setup, keys: Collection[str]) -> Setup:
+        """A setup with the physics of the benchmark. Raises BenchmarkError if one of `keys` differs
+        that a policy is made for, or by which it is judged."""
+        own = self.setup
+        for key in ("fps", "rules", "contact", "layout", "camera", "drive"):
+            if key in keys and getattr(setup, key) != getattr(own, key):
+                raise BenchmarkError(
+                    f"benchmark {self.head.benchmark} has {key} {getattr(own, key)}, not"
+                    f" {getattr(setup, key)}"
+                )
+        kept = {key: getattr(own, key) for key in Setup.model_fields if key not in IMAGES}
+        return setup.override(kept)
+
+    def record(self, scenes: int) -> RecordedBenchmark:
+        """What a result on this many of its scenes states."""
+        name, whole = self.head.benchmark, len(self.lines)
+        return RecordedBenchmark(
+            name=name, sha256=self.sha256, part=self.part, scenes=scenes, of=whole
+        )
+
+    def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
+        """The first scenes of these cells. Raises BenchmarkError for one that it does not have, and
+        for a line that is no scene."""
+        if scenes > self.head.scenes:
+            raise BenchmarkError(
+                f"benchmark {self.head.benchmark} has {self.head.scenes} scenes of each cell, fewer"
+                f" than {scenes}"
+            )
+        places = {each.cell(): number for number, each in enumerate(self.head.cells)}
+        if missing := [cell.path for cell in cells if cell not in places]:
+            raise BenchmarkError(f"benchmark {self.head.benchmark} has no cell {missing[0]}")
+        return {cell: self._cases(cell, places[cell] * self.head.scenes, scenes) for cell in cells}
+
+    def _cases(self, cell: Cell, first: int, scenes: int) -> list[Case]:
+        out, setup = list[Case](), self.setup.physics
+        for number, line in enumerate(self.lines[first : first + scenes], first + 2):
+            try:
+                out.append(FrozenCase.model_validate_json(line).case(cell, setup))
+            except (ValueError, TypeError, KeyError, AttributeError) as error:
+                raise BenchmarkError(
+                    f"benchmark {self.head.benchmark}: line {number} is no scene of {cell.path}"
+                    f" ({_reason(error)})"
+                ) from error
+        if len({case.spec.seed for case in out}) < len(out):
+            raise BenchmarkError(f"benchmark {self.head.benchmark} has a scene twice: {cell.path}")
+        return out
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return line_of_text(f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
+    return line_of_text(error)
+
+
+def pack(
+    name: str,
+    cases: Mapping[Cell, Sequence[Case]],
+    setup: Setup,
+    parts: Mapping[str, Sequence[str]],
+    made_by: Mapping[str, Any],
+) -> bytes:
+    """The file of a benchmark. Raises BenchmarkError for a wrong name and for scenes that cannot be
+    frozen."""
+    scenes = max(map(len, cases.values()))
+    head = {
+        "benchmark": name,
+        "schema_version": 1,
+        "physics_hz": PHYSICS_HZ,
+        "setup": setup.physics.given(),
+        "parts": {part: [*tasks] for part, tasks in parts.items()},
+        "made_by": dict(made_by),
+        "scenes": scenes,
+        "cells": [asdict(cell) for cell in cases],
+    }
+    lines = [_line(head), *(_line(_frozen(case)) for each in cases.values() for case in each)]
+    packed = lzma.compress(b"\n".join(lines) + b"\n", preset=9)
+    unpack_benchmark(packed, name).cases([*cases], scenes)
+    return packed
+
+
+def _line(values: Mapping[str, Any]) -> bytes:
+    return json.dumps(values, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _frozen(case: Case) -> dict[str, Any]:
+    values = case.to_dict()
+    try:
+        state = case.state or freeze(case.scene())
+    except ValueError as error:
+        raise BenchmarkError(f"{case.spec.task}, seed {case.spec.seed}: {error}") from error
+    kept = {name: values[name] for name in ("motion", "meeting", "frames", "start", "end")}
+    frozen = state.model_dump(mode="json", exclude_defaults=True)
+    return {"seed": case.spec.seed, **kept, "state": frozen}
+
+
+def unpack_benchmark(data: bytes, source: str) -> Benchmark:
+    """The benchmark in the bytes of a file; `source` names it. Raises BenchmarkError."""
+    try:
+        text = _decompress(data)
+        first, *lines = text.removesuffix(b"\n").split(b"\n")
+        head = BenchmarkHead.model_validate_json(first)
+        Setup.model_validate(head.setup)
+        for each in head.cells:
+            if each.task not in TASKS:
+                raise ValueError(f"the task {each.task} is not installed")
+        if head.scenes * len(head.cells) != len(lines):
+            raise ValueError(f"it has {len(lines)} scenes, not as many as it says")
+    except (ValueError, TypeError, lzma.LZMAError, EOFError, MemoryError) as error:
+        raise BenchmarkError(f"{source}: is no benchmark ({_reason(error)})") from error
+    return Benchmark(head, hashlib.sha256(text).hexdigest(), lines)
+
+
+def _decompress(data: bytes) -> bytes:
+    reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=LARGEST)
+    text = reader.decompress(data, LARGEST + 1)
+    if len(text) > LARGEST:
+        raise ValueError(f"it has more than {LARGEST} bytes")
+    if not reader.eof or reader.unused_data:
+        raise ValueError("it is cut off, or has more after its end")
+    return text
+
+
+def shipped_benchmarks() -> dict[str, Path]:
+    """The benchmarks that ship with the package, by name."""
+    files = sorted((shipped_folder() / FOLDER).glob(f"*{SUFFIX}"))
+    return {path.name.removesuffix(SUFFIX): path for path in files}
+
+
+def read_benchmark(given: str) -> Benchmark:
+    """The benchmark of a file, or of that name; NAME:PART for a part of it. Raises BenchmarkError,
+    OSError."""
+    path, part = Path(given), ""
+    if not path.exists():
+        name, _, part = given.partition(":")
+        path = shipped_benchmarks().get(name, Path(name))
+        if not path.exists():
+            known = ", ".join(shipped_benchmarks()) or "none"
+            raise BenchmarkError(f"no benchmark {name!r}: there are {known}, or name a file")
+    found = unpack_benchmark(read_regular(path, LARGEST), str(path))
+    if part and part not in found.head.parts:
+        parts = ", ".join(found.head.parts) or "none"
+        raise BenchmarkError(f"benchmark {found.head.benchmark} has no part {part!r}: {parts}")
+    return Benchmark(found.head, found.sha256, found.lines, part)
