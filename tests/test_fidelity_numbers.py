@@ -272,7 +272,8 @@ def test_the_head_camera_is_moved_and_turned_by_any_share_of_the_most(stated):
     home = get_embodiment("piper").head_camera
     specs = [randomized(seed) for seed in range(100)]
     lowered = [
-        surroundings.embodiment_of(each, "ours", surroundings.stance_of(each)).head_camera - np.eye(7)[2] * surroundings.table_drop(each)
+        surroundings.embodiment_of(each, "ours", surroundings.stance_of(each)).head_camera
+        - np.eye(7)[2] * surroundings.table_drop(each)
         for each in specs
     ]
     moved = np.array([compose(inverse(home), each) for each in lowered])

@@ -21,7 +21,7 @@ from pipeline.evaluate.bundle import (
     read_bundle,
     unpack,
 )
-from pipeline.evaluate.scenes.benchmark import Benchmark, read_benchmark
+from pipeline.evaluate.scenes.benchmark import Benchmark, read_benchmark, shipped_benchmarks
 from pipeline.evaluate.scenes.case import BenchmarkError, Case, start_hash
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scenes.trial import Trial
@@ -116,6 +116,8 @@ def _cases(
     cells = result.read_cells()
     if result.benchmark:
         name, digest = result.benchmark.name, result.benchmark.sha256
+        if benchmark is None and name not in shipped_benchmarks():
+            raise BenchmarkError(f"benchmark {name} does not ship here: name its file, --benchmark")
         benchmark = benchmark or read_benchmark(name)
         if (benchmark.head.benchmark, benchmark.sha256) != (name, digest):
             raise BenchmarkError(

@@ -66,8 +66,8 @@ class FrozenBody(BaseModel):
 
 
 class FrozenScene(BaseModel):
-    """The bodies of a scene, the last `clutter` of them distractors; the stance of its robot, how
-    room and lights look with unseen textures, and an instruction of each split."""
+    """The bodies of a scene, the last `clutter` of them distractors, and the stance of its robot.
+    `looks` are those with unseen textures, `seen` and `unseen` an instruction of each split."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 

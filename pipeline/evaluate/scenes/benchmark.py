@@ -115,7 +115,7 @@ class RecordedBenchmark(BaseModel):
 
     @property
     def label(self) -> str:
-        """Name and short hash: what a row of results says of its benchmark."""
+        """Name and short hash, as rows of results state it."""
         return f"{self.name} {self.sha256[:12]}"
 
     def __str__(self) -> str:
