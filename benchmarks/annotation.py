@@ -46,9 +46,9 @@ from pipeline.annotate.stage import Redraw, Stage, directory_of, encoded_frames
 from pipeline.annotate.store import episode_paths
 from pipeline.annotate.work import StageWorker
 from pipeline.annotate.world_stage import WorldStage
-from pipeline.data.annotations import annotation_path, read_entry
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.slots.annotations import annotation_path, read_entry
 from pipeline.run.annotate import annotate
 
 CAMERA = "head_camera"

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from pipeline.data.cameras import visible
 from pipeline.data.episode.state_log import CONTACT_DTYPE, StateLog
-from pipeline.data.rules import Rules, RuleSet
+from pipeline.data.setup.rules import Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import quat_about, quat_rotate
 from pipeline.stages.scene import FRAME_MARGIN, Scene, build_scene

@@ -36,7 +36,7 @@ from benchmarks.causal_tables import Row, add_missing, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Contact, Corrections
+from pipeline.data.setup.rules import Contact, Corrections
 from pipeline.evaluate.evaluate import evaluate
 from pipeline.evaluate.scenes.case import blind
 from pipeline.evaluate.scenes.manifests import inline

@@ -32,14 +32,14 @@ import pipeline.run.build as building
 from benchmarks.hardware import hardware
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import Listing
-from pipeline.data.index import Index
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import FileFacts, SlotRecord
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.files import Listing
+from pipeline.data.slots.index import Index
+from pipeline.data.slots.records import FileFacts, SlotRecord
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 from pipeline.run.identity.slot_keys import RecipeKeys, slot_keys
 from pipeline.run.names import recipe_from

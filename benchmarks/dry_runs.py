@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.scoring.statistics import wilson
 from pipeline.stages.dry_run import dry_run

@@ -19,12 +19,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.cameras import View
 from pipeline.data.episode.file import Episode, open_episode
 from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
+from pipeline.data.slots.assets import AssetStore
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
 from pipeline.stages.attempt import Phases, Rollout, attempt

@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.annotate.networks.features import area_weights
 from pipeline.annotate.networks.masks import unpack
 from pipeline.annotate.store import find_stage
-from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
 from pipeline.data.episode.file import open_episode
+from pipeline.data.slots.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
 
 MOVING_PX = 0.05
 """Least mean exact displacement (px of the map) of the target in a pair that counts as moving."""

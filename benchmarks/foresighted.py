@@ -8,7 +8,7 @@ following the target in view, and knowing only the past.
 import numpy as np
 
 from pipeline.data.names import SIDES
-from pipeline.data.rules import Sight
+from pipeline.data.setup.rules import Sight
 from pipeline.expert.reactive.actor import KEPT, ReactiveActor
 from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.motion.contract import TargetMotion

@@ -28,7 +28,7 @@ from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.records import SlotRecord
 from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from

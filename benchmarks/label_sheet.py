@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from pipeline.annotate.flow import Colour, colour_flow
 from pipeline.annotate.store import episode_paths, find_stage
 from pipeline.annotate.world_labels import project_points
-from pipeline.data.annotations import Entry, annotation_path, read_entry
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
+from pipeline.data.slots.annotations import Entry, annotation_path, read_entry
 
 EDGES = [(a, b) for a in range(8) for b in range(a) if (a ^ b).bit_count() == 1]
 """Pairs of the corners of a box that an edge joins."""

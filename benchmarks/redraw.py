@@ -19,10 +19,10 @@ from pathlib import Path
 from benchmarks.hardware import hardware
 from pipeline.commands.build import with_looks
 from pipeline.commands.options import parse_value
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import Recipe, parse_recipe
+from pipeline.data.slots.assets import AssetStore
 from pipeline.run.drawing import work_of
 from pipeline.run.slot.redraw import DrawJob, draw_slot
 from pipeline.stages.drawing.render import body_poses, renderer, stored_appearance

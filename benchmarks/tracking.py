@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Sight
+from pipeline.data.setup.rules import Sight
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.scoring.clock import Retimed
 from pipeline.expert.tracking import TRACK

@@ -141,7 +141,7 @@ def words_after_plugins() -> list[str]:
     words, directories = split_plugins(sys.argv[1:])
     use_plugins(directories)
     if words[:1] == ["check-task"] and plugin_directories():
-        from pipeline.data.limited import Limits, run_limited
+        from pipeline.data.process.limited import Limits, run_limited
 
         # the code that is checked may end its process, but not this one
         limits = Limits(memory=6 << 30, processor=3600, wall=7200.0)

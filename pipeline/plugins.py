@@ -19,8 +19,8 @@ from pathlib import Path
 from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
-from pipeline.data.machine import user_cache
-from pipeline.data.own_code import ENV, describe_error, directories, line_of_error
+from pipeline.data.process.machine import user_cache
+from pipeline.data.process.own_code import ENV, describe_error, directories, line_of_error
 
 GROUPS = tuple(
     f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")

@@ -87,7 +87,7 @@ def plain(value: object) -> str:
         return f"{value:.3g}"
     if isinstance(value, tuple | list):
         return f"({', '.join(map(plain, value))}{',' if len(value) == 1 else ''})"
-    if type(value).__module__ == "pipeline.data.rules":
+    if type(value).__module__ == "pipeline.data.setup.rules":
         return "STRICT"
     return repr(value)
 

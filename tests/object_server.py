@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from moto.server import ThreadedMotoServer
 
-from pipeline.data.machine import CACHE
+from pipeline.data.process.machine import CACHE
 
 BUCKET = "bucket"
 

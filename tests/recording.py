@@ -6,11 +6,11 @@ from typing import Any
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import write_given_up
 from pipeline.data.keys import SlotKeys, file_hash
 from pipeline.data.recipe.model import Slot
-from pipeline.data.records import FileFacts, SlotRecord
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.files import write_given_up
+from pipeline.data.slots.records import FileFacts, SlotRecord
+from pipeline.data.slots.reread import IndexWriter
 
 
 def record_all(dataset: Dataset, entries: Iterable[tuple[Slot, SlotRecord]]) -> None:

@@ -16,14 +16,14 @@ from typing import Any
 import pipeline.run.build as building
 from pipeline import cli
 from pipeline.crew.contract import Crew, Steps
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import Drawing
 from pipeline.data.episode.state_log import StateLog, physics_id
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.records import SlotRecord
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json

@@ -21,9 +21,9 @@ from benchmarks.strange_files.directories import DIRECTORY_CASES
 from benchmarks.strange_files.making import OLD, bomb
 from benchmarks.strange_files.meshes import MESH_CASES
 from benchmarks.strange_files.robots import ROBOT_CASES
-from pipeline.data.brought import bring_light, bring_textures
 from pipeline.data.errors import DominoError
-from pipeline.data.limited import LimitError, Limits, run_limited
+from pipeline.data.process.limited import LimitError, Limits, run_limited
+from pipeline.data.setup.brought import bring_light, bring_textures
 from pipeline.world.objects.from_files import ObjectError
 
 PATIENCE = 30.0  # processor seconds of a case

@@ -22,8 +22,8 @@ from pipeline.annotate.stage import (
 )
 from pipeline.annotate.stage_key import annotation_key
 from pipeline.annotate.store import entry_header
-from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_entry
 from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
 
 
 @dataclass(frozen=True)

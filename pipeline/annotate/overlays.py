@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from pipeline.annotate.flow import Colour, colour_flow
 from pipeline.annotate.networks.masks import unpack
-from pipeline.data.annotations import Entry, annotation_path, read_entry, stages_of
 from pipeline.data.episode.file import open_episode
 from pipeline.data.names import HEAD
+from pipeline.data.slots.annotations import Entry, annotation_path, read_entry, stages_of
 
 COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
 

@@ -15,7 +15,7 @@ from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import episode_paths
 from pipeline.annotate.world_stage import WorldStage
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.select import fields_of, parse_where, select_rows
+from pipeline.data.slots.select import fields_of, parse_where, select_rows
 
 STAGES = ("flow", "masks", "features", "world")
 """The stages in the order in which they run."""

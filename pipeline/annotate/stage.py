@@ -13,8 +13,8 @@ from pipeline.annotate.stage_key import AnnotateError, stage_key
 from pipeline.data.cameras import View
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.world import WorldTruth
 from pipeline.data.keys import arrays_digest, frames_digest
-from pipeline.data.world import WorldTruth
 
 Render = Callable[[Path, str], View]
 """Renders an episode file again from one camera, with depth and segmentation: `render(episode_path,

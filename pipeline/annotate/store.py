@@ -1,4 +1,4 @@
-"""Writes and checks the files of annotations (data/annotations.py)."""
+"""Writes and checks the files of annotations (data/slots/annotations.py)."""
 
 import json
 from collections.abc import Collection, Mapping
@@ -8,10 +8,16 @@ from typing import Any
 from numpy.typing import NDArray
 
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.data.annotations import CorruptAnnotation, Entry, checksum, read_entry, stages_of
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.keys import canonical
+from pipeline.data.slots.annotations import (
+    CorruptAnnotation,
+    Entry,
+    checksum,
+    read_entry,
+    stages_of,
+)
 from pipeline.data.store.place import put
 
 GZIP_LEVEL = 1

@@ -11,10 +11,10 @@ from typing import Any
 from pipeline.annotate.stage import NotReady, Stage, StageResult, directory_of
 from pipeline.annotate.stage_key import AnnotateError, annotation_key
 from pipeline.annotate.store import check_entry, write_entry
-from pipeline.data.annotations import CorruptAnnotation, annotation_path
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.intact import check_bytes
+from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path
 
 AHEAD = 2
 """Episodes the prefetch thread may be ahead; bounds memory to three decoded episodes a worker."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.annotate.sim_flow import body_motions, exact_flow, pixel_rays
 from pipeline.data.cameras import CameraType, Surfaces, extrinsics_cv, intrinsics
-from pipeline.data.world import BodyFacts
+from pipeline.data.episode.world import BodyFacts
 from pipeline.poses import Floats, inverse, matrix, quat_rotate, transform
 
 PIXEL = 0.7

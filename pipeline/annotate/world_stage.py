@@ -13,9 +13,9 @@ from pipeline.annotate.stage import Reading, StageResult, Truth, check_camera
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.world_labels import boxes_3d, dense_motion, in_camera, point_tracks
 from pipeline.data.episode.file import Episode, EpisodeFile
+from pipeline.data.episode.world import WorldTruth, contact_forces, twists_of
 from pipeline.data.keys import arrays_digest
 from pipeline.data.names import HEAD
-from pipeline.data.world import WorldTruth, contact_forces, twists_of
 
 COMPRESSED = ("depth", "segmentation", "normals", "flow_forward", "flow_backward", "scene_flow")
 

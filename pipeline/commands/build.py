@@ -11,7 +11,7 @@ import typer
 from pipeline.commands import common
 from pipeline.commands.options import EVERY, FLAGS, Given, recipe_options
 from pipeline.data.dataset import Dataset
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.data.store.place import with_urls
 
 

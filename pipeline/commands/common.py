@@ -17,8 +17,8 @@ from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
 from pipeline.data.intact import missed
-from pipeline.data.own_code import Finding
 from pipeline.data.parsing import ParseError, read_mapping, show_value
+from pipeline.data.process.own_code import Finding
 from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.place import with_urls

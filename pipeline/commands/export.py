@@ -22,11 +22,10 @@ from pipeline.commands.common import (
     split_list,
     warn_of_pattern,
 )
-from pipeline.data.dataset import Dataset
-from pipeline.data.licences import forbidden, licences_in
-from pipeline.data.machine import usable_cores
+from pipeline.data.dataset import Dataset, forbidden, licences_in
 from pipeline.data.parsing import real
-from pipeline.data.splits import VALIDATION
+from pipeline.data.process.machine import usable_cores
+from pipeline.data.slots.select import VALIDATION
 
 GIVEN = "given"
 FORMATS = (

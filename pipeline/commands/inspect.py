@@ -28,7 +28,7 @@ def status(
 ) -> None:
     """Show what a dataset holds and what went wrong."""
     from pipeline.data.atomic import exclusive
-    from pipeline.data.reread import rebuild_index
+    from pipeline.data.slots.reread import rebuild_index
     from pipeline.run.state import redo_lines
     from pipeline.run.status import status as run_status
     from pipeline.stages.reasons import Reason

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any, Literal
 
 from pipeline.data.errors import DominoError
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 
 EXECUTORS = ("auto", "inline", "ray")
 

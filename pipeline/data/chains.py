@@ -60,8 +60,8 @@ def read_chains(
 ) -> dict[str, ToolChain]:
     """The chain of each arm of an embodiment, by side, left first.
 
-    `layout`: data/rules.py; `raised` (m): how much higher the bases stand. Robots are looked for in
-    ROBOTS and in `folders`. Raises ChainError."""
+    `layout`: data/setup/rules.py; `raised` (m): how much higher the bases stand. Robots are looked
+    for in ROBOTS and in `folders`. Raises ChainError."""
     if not is_embodiment(embodiment):
         raise ChainError(f"{embodiment!r} is not the name of a robot")
     left, _, right = embodiment.partition("+")

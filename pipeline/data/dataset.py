@@ -3,6 +3,7 @@ simulator."""
 
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,6 @@ import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.errors import DominoError, describe_error
-from pipeline.data.files import Listing, Paths, Rows
-from pipeline.data.index import FULL, Index
 from pipeline.data.keys import seal_yaml
 from pipeline.data.names import RETIRED
 from pipeline.data.parsing import parse_json
@@ -21,9 +20,11 @@ from pipeline.data.reading import check_regular, check_tree, read_regular
 from pipeline.data.recipe.file import is_edited, read_recipe
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, RecipeError, Slot, parse_recipe
-from pipeline.data.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
-from pipeline.data.reread import ask_index
 from pipeline.data.setup import Setup
+from pipeline.data.slots.files import Listing, Paths, Rows
+from pipeline.data.slots.index import FULL, Index
+from pipeline.data.slots.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
+from pipeline.data.slots.reread import ask_index
 from pipeline.data.store.place import place_of, put
 
 EDITED = (
@@ -230,3 +231,30 @@ def attempts_table(index: Index, rows: Rows) -> pa.Table:
     columns |= {name: [getattr(cell, name) for cell in cells] for name in PLACE[:5]}
     columns["slot"] = rows.index[of].tolist()
     return pa.table({name: columns[name] for name in ATTEMPTS.names}, ATTEMPTS)
+
+
+FORBIDDING = re.compile(
+    r"no[ -]?redistribution|not redistributable|proprietary|all rights reserved|confidential"
+    r"|internal|-nd\b",
+    re.I,
+)
+"""Words of a licence that forbids to pass on what was made of the files, images included."""
+
+
+def licences_in(made_by: Any) -> dict[str, str]:
+    """Licences by robot or object, of a provenance and of those that it was made from."""
+    found = dict[str, str]()
+    for value in made_by if isinstance(made_by, list) else ():
+        found |= licences_in(value)
+    for key, value in made_by.items() if isinstance(made_by, dict) else ():
+        if key == "licences":
+            own = value.items() if isinstance(value, dict) else ()
+            found = {str(name): str(text) for name, text in own} | found
+        else:
+            found |= licences_in(value)
+    return dict(sorted(found.items()))
+
+
+def forbidden(licences: dict[str, str]) -> list[str]:
+    """What may not be published, with its licence."""
+    return [f"{name} ({text})" for name, text in licences.items() if FORBIDDING.search(text)]

@@ -1,15 +1,16 @@
-"""Whether the files of a dataset have the bytes that its index names: asked before they are
-used."""
+"""What of a dataset is whole: its files, by the bytes that its index names, and its paired
+scenes."""
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.files import find_slot
 from pipeline.data.keys import file_hash
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.slots.files import find_slot
 
 CHANGED = (
     "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
@@ -112,3 +113,30 @@ def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
         if not same:
             raise DatasetError(f"{path}: bytes differ from the index's sha256; {REMAKE}")
     return [path for _, path, _ in found]
+
+
+def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:
+    """The pairs of a dataset by its index; None if its recipe pairs no cells."""
+    if not recipe.paired:
+        return None
+    rows = dataset.present(recipe)
+    rows = rows.where(rows.variants == 0)
+    of, tried = dataset.ask(lambda index: index.attempts(rows, "seed"))
+    seeds: dict[Slot, int | None] = dict.fromkeys(rows.slots)
+    for row, (seed,) in zip(of.tolist(), tried, strict=True):
+        # the last one is the accepted one
+        seeds[rows.slots[row]] = seed if rows.accepted[row] else None
+    return count_pairs(recipe, seeds)
+
+
+def count_pairs(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> dict[str, int]:
+    """How many scenes at least two paired cells share, how many of these are `finished` in every
+    cell, and accepted with equal seeds (`complete`). `seeds` has the accepted seed of every
+    finished physical slot, None for one given up."""
+    groups = defaultdict[tuple[str, int], list[Slot]](list)
+    for slot in recipe.physical_slots():
+        groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)
+    shared = [slots for slots in groups.values() if len(slots) > 1]
+    finished = [{seeds[s] for s in slots} for slots in shared if seeds.keys() >= {*slots}]
+    complete = sum(len(found) == 1 and None not in found for found in finished)
+    return {"scenes": len(shared), "finished": len(finished), "complete": complete}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.data.actions import JOINTS
-from pipeline.data.splits import VALIDATION
+from pipeline.data.slots.select import VALIDATION
 from pipeline.export.options import NoOptions, recorded, representation_of
 from pipeline.export.shared.card import write_card
 from pipeline.export.shared.draft import ExportDraft, Job, stage_directory

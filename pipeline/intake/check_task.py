@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.data.own_code import Finding, catch_errors
+from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.own_tasks import check_task as check_declared

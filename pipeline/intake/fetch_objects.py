@@ -17,7 +17,7 @@ from zipfile import BadZipFile, ZipFile, ZipInfo
 from pipeline.data.atomic import atomic_directory, write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
-from pipeline.data.machine import user_cache
+from pipeline.data.process.machine import user_cache
 from pipeline.intake.catalogue.object_check import check_object
 from pipeline.intake.objects.add import add_objects, describe
 from pipeline.intake.objects.draft import ObjectOptions

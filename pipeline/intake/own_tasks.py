@@ -6,7 +6,8 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.episode.meta import Category
-from pipeline.data.own_code import (
+from pipeline.data.parsing import show_value
+from pipeline.data.process.own_code import (
     describe_error,
     file_of,
     is_outside,
@@ -14,7 +15,6 @@ from pipeline.data.own_code import (
     line_of_error,
     time_limit,
 )
-from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS
 from pipeline.motion.workspace import Workspace

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.dataset import Dataset, attempts_table
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.files import Rows
 from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Cell
+from pipeline.data.slots.files import Rows
 from pipeline.html import render_page
 from pipeline.report.film_strip import BETWEEN, clip, encode, film, subtitle
 from pipeline.report.summary import EpisodeFacts, Group, summarise

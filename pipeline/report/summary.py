@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.data.recipe.model import Cell
-from pipeline.data.records import ATTEMPTS
+from pipeline.data.slots.records import ATTEMPTS
 
 SHORT = 0.05
 """m; a target that moved less is hardly seen to move."""

@@ -81,8 +81,8 @@ def annotate(
 ) -> AnnotateReport:
     """Bring `stages` of a dataset directory up to date and report what was done.
 
-    `where` selects episodes (data/select.py); `render` draws episodes again for simulator truth if
-    they store none. A dry run writes and downloads nothing.
+    `where` selects episodes (data/slots/select.py); `render` draws episodes again for simulator
+    truth if they store none. A dry run writes and downloads nothing.
 
     Raises AnnotateError for bad input, Busy, and CrewError."""
     options, execution, dataset = (

@@ -15,8 +15,8 @@ from pipeline.data.atomic import exclusive, sweep, write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import seal
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import SlotRecord
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.records import SlotRecord
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 from pipeline.run.drawing import draw_variants
 from pipeline.run.early_stop import stopped_cells

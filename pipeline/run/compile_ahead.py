@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.cameras import CAMERA_TYPES
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.poses import IDENTITY
 from pipeline.world.drawing.edges import smoothed, through_lens
 from pipeline.world.drawing.shadows import Ground, soft

@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import Listing
 from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import unpack_keys
+from pipeline.data.slots.files import Listing
+from pipeline.data.slots.records import unpack_keys
 
 MISSING, GIVEN_UP, LOST, BYTES = (
     "is not finished",

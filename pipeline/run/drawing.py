@@ -9,11 +9,11 @@ from tqdm import tqdm
 
 from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import SlotRecord
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.records import SlotRecord
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.node_check import NodeCheck
 from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.splits import VALIDATION
+from pipeline.data.slots.select import VALIDATION
 from pipeline.data.store.place import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT

@@ -9,17 +9,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.annotate.stage_key import annotation_key, stage_key
-from pipeline.data.annotations import CorruptAnnotation, read_entry
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.schema import faults
 from pipeline.data.errors import DominoError
-from pipeline.data.files import GIVEN_UP, read_given_up
 from pipeline.data.keys import digest, file_hash, is_unchanged
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import IRREGULAR, check_regular, read_regular
 from pipeline.data.recipe.cells import Cell, Slot
+from pipeline.data.slots.annotations import CorruptAnnotation, read_entry
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.files import GIVEN_UP, read_given_up
 from pipeline.data.store.place import drop, fetch_below
 from pipeline.export.shared.record import read_record
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import Episode, EpisodeFile
 from pipeline.data.episode.jpeg import encode_frames
@@ -18,6 +17,7 @@ from pipeline.data.episode.meta import Drawing
 from pipeline.data.episode.resample import frames_at, resample_log
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import digest
+from pipeline.data.slots.assets import AssetStore
 from pipeline.export import ExportError
 from pipeline.export.shared.episodes import reading
 from pipeline.motion.models import motion_from_json

@@ -15,8 +15,8 @@ from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.keys import seal
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import SlotRecord, pack_keys
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.records import SlotRecord, pack_keys
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 
 FEATURES = ("fps ", "camera ", "cameras ", "size ", "corrections ")

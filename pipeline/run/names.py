@@ -14,7 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
-from pipeline.data.rules import Corrections, Sight
+from pipeline.data.setup.rules import Corrections, Sight
 from pipeline.intake.own_tasks import check_task
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.stages.surroundings import CLUTTER_FAMILIES

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.errors import DominoError
-from pipeline.data.files import Listing
 from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Cell, Recipe, Slot
-from pipeline.data.records import sum_phases
+from pipeline.data.slots.files import Listing
+from pipeline.data.slots.records import sum_phases
 from pipeline.planning.warm import warm_up
 from pipeline.run.cost_model import Estimate, bytes_of, estimate, seconds_of
 from pipeline.run.identity.slot_keys import code_version

@@ -11,7 +11,7 @@ from pipeline.data.episode.hdf5 import differing
 from pipeline.data.intact import named_slot
 from pipeline.data.keys import file_hash
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.records import SlotRecord
 from pipeline.data.store.place import is_there
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import installed_recipe

@@ -11,7 +11,7 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.keys import seal
 from pipeline.data.recipe.model import Recipe, parse_recipe
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.drawing import draw_all, work_of

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import Listing, Rows
 from pipeline.data.intact import kept_failures
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import unpack_keys
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.files import Listing, Rows
+from pipeline.data.slots.records import unpack_keys
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import is_there
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import RecipeKeys

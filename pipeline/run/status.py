@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import Listing, Rows
-from pipeline.data.pairs import pairs_in
+from pipeline.data.intact import pairs_in
+from pipeline.data.slots.files import Listing, Rows
 from pipeline.run.early_stop import stopped_cells
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import redo_rows, redone
@@ -25,7 +25,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
     `edited` tells whether its manifest was edited.
 
     `failures` has the reasons in detail (as Reason); `redo` the parts that a build would make
-    again, and the changes that cause it, as {"what", "because", "slots"}; `pairs` (as Pairs) is
+    again, and the changes that cause it, as {"what", "because", "slots"}; `pairs` (count_pairs) is
     there if the recipe pairs cells; `stopped` has the cells that the recipe's floor stops, as
     {"cell", "slots", "because"}.
     """
@@ -58,7 +58,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "attempt_success": solved / total["attempts"] if total["attempts"] else None,
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
-        "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
+        "pairs": pairs_in(dataset, recipe),
         "stopped": [
             {"cell": s.cell.path, "slots": s.slots, "because": s.because}
             for s in stopped_cells(dataset, recipe)

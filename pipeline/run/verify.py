@@ -16,9 +16,9 @@ from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import EDITED, Dataset
-from pipeline.data.files import EPISODE
 from pipeline.data.intact import kept_failures, named_slot
 from pipeline.data.reading import printable
+from pipeline.data.slots.files import EPISODE
 from pipeline.data.store.place import place_of
 from pipeline.run.file_checks import AGAIN, FileJob, judge
 from pipeline.run.names import check_trust

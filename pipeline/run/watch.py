@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pipeline.crew.contract import Crew
 from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.data.dataset import Dataset
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.records import SlotRecord
 from pipeline.data.store.place import with_urls
 from pipeline.planning.warm import warm_up
 from pipeline.run.compile_ahead import compiling_ahead, is_compiled

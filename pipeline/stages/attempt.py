@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from pipeline.data.own_code import raise_own
+from pipeline.data.process.own_code import raise_own
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.candidates import near_one

@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.data.episode.visuals import Visuals
-from pipeline.data.rules import Rules
 from pipeline.data.setup import Setup
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages.drawing.render import visuals_of
 from pipeline.stages.scene import Scene

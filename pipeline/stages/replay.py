@@ -6,8 +6,8 @@ from typing import Any, Protocol
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event, StateLog
 from pipeline.data.names import SIDES
-from pipeline.data.rules import Sight
 from pipeline.data.setup import Setup
+from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.tracking import TRACK, carried_along

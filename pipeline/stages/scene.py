@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.data.cameras import visible
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.episode.visuals import Visuals
-from pipeline.data.rules import STRICT, Rules
+from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor
 from pipeline.motion.scenery import Prop

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.rules import STRICT, Layout, Rules
+from pipeline.data.setup.rules import STRICT, Layout, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Floats, Pose, inverse, transform, yawed
 from pipeline.tasks import middle

@@ -13,8 +13,8 @@ import numpy as np
 
 from pipeline.data.episode.meta import Category
 from pipeline.data.errors import DominoError
-from pipeline.data.own_code import OwnCodeError, is_outside, line_of_class
-from pipeline.data.rules import STRICT, Rules
+from pipeline.data.process.own_code import OwnCodeError, is_outside, line_of_class
+from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skills
 from pipeline.motion.workspace import Workspace
 from pipeline.registry import Registry, place_in

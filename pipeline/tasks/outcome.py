@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.episode.state_log import StateLog
-from pipeline.data.rules import STRICT, Rules
+from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.poses import (
     Floats,
     Pose,

@@ -15,7 +15,7 @@ from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptio
 from pipeline.annotate.overlays import annotation_sheet, mask_overlay
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import episode_paths, find_stage, write_entry, write_stage
-from pipeline.data.annotations import annotation_path, read_entry
+from pipeline.data.slots.annotations import annotation_path, read_entry
 from pipeline.run.annotate import Execution, annotate
 from tests.annotate import tiny
 from tests.synthetic import HALF, episode_path, make_episode

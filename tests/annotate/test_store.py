@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.annotate.stage_key import AnnotateError, annotation_key, stage_key
 from pipeline.annotate.store import check_entry, find_stage, write_entry, write_stage
-from pipeline.data.annotations import CorruptAnnotation, read_entry, stages_of
 from pipeline.data.keys import arrays_digest, frames_digest
+from pipeline.data.slots.annotations import CorruptAnnotation, read_entry, stages_of
 
 ARRAYS = {
     "flow": np.arange(24, dtype=np.float16).reshape(3, 2, 2, 2),

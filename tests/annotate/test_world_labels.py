@@ -11,7 +11,7 @@ from pipeline.annotate.world_labels import sample_points
 from pipeline.annotate.world_stage import WorldStage
 from pipeline.data.cameras import Camera, CameraType, extrinsics_cv, intrinsics, look, world_poses
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event
-from pipeline.data.world import BodyFacts, WorldTruth, twists_of
+from pipeline.data.episode.world import BodyFacts, WorldTruth, twists_of
 from pipeline.poses import compose, inverse, matrix, pose, quat_about, quat_rotate, transform
 from pipeline.world.drawing.room import box
 from pipeline.world.drawing.silhouettes import solids_of, track_bodies

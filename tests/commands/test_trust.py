@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import domino_data as dd
-from pipeline.data.assets import AssetError, AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Corrections
+from pipeline.data.setup.rules import Corrections
+from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.run.names import Untrusted, check_trust
 from tests.run.command import inside
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.data.assets import AssetError, AssetStore
+from pipeline.data.slots.assets import AssetError, AssetStore
 
 ARRAYS = {
     "vertices": np.arange(300, dtype=np.float32).reshape(100, 3),

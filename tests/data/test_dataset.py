@@ -13,7 +13,7 @@ from pipeline.data.intact import intact_episodes
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.parsing import parse_json
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.records import ATTEMPTS, MOST_ATTEMPTS
+from pipeline.data.slots.records import ATTEMPTS, MOST_ATTEMPTS
 from tests import recording
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})

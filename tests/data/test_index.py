@@ -21,11 +21,11 @@ from hypothesis import strategies as st
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import write_given_up
-from pipeline.data.index import FULL, DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.records import (
+from pipeline.data.slots.files import write_given_up
+from pipeline.data.slots.index import FULL, DamagedIndex, Index
+from pipeline.data.slots.records import (
     ATTEMPTS,
     FileFacts,
     SlotRecord,
@@ -35,7 +35,7 @@ from pipeline.data.records import (
     unpack_keys,
     untimed,
 )
-from pipeline.data.reread import IndexWriter, rebuild_index
+from pipeline.data.slots.reread import IndexWriter, rebuild_index
 from tests.recording import record_all
 from tests.synthetic import make_episode
 
@@ -352,7 +352,7 @@ def test_what_nobody_may_write_is_read_in_memory(mine, whole, monkeypatch):
     def refused(_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("pipeline.data.reread.atomic_path", refused)
+    monkeypatch.setattr("pipeline.data.slots.reread.atomic_path", refused)
     assert known(mine) == untold(whole[1])
     assert not mine.index.exists()
 
@@ -374,7 +374,7 @@ def test_a_disk_that_fails_is_no_empty_index(mine, monkeypatch):
         error.sqlite_errorcode = sqlite3.SQLITE_IOERR
         raise error
 
-    monkeypatch.setattr("pipeline.data.index.sqlite3.connect", failing)
+    monkeypatch.setattr("pipeline.data.slots.index.sqlite3.connect", failing)
     with pytest.raises(OSError, match="Input/output"):
         mine.records(RECIPE)
 
@@ -418,7 +418,7 @@ def test_a_file_that_was_touched_is_read_once_and_one_with_other_bytes_is_named(
     mine.episode(SLOTS[2]).write_bytes(data)
     reads = []
     monkeypatch.setattr(
-        "pipeline.data.reread.file_hash", lambda path: reads.append(path) or file_hash(path)
+        "pipeline.data.slots.reread.file_hash", lambda path: reads.append(path) or file_hash(path)
     )
     for _ in range(2):
         with IndexWriter(mine, RECIPE) as writer:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.errors import DominoError
-from pipeline.data.limited import LimitError, Limits, run_limited
+from pipeline.data.process.limited import LimitError, Limits, run_limited
 
 SMALL = Limits(memory=300 << 20, processor=2, wall=20.0, file=1 << 20)
 

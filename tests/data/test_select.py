@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.data.select import WhereError, parse_where, select_rows
+from pipeline.data.slots.select import WhereError, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
 
 SPEC = EpisodeSpec("click_bell", "aloha-agilex", 3, 0.1, "clean", 7, 42)

@@ -3,7 +3,7 @@ from contextlib import suppress
 
 import pytest
 
-from pipeline.data.own_code import time_limit
+from pipeline.data.process.own_code import time_limit
 
 
 def test_a_time_limit_holds_against_code_that_catches_everything():

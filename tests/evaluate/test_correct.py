@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Corrections
+from pipeline.data.setup.rules import Corrections
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.correct import ASTRAY, HELD, PUSHED, Correction
 from pipeline.expert.reactive.actor import ReactiveActor

@@ -15,7 +15,7 @@ import pytest
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.state_log import Event
 from pipeline.data.episode.writer import write_episode
-from pipeline.data.splits import position_of, split_of
+from pipeline.data.slots.select import position_of, split_of
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.card import read_card
 from pipeline.poses import matrix

@@ -16,7 +16,7 @@ from pipeline.data.cameras import CAMERA_TYPES, Camera
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import decode_frame
 from pipeline.data.recipe.model import Cell
-from pipeline.data.records import ATTEMPTS
+from pipeline.data.slots.records import ATTEMPTS
 from pipeline.html import render_page
 from pipeline.report import page as report_page
 from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet

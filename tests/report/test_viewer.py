@@ -21,11 +21,11 @@ import pytest
 
 from pipeline.annotate.networks.masks import pack
 from pipeline.annotate.store import write_entry, write_stage
-from pipeline.data.annotations import annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.state_log import SkillRun
-from pipeline.data.records import ATTEMPTS
+from pipeline.data.slots.annotations import annotation_path
+from pipeline.data.slots.records import ATTEMPTS
 from pipeline.export.shared.video import frames_of
 from pipeline.report.film_strip import meeting_frame
 from pipeline.report.viewer import choose, viewer_server, write_viewer

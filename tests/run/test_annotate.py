@@ -15,12 +15,12 @@ from pipeline.annotate.flow import Colour
 from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions, WorldOptions
 from pipeline.annotate.stage import Redraw
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.data.annotations import read_entry
 from pipeline.data.atomic import Busy, exclusive
 from pipeline.data.cameras import Surfaces, world_poses
 from pipeline.data.episode.file import open_episode
+from pipeline.data.episode.world import BodyFacts, WorldTruth
 from pipeline.data.errors import DominoError
-from pipeline.data.world import BodyFacts, WorldTruth
+from pipeline.data.slots.annotations import read_entry
 from pipeline.run.annotate import Execution, annotate
 from tests.synthetic import HALF, episode_path, make_episode, square_corner
 

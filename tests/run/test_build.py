@@ -16,7 +16,7 @@ import pytest
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.run.names import recipe_from
 from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure

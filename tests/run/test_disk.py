@@ -9,7 +9,7 @@ import pytest
 from pipeline.crew.contract import Done
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
-from pipeline.data.records import FileFacts, SlotRecord
+from pipeline.data.slots.records import FileFacts, SlotRecord
 from pipeline.run import build
 from pipeline.run.identity.slot_keys import slot_keys
 from tests.run.command import WANTED, inside

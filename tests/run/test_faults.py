@@ -14,7 +14,7 @@ from pipeline.crew.contract import Crew, Steps
 from pipeline.data.atomic import temporary_name
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.records import SlotRecord
 from pipeline.run import build as build_module
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from

@@ -12,7 +12,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.records import FileFacts, SlotRecord
+from pipeline.data.slots.records import FileFacts, SlotRecord
 from pipeline.run.cost_model import DISK, DRIVER, estimate, mean_frames
 from pipeline.run.plan import (
     BOUNDS,

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.cameras import world_poses
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.state_log import physics_id
-from pipeline.data.rules import rules_of
+from pipeline.data.setup.rules import rules_of
+from pipeline.data.slots.assets import AssetStore
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, conditions_of, physics_arrays
 from pipeline.poses import compose

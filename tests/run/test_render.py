@@ -17,12 +17,12 @@ import pytest
 from filelock import FileLock
 
 from pipeline.crew.contract import Crew
-from pipeline.data.brought import _held_textures
 from pipeline.data.cameras import CameraType, visible
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.state_log import physics_id
 from pipeline.data.keys import SEAL, file_hash, seal_yaml
+from pipeline.data.setup.brought import _held_textures
 from pipeline.run import drawing
 from pipeline.run.build import build
 from pipeline.run.names import recipe_from

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import write_given_up
-from pipeline.data.index import FULL
 from pipeline.data.keys import Key, file_hash
-from pipeline.data.records import FileFacts, SlotRecord
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.files import write_given_up
+from pipeline.data.slots.index import FULL
+from pipeline.data.slots.records import FileFacts, SlotRecord
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.run.state import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.budgets import TIMING
 from pipeline.expert.skills import close, lift, open_, press

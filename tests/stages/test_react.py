@@ -8,7 +8,7 @@ import pytest
 from benchmarks.limits import fill
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Sight
+from pipeline.data.setup.rules import Sight
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.reactive.controller import PERIOD, ReactiveExpert
 from pipeline.expert.reactive.imagination import PACE

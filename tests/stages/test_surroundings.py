@@ -15,8 +15,8 @@ from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import rules_of
 from pipeline.data.setup import Setup
+from pipeline.data.setup.rules import rules_of
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import angle_between, compose, inverse, pose, transform, yawed

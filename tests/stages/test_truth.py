@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.data.world import contact_forces
+from pipeline.data.episode.world import contact_forces
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import yawed
 from pipeline.stages.drawing.truth import simulated_mass

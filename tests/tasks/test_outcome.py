@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event, StateLog
-from pipeline.data.rules import STRICT, Rules
+from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.poses import compose, pose, quat_about, yawed
 from pipeline.tasks.outcome import Outcome, failed, within
 from pipeline.world.objects import FAMILIES

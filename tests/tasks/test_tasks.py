@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.names import SIDES
-from pipeline.data.own_code import Finding
+from pipeline.data.process.own_code import Finding
 from pipeline.data.setup import DEFAULT
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.check_task import check_task

@@ -13,8 +13,8 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import check_directory
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Corrections
 from pipeline.data.setup import Setup
+from pipeline.data.setup.rules import Corrections
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.evaluate import evaluate as run_evaluation
 from pipeline.evaluate.policies.lerobot import LerobotForm

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import CAMERA_TYPES
 from pipeline.data.dataset import Dataset
-from pipeline.data.setup import Setup, camera_name
-from pipeline.data.splits import position_of
+from pipeline.data.setup import Setup
+from pipeline.data.setup.written import camera_name
+from pipeline.data.slots.select import position_of
 from training.puma.cache import Cache, Tell, open_cache
 from training.puma.config import Config
 from training.puma.errors import TrainError

@@ -73,7 +73,7 @@ class Preprocessing:
     and `flow_size` those at the network. The past is looked at through the first camera, at
     multiples of `stride` recorded frames. `state` and `action` scale joints in the order of
     `names`. `setup` are the keys of the setup of the training data that are not the defaults
-    (data/setup.py). `sight` is how the first camera sees targets, where they are tracked.
+    (data/setup/__init__.py). `sight` is how the first camera sees targets, where they are tracked.
     """
 
     fps: int

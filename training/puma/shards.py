@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import entry_header, find_stage
-from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_entry
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.data.select import FACTS, parse_where, select_rows
+from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
+from pipeline.data.slots.select import FACTS, parse_where, select_rows
 from training.puma.config import Config, MixtureSource
 from training.puma.errors import TrainError
 

@@ -50,7 +50,7 @@ class Episode:
     """What one file holds, but for images, which `EpisodeFile` reads on demand.
 
     `motion` is TargetMotion.to_json(); `interception` has the arrays of that group, first contacts
-    left out (motion/recorded.py); `attempts` are those at its slot (data/records.py,
+    left out (motion/recorded.py); `attempts` are those at its slot (data/slots/records.py,
     `untimed`), none of a variant."""
 
     spec: EpisodeSpec

@@ -210,7 +210,7 @@ class EpisodeMeta(_Record):
     the clean domain robot and head camera are. `meeting_time` (s) is planned; in a failed dry run
     it is the first touch, or the end. `corrects` names the policy that acts before the expert.
     Speeds (m/s) and `displacement` (m) are those of the target's motion. `rules`, `contact`,
-    `layout`: data/rules.py. `step_limit` counts control periods, `workspace` is x_min, x_max,
+    `layout`: data/setup/rules.py. `step_limit` counts control periods, `workspace` is x_min, x_max,
     y_min, y_max (m).
 
     `physics_key` and `render_key` name what it was made from (run/identity/slot_keys.py), `keys`

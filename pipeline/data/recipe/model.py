@@ -13,8 +13,8 @@ from pipeline.data.keys import digest
 from pipeline.data.names import NONE, is_embodiment, is_name
 from pipeline.data.parsing import line, show_value
 from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
-from pipeline.data.rules import Corrections, Expert, Perturbation, Sight, Takeover
 from pipeline.data.setup import RecipeError, Seed, Setup
+from pipeline.data.setup.rules import Corrections, Expert, Perturbation, Sight, Takeover
 from pipeline.data.spec import HIGHEST_LEVEL, EpisodeSpec, attempt_seed
 
 MOST_SLOTS = 10_000_000

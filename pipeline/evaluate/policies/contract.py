@@ -11,7 +11,8 @@ from typing import Any
 from pydantic.dataclasses import dataclass
 
 from pipeline.data.actions import JOINTS, Representation
-from pipeline.data.setup import INTERFACE, RecipeError, Setup, camera_name, option_of
+from pipeline.data.setup import INTERFACE, RecipeError, Setup, option_of
+from pipeline.data.setup.written import camera_name
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Policy, PolicyError, Start, attribute
 

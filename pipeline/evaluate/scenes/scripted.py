@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.planar import PlanarMotion

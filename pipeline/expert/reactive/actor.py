@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
-from pipeline.data.rules import Sight
+from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
 from pipeline.expert.reactive.imagination import PACE, MeetingPlan, Script, imagine

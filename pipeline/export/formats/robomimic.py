@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
-from pipeline.data.splits import VALIDATION
+from pipeline.data.slots.select import VALIDATION
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
 from pipeline.export.options import ActionOptions, camera_names_option, image_size, option

@@ -15,16 +15,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.data.annotations import (
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.keys import arrays_digest, frames_digest
+from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.data.slots.annotations import (
     CorruptAnnotation,
     Entry,
     annotation_path,
     read_entry,
     stages_of,
 )
-from pipeline.data.episode.file import EpisodeError, EpisodeFile
-from pipeline.data.keys import arrays_digest, frames_digest
-from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.sensors import IMAGE, image_column, png
 

@@ -16,7 +16,7 @@ from pipeline.data.atomic import atomic_directory, exclusive, sweep
 from pipeline.data.errors import refusal
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.names import EXPORT_RECORD
-from pipeline.data.splits import VALIDATION
+from pipeline.data.slots.select import VALIDATION
 from pipeline.data.store.place import fetch_below
 from pipeline.export.shared.episodes import EPISODES, ExportError, Progress, source_of
 from pipeline.export.shared.record import ExportRecord, entries, read_record

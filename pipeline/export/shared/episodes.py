@@ -17,10 +17,9 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import SIDES, exported_names
-from pipeline.data.own_code import directories
-from pipeline.data.select import fields_of, parse_where, select_rows
+from pipeline.data.process.own_code import directories
+from pipeline.data.slots.select import VALIDATION, fields_of, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.splits import VALIDATION
 from pipeline.poses import compose, inverse
 
 EPISODES, FAILURES = "episodes", "failures"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.data.world import contact_forces, twists_of
+from pipeline.data.episode.world import contact_forces, twists_of
 from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.poses import Floats
 

@@ -9,8 +9,8 @@ import pyarrow as pa
 
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
-from pipeline.data.rules import rules_of
-from pipeline.data.splits import VALIDATION, split_of
+from pipeline.data.setup.rules import rules_of
+from pipeline.data.slots.select import VALIDATION, split_of
 from pipeline.export.shared.derived import interception
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import Facts, same
@@ -21,10 +21,10 @@ from pipeline.motion.recorded import conditions_of
 
 def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
     """Provenance of an episode, one value a column. Rows of one `physics_id` share their `split`.
-    `rules` is a label (data/rules.py). T_meet and x_meet ... (m) are the planned meeting; other t_
-    are s since the first frame, None for what did not happen. Speeds are m/s along the planned
-    motion. `skills` (script.rows_of) and `conditions` (time from which each holds to the end) are
-    JSON."""
+    `rules` is a label (data/setup/rules.py). T_meet and x_meet ... (m) are the planned meeting;
+    other t_ are s since the first frame, None for what did not happen. Speeds are m/s along the
+    planned motion. `skills` (script.rows_of) and `conditions` (time from which each holds to the
+    end) are JSON."""
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     arms, first = meta.arms, derived.first_contacts
     return {

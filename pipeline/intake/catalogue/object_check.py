@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import sapien
 
-from pipeline.data.own_code import Finding, catch_errors
+from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.intake.objects.draft import TRIANGLES as OF_A_FILE
 from pipeline.intake.objects.solid import inside
 from pipeline.intake.objects.standing import first_of

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.data.limited import run_limited
 from pipeline.data.names import is_name
+from pipeline.data.process.limited import run_limited
 from pipeline.intake.objects.draft import ObjectDraft, ObjectOptions, draft_of, write_object
 from pipeline.intake.objects.holding import WIDEST
 from pipeline.intake.objects.robotwin import drafts_of_directory, is_robotwin

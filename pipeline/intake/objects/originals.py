@@ -16,8 +16,8 @@ from tqdm import tqdm
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import digest, file_hash
-from pipeline.data.limited import LimitError, Limits, run_limited
-from pipeline.data.machine import user_cache
+from pipeline.data.process.limited import LimitError, Limits, run_limited
+from pipeline.data.process.machine import user_cache
 from pipeline.data.recipe.model import RecipeError
 from pipeline.intake.objects.draft import ObjectOptions, write_object
 from pipeline.intake.objects.robotwin import (

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.data.limited import run_limited
 from pipeline.data.names import NONE, is_name
 from pipeline.data.parsing import ParseError, read_yaml
+from pipeline.data.process.limited import run_limited
 from pipeline.intake.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.intake.robots.join import mount
 from pipeline.intake.robots.mjcf import MJCF, read_mjcf

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import Camera, CameraType, look, project
 from pipeline.data.names import NONE, SIDES
-from pipeline.data.own_code import Finding
+from pipeline.data.process.own_code import Finding
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.robots.place import COARSE, measure

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.data.dataset import Dataset
-from pipeline.data.licences import licences_in
-from pipeline.data.splits import TEST, VALIDATION, split_of
+from pipeline.data.dataset import Dataset, licences_in
+from pipeline.data.slots.select import TEST, VALIDATION, split_of
 from pipeline.html import Markdown, code_block, code_span, markdown
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar_shapes import mean_speed

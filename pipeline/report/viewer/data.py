@@ -10,18 +10,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.annotations import (
+from pipeline.data.episode.file import EpisodeFile, open_episode
+from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
+from pipeline.data.episode.mp4 import encode_mp4
+from pipeline.data.episode.state_log import SkillRun, StateLog
+from pipeline.data.names import HEAD, SIDES
+from pipeline.data.slots.annotations import (
     CorruptAnnotation,
     Entry,
     annotation_path,
     read_entry,
     stages_of,
 )
-from pipeline.data.episode.file import EpisodeFile, open_episode
-from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
-from pipeline.data.episode.mp4 import encode_mp4
-from pipeline.data.episode.state_log import SkillRun, StateLog
-from pipeline.data.names import HEAD, SIDES
 from pipeline.html import mp4_uri
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import Interception, track

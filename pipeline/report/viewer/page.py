@@ -12,8 +12,8 @@ from typing import Any
 
 from pipeline.data.atomic import exclusive, write_atomic
 from pipeline.data.dataset import Dataset
-from pipeline.data.files import Paths
 from pipeline.data.recipe.cells import Cell, Slot
+from pipeline.data.slots.files import Paths
 from pipeline.html import render_page
 from pipeline.report.viewer.data import episode_data, thumbnail
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.run.doctor import alive, machine, packages
 from pipeline.run.doctor.machine import CheckResult
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pipeline
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.names import NONE
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.motion.models import MODELS as MOTIONS
 from pipeline.plugins import outside_modules
 from pipeline.run.identity.core import (
@@ -37,7 +37,12 @@ SHADERS = ("world/drawing/shaders",)
 DRAWING = (
     *OF_DRAWING,
     *("world/cameras.py", "world/files.py", "world/shapes.py", "poses.py"),
-    *("data/brought.py", "data/cameras.py", "data/imperfections.py", "data/episode/visuals.py"),
+    *(
+        "data/setup/brought.py",
+        "data/cameras.py",
+        "data/imperfections.py",
+        "data/episode/visuals.py",
+    ),
 )
 DRAWING_PACKAGES = ("numba", "numpy", "opencv-python-headless", "sapien")
 

@@ -8,8 +8,8 @@ from contextlib import suppress
 
 from pipeline.data.keys import Key, SlotKeys, digest
 from pipeline.data.recipe.model import CHOOSING, Recipe, RecipeError, Slot
-from pipeline.data.rules import Rules
 from pipeline.data.setup import IMAGES
+from pipeline.data.setup.rules import Rules
 from pipeline.run.identity import code, core
 from pipeline.run.names import add_originals
 

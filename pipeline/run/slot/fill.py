@@ -13,11 +13,11 @@ from pipeline.crew.contract import CrewError, Died, Steps, result_of
 from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
-from pipeline.data.files import remove_given_up, write_given_up
 from pipeline.data.intact import is_intact
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import FileFacts, SlotRecord, untimed
+from pipeline.data.slots.files import remove_given_up, write_given_up
+from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.slot.demonstrator import demonstrator_of

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.cameras import View
 from pipeline.data.clock import PHYSICS_HZ, at_rate
 from pipeline.data.dataset import Dataset
@@ -19,7 +18,8 @@ from pipeline.data.episode.state_log import StateLog, physics_id
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import SlotKeys, file_hash
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import FileFacts, SlotRecord, untimed
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, physics_arrays
 from pipeline.stages.attempt import Phases, Rollout

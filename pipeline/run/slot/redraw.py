@@ -6,17 +6,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.state_log import physics_id
 from pipeline.data.errors import DominoError
-from pipeline.data.files import write_given_up
 from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.records import FileFacts, SlotRecord, untimed
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.files import write_given_up
+from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
 from pipeline.run.slot.send import send_slot

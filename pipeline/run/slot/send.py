@@ -1,9 +1,9 @@
 """The files of a slot, put to the store that holds its dataset."""
 
-from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Slot
-from pipeline.data.records import SlotRecord
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.records import SlotRecord
 from pipeline.data.store.place import place_of
 from pipeline.report.page import failed_folder
 

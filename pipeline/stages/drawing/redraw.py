@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.data.assets import AssetError, AssetStore
 from pipeline.data.cameras import Camera, CameraType, View, framed
 from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import OBSERVER
+from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.stages.drawing.render import Appearance, render, stored_appearance
 
 FILMED = CameraType(640, 480, 40.0)

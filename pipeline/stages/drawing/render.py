@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.assets import AssetError, AssetStore
-from pipeline.data.brought import Brought, light_of, textures_of
 from pipeline.data.cameras import Camera, View
 from pipeline.data.episode.file import Episode
 from pipeline.data.episode.meta import CameraInfo, Drawing
@@ -18,6 +16,8 @@ from pipeline.data.episode.visuals import Visuals
 from pipeline.data.imperfections import Sensors
 from pipeline.data.names import HEAD
 from pipeline.data.setup import DEFAULT, Setup
+from pipeline.data.setup.brought import Brought, light_of, textures_of
+from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Floats
 from pipeline.world.cameras import CameraError, check_links, setup_cameras, wanted_cameras

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 
 from pipeline.data.cameras import world_poses
 from pipeline.data.episode.file import Episode, EpisodeError
-from pipeline.data.world import BodyFacts, WorldTruth
+from pipeline.data.episode.world import BodyFacts, WorldTruth
 from pipeline.stages.drawing.redraw import read_stored
 from pipeline.stages.drawing.render import body_poses
 from pipeline.world.drawing.room import shell, table_legs, table_top

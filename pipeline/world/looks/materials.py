@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.assets import AssetError, AssetStore
+from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.world.looks.prints import PRINTS, Triple, handled, printing
 from pipeline.world.looks.skins import skin
 from pipeline.world.looks.tabletops import TABLETOPS

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
-from pipeline.data.rules import Layout
+from pipeline.data.setup.rules import Layout
 from pipeline.world.robots.contract import Embodiment, RobotError
 from pipeline.world.robots.pairs import ALIASES, MODELS, pair, register, register_all
 

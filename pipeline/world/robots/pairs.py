@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.names import NONE, SIDES
-from pipeline.data.rules import Layout
+from pipeline.data.setup.rules import Layout
 from pipeline.poses import compose, pose, quat_from_rpy
 from pipeline.registry import Registry
 from pipeline.world.robots.contract import Arm, Embodiment, RobotError, check_arm

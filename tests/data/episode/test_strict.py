@@ -7,8 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from pipeline.data.annotations import CorruptAnnotation, read_entry
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.slots.annotations import CorruptAnnotation, read_entry
 from pipeline.run.file_checks import FileJob, judge
 from tests.synthetic import make_episode
 

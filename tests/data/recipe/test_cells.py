@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.data.pairs import Pairs, pairs_of
+from pipeline.data.intact import count_pairs
 from pipeline.data.recipe.cells import Cell, Slot, evenly, largest_remainder, spread
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.run.names import recipe_from
@@ -119,13 +119,13 @@ def test_a_scene_is_complete_where_every_cell_accepted_it():
     )
     slots = list(recipe.physical_slots())
     seeds: dict[Slot, int | None] = {slot: recipe.spec(slot, 0).seed for slot in slots}
-    assert pairs_of(recipe, seeds) == Pairs(3, 3, 3)
+    assert [*count_pairs(recipe, seeds).values()] == [3, 3, 3]
     seeds[slots[0]] = recipe.spec(slots[0], 1).seed
     seeds[slots[2]] = None
     seeds[slots[3]] = None
-    assert pairs_of(recipe, seeds) == Pairs(3, 3, 1)
+    assert [*count_pairs(recipe, seeds).values()] == [3, 3, 1]
     del seeds[slots[5]]
-    assert pairs_of(recipe, seeds) == Pairs(3, 2, 0)
+    assert [*count_pairs(recipe, seeds).values()] == [3, 2, 0]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.data.recipe.file import read_recipe
 from pipeline.data.recipe.model import DEFAULT_ALPHA, Cell, Recipe, RecipeError, Slot, parse_recipe
-from pipeline.data.rules import Sight
+from pipeline.data.setup.rules import Sight
 from pipeline.run.names import recipe_from
 from pipeline.tasks.contract import suites
 

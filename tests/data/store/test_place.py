@@ -8,10 +8,10 @@ import pytest
 from pipeline.data.atomic import Busy
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys
-from pipeline.data.machine import CACHE
+from pipeline.data.process.machine import CACHE
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store import place
 from pipeline.data.store.files import Store, StoreError
 from pipeline.data.store.place import Place, open_place, place_of, pull, push, url_of, with_urls

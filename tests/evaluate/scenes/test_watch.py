@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.state_log import StateLog
-from pipeline.data.rules import STRICT
+from pipeline.data.setup.rules import STRICT
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scenes.trial import SUCCESS, Trial
 from pipeline.evaluate.scenes.watch import StepConditions, with_frame

@@ -13,9 +13,9 @@ import pytest
 from pipeline.annotate.networks.masks import pack
 from pipeline.annotate.stage import encoded_frames, frames_inputs, sim_reading
 from pipeline.annotate.store import write_entry, write_stage
-from pipeline.data.annotations import Entry, annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
+from pipeline.data.slots.annotations import Entry, annotation_path
 from pipeline.export import ExportError
 from pipeline.export.shared.annotations import command, stale
 from pipeline.export.shared.episodes import read_facts

@@ -7,8 +7,7 @@ import h5py
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.data.select import WhereError
-from pipeline.data.splits import position_of, split_of
+from pipeline.data.slots.select import WhereError, position_of, split_of
 from pipeline.export import EXPORTERS, ExportError, Job
 from pipeline.export.shared.episodes import expression, select_episodes
 from pipeline.export.shared.record import read_record

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe, RecipeError
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.run.identity.slot_keys import slot_keys

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.data.brought import Brought
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.recipe.model import Floor, Slot
-from pipeline.data.rules import Corrections, Sight
+from pipeline.data.setup.brought import Brought
+from pipeline.data.setup.rules import Corrections, Sight
 from pipeline.data.spec import EpisodeSpec
 from pipeline.run.identity import code, core
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys, slot_keys

@@ -10,7 +10,7 @@ import pytest
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.intact import intact_episodes, intact_failures, kept_failures
-from pipeline.data.reread import IndexWriter
+from pipeline.data.slots.reread import IndexWriter
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.episodes import FAILURES, ExportError
 from pipeline.export.shared.record import check_export

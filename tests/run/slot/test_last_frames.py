@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.records import ATTEMPTS
+from pipeline.data.slots.records import ATTEMPTS
 from pipeline.motion.planar import PlanarMotion
 from pipeline.planning.failure import PlanFailure
 from pipeline.report.page import write_report

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.machine import CACHE
+from pipeline.data.process.machine import CACHE
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.store.files import Store
 from pipeline.run.identity.slot_keys import code_version

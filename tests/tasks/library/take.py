@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event, StateLog
 from pipeline.data.names import SIDES
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import compose, inverse, pose, quat_about, yawed
 from pipeline.stages.scene import build_scene

@@ -12,7 +12,7 @@ import pytest
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Corrections
+from pipeline.data.setup.rules import Corrections
 from pipeline.evaluate.scenes.manifests import inline
 from pipeline.export.shared.card import read_card
 from pipeline.planning.planner import planner_for

@@ -7,17 +7,16 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.data.brought import (
+from pipeline.data.setup import RecipeError, Setup
+from pipeline.data.setup.brought import (
     BroughtError,
-    _held_textures,
-    _light_hash,
-    _textures_hash,
     bring_light,
     bring_textures,
+    hash_light,
+    hash_textures,
     light_of,
     textures_of,
 )
-from pipeline.data.setup import RecipeError, Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages.drawing.render import images_of, visuals_of
 from pipeline.world.looks.visuals import BRIGHTNESS, CLEAN
@@ -58,7 +57,7 @@ def test_textures_of_a_directory_are_the_looks_of_an_episode(tmp_path):
     assert set(images) == {"table", "wall"} and (images["wall"][0, 0] == (10, 200, 30, 255)).all()
     image(tmp_path / "wall" / "brick.png", (11, 200, 30))
     assert bring_textures(str(tmp_path)).content != brought.content
-    _held_textures.cache_clear()
+    textures_of.cache_clear()
     with pytest.raises(BroughtError, match="has changed"):
         textures_of(brought)
 
@@ -105,7 +104,7 @@ def test_what_is_missing_or_damaged_is_named_in_one_line(tmp_path):
     }
     for name, said in refused.items():
         with pytest.raises(BroughtError, match=said) as error:
-            (_light_hash if "." in name else _textures_hash)(tmp_path / name)
+            (hash_light if "." in name else hash_textures)(tmp_path / name)
         assert "\n" not in str(error.value)
 
 
@@ -122,7 +121,7 @@ def test_images_that_unpack_to_gigabytes_and_pipes_end_in_one_line(tmp_path):
     (tmp_path / "table" / "bomb.png").unlink()
     os.mkfifo(tmp_path / "table" / "pipe.png")
     with pytest.raises(BroughtError, match="is no regular file"):
-        _textures_hash(tmp_path)
+        hash_textures(tmp_path)
 
 
 def png_of(side: int, packed: bytes) -> bytes:

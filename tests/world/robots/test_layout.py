@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.names import SIDES
-from pipeline.data.rules import Rules
+from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages.scene import build_scene
 from pipeline.world.robots import MODELS, get_embodiment

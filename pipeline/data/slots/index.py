@@ -17,10 +17,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.data.files import Rows
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import (
+from pipeline.data.slots.files import Rows
+from pipeline.data.slots.records import (
     ATTEMPTS,
     OF_ATTEMPT,
     PLACE,

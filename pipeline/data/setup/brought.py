@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.data.errors import DominoError
-from pipeline.data.limited import Limits, run_limited
+from pipeline.data.parsing import ParseError, real
+from pipeline.data.process.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
 
 KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
@@ -45,65 +46,67 @@ class Brought(BaseModel):
     licence: Annotated[str, Field(max_length=200)] = "not stated"
 
 
+def read_textures(value: Any) -> Any:
+    """A name that is no split is a directory."""
+    is_directory = isinstance(value, str) and value not in ("seen", "unseen")
+    return bring_textures(value) if is_directory else value
+
+
+def read_light(value: Any) -> Any:
+    return None if value == "none" else bring_light(value) if isinstance(value, str) else value
+
+
 def bring_textures(text: str) -> Brought:
-    """The textures below a directory, read in a limited child process. Raises DominoError."""
+    """The textures below a directory, read in a limited child process. Raises BroughtError."""
     root = Path(text).absolute()
-    return Brought(path=str(root), content=_limited(_textures_hash, root), licence=_licence(root))
+    return _bring(hash_textures, root, root)
 
 
 def bring_light(text: str) -> Brought:
-    """The light in a file, read as textures are. Raises DominoError for one that is missing or
-    damaged."""
+    """The light in a file, read as textures are. Raises BroughtError."""
     path = Path(text).absolute()
-    return Brought(
-        path=str(path), content=_limited(_light_hash, path), licence=_licence(path.parent)
-    )
+    return _bring(hash_light, path, path.parent)
 
 
-def _limited(read: Callable[[Path], str], path: Path) -> str:
+def _bring(content: Callable[[Path], str], path: Path, folder: Path) -> Brought:
+    """What is at a path, with the first line of the LICENSE file in a folder."""
     try:
-        return run_limited(str(path), read, path, limits=LIMITS)
+        found = run_limited(str(path), content, path, limits=LIMITS)
     except DominoError as error:
         raise BroughtError(str(error)) from error
+    files = (file for file in sorted(folder.glob("LICEN[CS]E*")) if file.is_file())
+    texts = (file.read_text(errors="replace") for file in files)
+    lines = (line.strip()[:200] for text in texts for line in text.splitlines())
+    licence = next(filter(None, lines), "not stated")
+    return Brought(path=str(path), content=found, licence=licence)
 
 
-def _textures_hash(root: Path) -> str:
+def hash_textures(root: Path) -> str:
     return _read_textures(root)[0]
 
 
-def _light_hash(path: Path) -> str:
+def hash_light(path: Path) -> str:
     return _read_light(path)[0]
 
 
+@lru_cache(maxsize=2)
 def textures_of(brought: Brought) -> Textures:
     """The textures that a recipe names. Raises BroughtError, also if they have changed."""
-    return _held_textures(Path(brought.path), brought.content)
+    return _unchanged(brought, *_read_textures(Path(brought.path)))
 
 
+@lru_cache(maxsize=2)
 def light_of(brought: Brought) -> NDArray[np.float32]:
     """Equirectangular radiance (H,W,3). Raises BroughtError, also if it has changed."""
-    return _held_light(Path(brought.path), brought.content)
+    return _unchanged(brought, *_read_light(Path(brought.path)))
 
 
-@lru_cache(maxsize=2)
-def _held_textures(root: Path, content: str) -> Textures:
-    found, textures = _read_textures(root)
-    _check_same(root, found, content)
-    return textures
-
-
-@lru_cache(maxsize=2)
-def _held_light(path: Path, content: str) -> NDArray[np.float32]:
-    found, radiance = _read_light(path)
-    _check_same(path, found, content)
-    return radiance
-
-
-def _check_same(path: Path, found: str, content: str) -> None:
-    if found != content:
+def _unchanged[T](brought: Brought, content: str, value: T) -> T:
+    if content != brought.content:
         raise BroughtError(
-            f"{path}: has changed since the recipe was made: bring back what it held"
+            f"{brought.path}: has changed since the recipe was made: bring back what it held"
         )
+    return value
 
 
 def _read_textures(root: Path) -> tuple[str, Textures]:
@@ -112,31 +115,23 @@ def _read_textures(root: Path) -> tuple[str, Textures]:
         for kind in KINDS
     }
     if not 0 < sum(map(len, files.values())) <= MOST_FILES:
-        wanted = (
-            f"1 to {MOST_FILES} images ({', '.join(SUFFIXES)}) into"
-            f" {', '.join(f'{kind}/' for kind in KINDS)}"
-        )
-        raise BroughtError(f"{root}: is no directory of textures: put {wanted}")
+        folders = ", ".join(f"{kind}/" for kind in KINDS)
+        images = f"1 to {MOST_FILES} images ({', '.join(SUFFIXES)}) into {folders}"
+        raise BroughtError(f"{root}: is no directory of textures: put {images}")
     total, found = hashlib.sha256(), Textures()
     for kind, paths in files.items():
-        images = []
+        images = list[tuple[NDArray[np.uint8], float]]()
         for path in paths:
             data = _bytes(path)
-            total.update(
-                f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n".encode(
-                    errors="surrogateescape"
-                )
-            )
+            line = f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n"
+            total.update(line.encode(errors="surrogateescape"))
             image = _decode(path, data, cv2.IMREAD_COLOR)
             if image is None:
                 raise BroughtError(f"{path}: is no image that can be read: replace or remove it")
-            rgba = cv2.cvtColor(
-                cv2.resize(image, (TEXELS, TEXELS), interpolation=cv2.INTER_AREA),
-                cv2.COLOR_BGR2RGBA,
-            )
+            small = cv2.resize(image, (TEXELS, TEXELS), interpolation=cv2.INTER_AREA)
             # a texture begins at the foot of its tile
-            upright = np.asarray(rgba[::-1].copy(), np.uint8)
-            images.append((upright, _metres(path, kind)))
+            upright = cv2.cvtColor(small, cv2.COLOR_BGR2RGBA)[::-1]
+            images.append((np.asarray(upright.copy(), np.uint8), _metres(path, kind)))
         if images:
             found[kind] = tuple(images)
     return total.hexdigest(), found
@@ -147,14 +142,11 @@ def _metres(path: Path, kind: str) -> float:
     if not at:
         return KINDS[kind]
     try:
-        metres = float(text)
-    except ValueError:
-        metres = 0.0
-    if not 0.01 <= metres <= 100:
+        return real(text, 0.01, 100)
+    except ParseError as error:
         raise BroughtError(
             f"{path}: after the @ of its name come the metres that it covers, 0.01 to 100"
-        )
-    return metres
+        ) from error
 
 
 def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
@@ -189,12 +181,3 @@ def _bytes(path: Path) -> bytes:
         return read_regular(path)
     except OSError as error:
         raise BroughtError(f"{path}: cannot be read ({error.strerror})") from error
-
-
-def _licence(folder: Path) -> str:
-    """The first line of the LICENSE file in a folder."""
-    for path in sorted(folder.glob("LICEN[CS]E*")):
-        lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
-        if line := next((line.strip() for line in lines if line.strip()), ""):
-            return line[:200]
-    return "not stated"

@@ -1,11 +1,12 @@
 """A setup: cameras, sensors, rate and rules, of a dataset, an evaluation or a policy."""
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -14,14 +15,22 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.data.brought import Brought, bring_light, bring_textures
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced
 from pipeline.data.errors import DominoError
 from pipeline.data.imperfections import DriveErrors, Sensors
-from pipeline.data.names import CAMERAS, MOUNTED, RETIRED, SIDES
-from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS, SHOWN, show_value
-from pipeline.data.rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
+from pipeline.data.names import MOUNTED, RETIRED, SIDES
+from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
+from pipeline.data.setup.brought import Brought, read_light, read_textures
+from pipeline.data.setup.rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
+from pipeline.data.setup.written import (
+    camera_name,
+    check_kind,
+    explain,
+    read_cameras,
+    read_objects,
+    read_size,
+)
 
 IMAGES = (
     *("render", "depth", "segmentation", "pointcloud", "cameras", "size", "sensors"),
@@ -39,7 +48,6 @@ MOST_SEED = 2**63 - 1
 
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED, strict=True)]
 _Pixels = Annotated[int, Field(ge=FEWEST_PIXELS, le=MOST_PIXELS, strict=True)]
-_SWITCHES = ("depth", "segmentation", "pointcloud")
 
 
 class RecipeError(DominoError, ValueError):
@@ -62,9 +70,9 @@ class Setup(BaseModel):
     """Store depth images (mm)."""
     segmentation: bool = False
     """Store which body each pixel shows."""
-    cameras: tuple[str | NamedCamera, ...] = MOUNTED
+    cameras: Annotated[tuple[str | NamedCamera, ...], BeforeValidator(read_cameras)] = MOUNTED
     """Cameras that are stored: head, left, right, observer, and cameras described in full."""
-    size: tuple[_Pixels, _Pixels] | None = None
+    size: Annotated[tuple[_Pixels, _Pixels] | None, BeforeValidator(read_size)] = None
     """Width and height of all images (pixels), if not the cameras' own; the vertical field of view
     stays the same."""
     pointcloud: bool = False
@@ -98,7 +106,9 @@ class Setup(BaseModel):
     """What the first touch does to the motion of the target, if not what the rules define."""
     layout: Layout = "ours"
     """Places of the robots' bases: ours, or those of the original system."""
-    drive: DriveErrors | None = None
+    drive: Annotated[
+        DriveErrors | None, AfterValidator(lambda d: d if d != DriveErrors() else None)
+    ] = None
     """How joints differ from their commands, off by default: lag (s), noise (rad) and backlash
     (rad), as in lag=0.03,noise=0.002,backlash=0.001; in a file also {lag: 0.03}."""
     clutter: tuple[
@@ -107,15 +117,18 @@ class Setup(BaseModel):
     ] = CLUTTER
     """Fewest and most distractors in the randomized domain, at most 10; fewer if there is no
     room."""
-    objects: Mapping[Replaced, Annotated[tuple[Name, ...], Field(min_length=1)]] = Field(
-        default_factory=dict
-    )
+    objects: Annotated[
+        Mapping[Replaced, Annotated[tuple[Name, ...], Field(min_length=1)]],
+        BeforeValidator(read_objects),
+    ] = Field(default_factory=dict)
     """Objects from files in place of object families, e.g. mug=mug7,mug=mug8, or of one task's,
     e.g. place_empty_cup.cup=cup3."""
-    textures: Literal["seen", "unseen"] | Brought = "seen"
+    textures: Annotated[Literal["seen", "unseen"] | Brought, BeforeValidator(read_textures)] = (
+        "seen"
+    )
     """Textures of randomized looks: those of training (seen), or those kept for evaluation
     (unseen); or a directory of your images, for every look."""
-    environment: Brought | None = None
+    environment: Annotated[Brought | None, BeforeValidator(read_light)] = None
     """An equirectangular image (.hdr) whose light replaces the lights of every look."""
 
     @model_validator(mode="before")
@@ -128,61 +141,9 @@ class Setup(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_switch(cls, value: Any, info: ValidationInfo) -> Any:
-        """YAML true/false is not accepted where a number or a name is expected."""
-        parts = (
-            [*value.values()]
-            if isinstance(value, Mapping)
-            else value
-            if isinstance(value, list | tuple)
-            else [value]
-        )
-        if info.field_name not in _SWITCHES and any(isinstance(part, bool) for part in parts):
-            raise ValueError("is true or false, but must be a number or a name")
-        if any(isinstance(part, float) and math.isnan(part) for part in parts):
-            raise ValueError("is NaN, which is no number")
+    def _plain(cls, value: Any, info: ValidationInfo) -> Any:
+        check_kind(value, info.field_name in ("depth", "segmentation", "pointcloud"))
         return value
-
-    @field_validator("textures", mode="before")
-    @classmethod
-    def _own_textures(cls, value: Any) -> Any:
-        """A name that is no split is a directory, which is read and hashed."""
-        return (
-            bring_textures(value)
-            if isinstance(value, str) and value not in ("seen", "unseen")
-            else value
-        )
-
-    @field_validator("environment", mode="before")
-    @classmethod
-    def _own_light(cls, value: Any) -> Any:
-        return None if value == "none" else bring_light(value) if isinstance(value, str) else value
-
-    @field_validator("size", mode="before")
-    @classmethod
-    def _two(cls, value: Any) -> Any:
-        if value is not None and (not isinstance(value, list | tuple) or len(value) != 2):
-            raise ValueError("must be [width, height] in pixels, such as [320, 240]")
-        return value
-
-    @field_validator("objects", mode="before")
-    @classmethod
-    def _named_objects(cls, value: Any) -> Any:
-        """ "mug=mug7,mug=mug8" stands for {mug: [mug7, mug8]}, and one name for a list of it."""
-        pairs = [*value.items()] if isinstance(value, Mapping) else []
-        if isinstance(value, str):
-            pairs = [word.strip().split("=") for word in value.split(",")]
-        if not isinstance(value, Mapping | str) or any(len(pair) != 2 for pair in pairs):
-            raise ValueError("is not written as family=object, such as mug=mug7,can=soda")
-        found: dict[Any, list[Any]] = {}
-        for family, names in pairs:
-            found.setdefault(family, []).extend(
-                names if isinstance(names, list | tuple) else [names]
-            )
-        return {
-            family: [str(name).removeprefix("robotwin:") for name in names]
-            for family, names in found.items()
-        }
 
     @field_validator("clutter")
     @classmethod
@@ -191,32 +152,14 @@ class Setup(BaseModel):
             raise ValueError("must be [fewest, most], such as [3, 8]")
         return value
 
-    @field_validator("cameras", mode="before")
-    @classmethod
-    def _known_cameras(cls, value: Any) -> Any:
-        cameras = [
-            _camera(item) for item in (value if isinstance(value, list | tuple) else [value])
-        ]
-        if len(set(map(camera_name, cameras))) < len(cameras):
-            raise ValueError("names a camera twice")
-        return tuple(cameras)
-
     @field_validator("sensors")
     @classmethod
     def _within_a_frame(cls, value: Sensors | None, info: ValidationInfo) -> Sensors | None:
         """The shutter is open for a frame at most. Sensors without imperfections are none."""
-        if value is not None and value.motion_blur * info.data.get("fps", DEFAULT_FPS) > 1000:
-            raise ValueError(
-                "has a motion_blur longer than a frame,"
-                f" {1000 / info.data.get('fps', DEFAULT_FPS):.1f} ms"
-            )
+        frame = 1000 / info.data.get("fps", DEFAULT_FPS)
+        if value is not None and value.motion_blur > frame:
+            raise ValueError(f"has a motion_blur longer than a frame, {frame:.1f} ms")
         return value if value != Sensors() else None
-
-    @field_validator("drive")
-    @classmethod
-    def _some_error(cls, value: DriveErrors | None) -> DriveErrors | None:
-        """Drives without errors are none."""
-        return value if value != DriveErrors() else None
 
     @field_validator("pointcloud")
     @classmethod
@@ -268,21 +211,13 @@ class Setup(BaseModel):
     @property
     def label(self) -> str:
         """A word for paths and tables: the rules, and what else of `physics` is not the default."""
-        parts = {
-            "fps": f"{self.fps}hz",
-            "camera": self.camera,
-            "lead": f"lead{self.lead:g}",
-            "start": self.start,
-            "jumps": self.jumps,
-            "motion": self.motion,
-            "speed_bound": self.speed_bound,
-        }
-        differing = [
-            word
-            for key, word in parts.items()
-            if getattr(self, key) != Setup.model_fields[key].default
-        ]
-        return "-".join((self.ruling().label, *map(str, differing)))
+        keys = ("camera", "lead", "start", "jumps", "motion", "speed_bound")
+        words = {key: getattr(self, key) for key in keys}
+        words |= {"fps": f"{self.fps}hz", "lead": f"lead{self.lead:g}"}
+        order = ("fps", *keys)
+        defaults = Setup()
+        own = [str(words[key]) for key in order if getattr(self, key) != getattr(defaults, key)]
+        return "-".join((self.ruling().label, *own))
 
     def given(self) -> dict[str, Any]:
         """The keys that are not at their defaults, as plain data (JSON); `Setup.parse` is the
@@ -310,25 +245,7 @@ class Setup(BaseModel):
         try:
             return cls.model_validate(dict(values))
         except ValidationError as error:
-            first = error.errors()[0]
-            key = str(first["loc"][0])[:SHOWN] if first["loc"] else ""
-            where = (flags or {}).get(key) or f"{source}: {key}"
-            last = first["loc"][-1] if len(first["loc"]) > 1 else 0
-            if (
-                isinstance(last, str)
-                and first["type"] != "extra_forbidden"
-                and (first["type"] == "missing" or first["input"] is not values.get(key))
-            ):
-                where += f": {last[:SHOWN]}"  # the part of the value that is wrong
-            plain = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-            said = (
-                f"is not a key of a {cls.__name__.lower()}; keys are {', '.join(cls.model_fields)}"
-            )
-            if len(first["loc"]) > 1 and first["type"] == "extra_forbidden":
-                said = f"has no {str(first['loc'][-1])[:SHOWN]}"
-            elif first["type"] != "extra_forbidden":
-                said = plain[0].lower() + plain[1:]
-            raise RecipeError(f"{where} {said} (got {show_value(first['input'])})") from error
+            raise RecipeError(explain(error, cls, values, source, flags or {})) from error
 
 
 DEFAULT = Setup()
@@ -339,31 +256,3 @@ def option_of(key: str) -> str:
     """The option that gives a key on a command line."""
     name = {"embodiments": "embodiment", "camera": "camera-type"}.get(key, key)
     return f"--{name.replace('_', '-')}"
-
-
-def camera_name(camera: str | NamedCamera) -> str:
-    """The name in an episode file of a camera of a setup."""
-    return CAMERAS[camera] if isinstance(camera, str) else camera.name
-
-
-def _camera(item: Any) -> str | NamedCamera:
-    """A camera of a setup: a known name, long or short, or a mapping that describes one."""
-    if isinstance(item, NamedCamera):
-        return item
-    if isinstance(item, Mapping):
-        try:
-            return NamedCamera.model_validate(dict(item))
-        except ValidationError as error:
-            wrong = {
-                str(e["loc"][0])[:SHOWN]: e["msg"].removeprefix("Value error, ").lower()
-                for e in error.errors()
-            }
-            said = ", ".join(f"{key} ({message})" for key, message in wrong.items())
-            raise ValueError(f"describes a camera with wrong values: {said}") from error
-    name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
-    if name is None:
-        raise ValueError(
-            f"holds {show_value(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name,"
-            " link, pose, width, height, fovy"
-        )
-    return name

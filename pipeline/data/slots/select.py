@@ -8,6 +8,7 @@ Python's parser reads the structure, with every value replaced by a placeholder;
 translated to a pyarrow expression. Nothing of the text is evaluated."""
 
 import ast
+import hashlib
 import operator
 import re
 from collections.abc import Mapping, Sequence
@@ -24,7 +25,6 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real, show_value, whole
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.splits import VALIDATION, split_of
 
 LONGEST = 4000
 """Characters of an expression; deeper trees than these can make would exhaust the stack."""
@@ -74,6 +74,22 @@ class WhereError(DominoError):
 
 class _Unreadable(ValueError):
     """What is wrong with an expression, without its text."""
+
+
+VALIDATION, TEST = 0.1, 0.1
+"""Shares of physics episodes in these splits, dealt out in this order from position 0."""
+
+
+def position_of(physics_id: str) -> float:
+    """A number in [0, 1): the first 8 bytes of the SHA-256 of the id, big-endian, over 2**64."""
+    return int.from_bytes(hashlib.sha256(physics_id.encode()).digest()[:8]) / 2**64
+
+
+def split_of(physics_id: str, validation: float = VALIDATION) -> str:
+    """ "train", "validation" or "test", the same for all looks. `validation` is that share."""
+    ends = {"validation": validation, "test": validation + TEST}
+    position = position_of(physics_id)
+    return next((name for name, end in ends.items() if position < end), "train")
 
 
 def fields_of(

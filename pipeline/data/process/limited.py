@@ -19,7 +19,10 @@ from typing import Any
 
 from pipeline.data.errors import DominoError
 
-START = "import sys; sys.path[:] = {path!r}; from pipeline.data.limited import answer; answer({fd})"
+START = (
+    "import sys; sys.path[:] = {path!r}; from pipeline.data.process.limited import answer;"
+    " answer({fd})"
+)
 
 
 STARVED = ("SIGKILL", "SIGABRT", "SIGSEGV", "SIGBUS")

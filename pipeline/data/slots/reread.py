@@ -17,14 +17,14 @@ import pyarrow.parquet as pq
 from pipeline.data.atomic import Busy, atomic_path, exclusive
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.files import Listing, Paths, read_given_up, write_given_up
-from pipeline.data.index import BESIDE, DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.machine import usable_cores
+from pipeline.data.process.machine import usable_cores
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.records import (
+from pipeline.data.slots.files import Listing, Paths, read_given_up, write_given_up
+from pipeline.data.slots.index import BESIDE, DamagedIndex, Index
+from pipeline.data.slots.records import (
     ATTEMPTS,
     MOST_ATTEMPTS,
     PLACE,
