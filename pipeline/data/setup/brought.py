@@ -89,22 +89,22 @@ def hash_light(path: Path) -> str:
     return _read_light(path)[0]
 
 
-@lru_cache(maxsize=2)
 def textures_of(brought: Brought) -> Textures:
     """The textures that a recipe names. Raises BroughtError, also if they have changed."""
-    return _unchanged(brought, *_read_textures(Path(brought.path)))
+    return read_unchanged(_read_textures, brought.path, brought.content)
 
 
-@lru_cache(maxsize=2)
 def light_of(brought: Brought) -> NDArray[np.float32]:
     """Equirectangular radiance (H,W,3). Raises BroughtError, also if it has changed."""
-    return _unchanged(brought, *_read_light(Path(brought.path)))
+    return read_unchanged(_read_light, brought.path, brought.content)
 
 
-def _unchanged[T](brought: Brought, content: str, value: T) -> T:
-    if content != brought.content:
+@lru_cache(maxsize=4)
+def read_unchanged(read: Callable[[Path], tuple[str, Any]], path: str, content: str) -> Any:
+    found, value = read(Path(path))
+    if found != content:
         raise BroughtError(
-            f"{brought.path}: has changed since the recipe was made: bring back what it held"
+            f"{path}: has changed since the recipe was made: bring back what it held"
         )
     return value
 

@@ -15,6 +15,7 @@ from pipeline.data.setup.brought import (
     hash_light,
     hash_textures,
     light_of,
+    read_unchanged,
     textures_of,
 )
 from pipeline.data.spec import EpisodeSpec
@@ -57,7 +58,7 @@ def test_textures_of_a_directory_are_the_looks_of_an_episode(tmp_path):
     assert set(images) == {"table", "wall"} and (images["wall"][0, 0] == (10, 200, 30, 255)).all()
     image(tmp_path / "wall" / "brick.png", (11, 200, 30))
     assert bring_textures(str(tmp_path)).content != brought.content
-    textures_of.cache_clear()
+    read_unchanged.cache_clear()
     with pytest.raises(BroughtError, match="has changed"):
         textures_of(brought)
 
