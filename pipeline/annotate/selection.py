@@ -14,8 +14,9 @@ from pipeline.annotate.stage import Redraw, Stage
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import episode_paths
 from pipeline.annotate.world_stage import WorldStage
+from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.slots.select import fields_of, parse_where, select_rows
+from pipeline.data.slots.select import attempts_of, columns_of, parse_where, select_rows
 
 STAGES = ("flow", "masks", "features", "world")
 """The stages in the order in which they run."""
@@ -82,18 +83,18 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
     paths = episode_paths(dataset)
     if not where:
         return paths
-    fields = dict[Path, dict[str, Any]]()
+    columns, attempts = dict[Path, dict[str, Any]](), attempts_of(Dataset(dataset).attempt_rows)
     for path in paths:
         try:
             with open_episode(dataset / "episodes" / path) as e:
-                fields[path] = fields_of(e.spec, e.meta)
+                columns[path] = columns_of(e, attempts)
         except EpisodeError:
             continue
     chosen = {
         path
         for path, is_selected in zip(
-            fields, select_rows(list(fields.values()), expression), strict=True
+            columns, select_rows(list(columns.values()), expression), strict=True
         )
         if is_selected
     }
-    return [path for path in paths if path in chosen or path not in fields]
+    return [path for path in paths if path in chosen or path not in columns]

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,7 +16,7 @@ from tqdm import tqdm
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.select import VALIDATION
+from pipeline.data.slots.select import VALIDATION, attempts_of
 from pipeline.data.store.place import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
@@ -86,7 +87,10 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
         robots = _robots(request.robots, held)
         fits = expression(request.where, robots)
         found = sorted(_intact(dataset, held, failures))
-        parts.append(DatasetPart(dataset, select_episodes(found, fits, request.validation)))
+        chosen = select_episodes(
+            found, fits, request.validation, partial(attempts_of, dataset.attempt_rows)
+        )
+        parts.append(DatasetPart(dataset, chosen))
     if request.weights:
         parts = weigh(parts, request.weights)
     episodes = [path for part in parts for path in part.episodes]
@@ -158,7 +162,9 @@ def differences(source: Dataset, place: Path) -> list[str]:
         record.summary.get("where", ""),
         record.summary.get("validation", VALIDATION),
     )
-    return record.check(source.root, select_episodes(sorted(episodes), where, validation))
+    attempts = partial(attempts_of, source.attempt_rows)
+    chosen = select_episodes(sorted(episodes), where, validation, attempts)
+    return record.check(source.root, chosen)
 
 
 def stale_warning(source: Dataset, recipe: Recipe) -> str:

@@ -53,7 +53,7 @@ def test_selects(text: str, expected: bool):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("speed=3", "'speed' is no field"),
+        ("speed=3", "'speed' is no column"),
         ("level", "'level' is no test"),
         ("level=", "ends where something should follow '=='"),
         ("level=fast", "level 'fast' is not a whole number"),
@@ -63,7 +63,7 @@ def test_selects(text: str, expected: bool):
         ("level ~ 3", "cannot read '~ 3'"),
         ("task in click_bell", r"wants values in brackets: task in \(one, another\)"),
         ("level=and", "ends where something should follow 'and'"),
-        ("__class__=3", "'__class__' is no field"),
+        ("__class__=3", "'__class__' is no column"),
         ("level not 3", "did not expect '3'"),
         ("task = click bell", "did not expect 'bell'"),
         ("task = level", "'level' is no value for task; quote it"),
@@ -71,7 +71,7 @@ def test_selects(text: str, expected: bool):
         ("task in (a b)", "did not expect"),
         ("level in (1, 2", r"wants '\)' at the end"),
         ("level=3, slot=2", "is no test"),
-        ("level(3) = 2", r"'level\(3\)' is no field"),
+        ("level(3) = 2", r"'level\(3\)' is no column"),
         ("seed < 99999999999999999999", "seed '99999999999999999999' is not a whole number from"),
         ("(" * 300 + "level=1" + ")" * 300, "did not expect"),
         ("level=1 or " * 400 + "level=1", "has 4407 characters, more than 4000"),
@@ -81,7 +81,7 @@ def test_errors_are_one_line_and_name_the_fields(text: str, words: str):
     with pytest.raises(WhereError, match=words) as caught:
         parse_where(text)
     assert "\n" not in str(caught.value)
-    assert "fields: task, embodiment, level, alpha, domain, slot, seed" in str(caught.value)
+    assert "columns: task, embodiment, level, alpha, domain, slot, seed" in str(caught.value)
 
 
 def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():

@@ -19,7 +19,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
-from pipeline.data.slots.select import FACTS, parse_where, select_rows
+from pipeline.data.slots.select import COLUMNS, parse_where, select_rows
 from training.puma.config import Config, MixtureSource
 from training.puma.errors import TrainError
 
@@ -119,9 +119,8 @@ class Shards:
             )
 
     def _choose_rows(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
-        names = ("task", "embodiment", "level", "alpha", "domain", "slot", "seed")
-        fields = [{name: row[name] for name in (*names, *FACTS)} for row in rows]
-        wanted = select_rows(fields, parse_where(self.where))
+        columns = [{name: row[name] for name in COLUMNS if name in row} for row in rows]
+        wanted = select_rows(columns, parse_where(self.where))
         chosen = [
             Row(
                 row["episode_index"],

@@ -1,8 +1,7 @@
-"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over an episode's spec
-and FACTS.
+"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over COLUMNS.
 
 Comparisons (= == != < <= > >=, in, not in) joined by and, or, not and brackets. Values need quotes
-only if they hold other characters than letters, digits and `_ . + -`, or are named like a field.
+only if they hold other characters than letters, digits and `_ . + -`, or are named like a column.
 
 Python's parser reads the structure, with every value replaced by a placeholder; the tree is
 translated to a pyarrow expression. Nothing of the text is evaluated."""
@@ -11,19 +10,22 @@ import ast
 import hashlib
 import operator
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
-from typing import Any, get_args, get_type_hints
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real, show_value, whole
+from pipeline.data.slots.records import PLACE
 from pipeline.data.spec import EpisodeSpec
 
 LONGEST = 4000
@@ -31,25 +33,34 @@ LONGEST = 4000
 
 MOST_WHOLE = 2**63 - 1
 
-FACTS: dict[str, type] = {
-    "average_speed": float,
-    "maximum_speed": float,
-    "T_meet": float,
-    "split": str,
-    "category": str,
-    "target": str,
-    "physics_id": str,
-    "variant": int,
-}
-"""Fields beside those of the spec, as in an export's table of episodes."""
-
 _ARROW = {str: pa.string(), int: pa.int64(), float: pa.float64()}
-_KINDS = {
-    # of a field that may be None, the kind that it has where it is not
-    name: next(kind for kind in (hint, *get_args(hint)) if kind in _ARROW)
-    for name, hint in get_type_hints(EpisodeSpec).items()
-} | FACTS
-_SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in _KINDS.items()])
+_RECORDED = {"outcome": str, "attempt": int, "stage": str, "reason": str, "detail": str}
+_TIMED = {"sim_steps": int, "seconds": float}
+
+
+def _kinds_of(record: type) -> dict[str, type]:
+    """The fields of a record that are a text or a number, or may be None."""
+    kinds = dict[str, type]()
+    for name, hint in get_type_hints(record).items():
+        hint = getattr(hint, "__value__", hint)  # of an alias
+        choices = get_args(hint) if get_origin(hint) in (Literal, UnionType) else (hint,)
+        for kind in _ARROW:
+            if kind in choices or isinstance(choices[0], kind):
+                kinds[name] = kind
+    return kinds
+
+
+COLUMNS: dict[str, type] = {
+    **_kinds_of(EpisodeSpec),
+    **{"T_meet": float, "split": str, "length": int},
+    **_RECORDED,
+    **_TIMED,
+    **_kinds_of(EpisodeMeta),
+}
+"""Column -> type: the spec of an episode, its meeting (s), split and frames, its attempt, and what
+its file records."""
+
+_SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()])
 _COMPARE = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -64,12 +75,15 @@ _TOKEN = re.compile(
 )
 _PLACEHOLDER = re.compile(r"value_\d+")
 
+type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]
+"""Place and seed of an attempt -> its other columns."""
+
 type Values = Mapping[str, str]
 """Placeholder -> the value that the user wrote."""
 
 
 class WhereError(DominoError):
-    """An expression that cannot be read; the message names the mistake and the fields."""
+    """An expression that cannot be read; the message names the mistake and the columns."""
 
 
 class _Unreadable(ValueError):
@@ -92,18 +106,34 @@ def split_of(physics_id: str, validation: float = VALIDATION) -> str:
     return next((name for name, end in ends.items() if position < end), "train")
 
 
-def fields_of(
-    spec: EpisodeSpec, meta: EpisodeMeta, validation: float = VALIDATION
+def attempts_of(attempt_rows: Callable[..., list[dict[str, Any]]]) -> Attempts:
+    """The attempts of a dataset, read by its `attempt_rows`, by place and seed."""
+    key = (*PLACE, "seed")
+    rows = attempt_rows(*key, *_RECORDED, *_TIMED)
+    return {tuple(row[name] for name in key): row for row in rows}
+
+
+def columns_of(
+    file: EpisodeFile, attempts: Attempts, validation: float = VALIDATION
 ) -> dict[str, Any]:
-    """The fields of an episode; `validation` is the share of the split of that name."""
-    names = ("average_speed", "maximum_speed", "category", "target", "physics_id", "variant")
-    facts = {name: getattr(meta, name) for name in names}
-    split = split_of(meta.physics_id or spec.to_json(), validation)
-    return {**asdict(spec), **facts, "T_meet": meta.meeting_time, "split": split}
+    """COLUMNS of an episode, those of its attempt if it is one of `attempts`; `validation` is the
+    share of the split of that name."""
+    spec, meta = file.spec, file.meta
+    place = tuple(getattr(spec, name) for name in (*PLACE, "seed"))
+    failure = meta.failure.model_dump() if meta.failure else {}
+    return {
+        **asdict(spec),
+        **{name: getattr(meta, name) for name in EpisodeMeta.model_fields if name in COLUMNS},
+        "T_meet": meta.meeting_time,
+        "split": split_of(meta.physics_id or spec.to_json(), validation),
+        "length": len(file),
+        **{"outcome": "failed" if meta.failure else "accepted", **failure},
+        **attempts.get(place, {}),
+    }
 
 
 def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDArray[np.bool_]:
-    """Which (N,) of the episodes, given by their fields, an expression of `parse_where` selects."""
+    """Which (N,) of the episodes, given by their columns, an expression selects."""
     table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column(
         "row", pa.array(range(len(rows)))
     )
@@ -128,7 +158,7 @@ def parse_where(text: str) -> pc.Expression:
     except (_Unreadable, RecursionError, MemoryError) as error:
         what = str(error) if isinstance(error, _Unreadable) else "is nested too deeply"
         shown = text if len(text) <= 200 else text[:200] + "..."
-        raise WhereError(f"--where {shown!r}: {what} (fields: {', '.join(_KINDS)})") from error
+        raise WhereError(f"--where {shown!r}: {what} (columns: {', '.join(COLUMNS)})") from error
 
 
 def _as_python(text: str) -> tuple[str, Values]:
@@ -146,7 +176,7 @@ def _as_python(text: str) -> tuple[str, Values]:
             in_list, word = True, "["
         elif word == ")" and in_list:
             in_list, word = False, "]"
-        elif not m["op"] and word not in _KEYWORDS and word not in _KINDS:
+        elif not m["op"] and word not in _KEYWORDS and word not in COLUMNS:
             value = next(v for v in (m["dq"], m["sq"], word) if v is not None)
             word = f"value_{len(values)}"
             values[word] = value
@@ -159,7 +189,7 @@ def _mistake(python: str, values: Values, error: SyntaxError) -> str:
     if "never closed" in error.msg:
         return "wants ')' at the end"
     last = python.split()[-1]
-    if last not in values and last not in _KINDS and last not in (")", "]"):
+    if last not in values and last not in COLUMNS and last not in (")", "]"):
         return f"ends where something should follow {last!r}"
     rest = _restore_values(python[max((error.offset or 1) - 1, 0) :], values)
     return f"did not expect {rest[:40]!r}; join tests with and / or"
@@ -182,7 +212,7 @@ def _translate(node: ast.expr, values: Values) -> pc.Expression:
             pairs = zip([left, *rights], ops, rights, strict=False)
             return reduce(operator.and_, [_comparison(a, op, b, values) for a, op, b in pairs])
     raise _Unreadable(
-        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a field with a value,"
+        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a column with a value,"
         " for example level=1"
     )
 
@@ -193,19 +223,19 @@ def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) 
         if not isinstance(right, ast.List) or not right.elts:
             raise _Unreadable(f"wants values in brackets: {field} in (one, another)")
         found = pc.field(field).isin(
-            pa.array([_value(v, field, values) for v in right.elts], _ARROW[_KINDS[field]])
+            pa.array([_value(v, field, values) for v in right.elts], _ARROW[COLUMNS[field]])
         )
         return ~found if isinstance(op, ast.NotIn) else found
     compare = _COMPARE[type(op)]
-    if isinstance(right, ast.Name) and right.id in _KINDS and ast.unparse(left) in values:
+    if isinstance(right, ast.Name) and right.id in COLUMNS and ast.unparse(left) in values:
         return compare(pc.scalar(_value(left, right.id, values)), pc.field(right.id))
     field = _field(left, values)
     return compare(pc.field(field), pc.scalar(_value(right, field, values)))
 
 
 def _field(node: ast.expr, values: Values) -> str:
-    if not isinstance(node, ast.Name) or node.id not in _KINDS:
-        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no field")
+    if not isinstance(node, ast.Name) or node.id not in COLUMNS:
+        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no column")
     return node.id
 
 
@@ -216,7 +246,7 @@ def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
             f"{_restore_values(ast.unparse(node), values)!r} is no value for {field}; quote it if"
             " it is meant as one"
         )
-    word, kind = values[node.id], _KINDS[field]
+    word, kind = values[node.id], COLUMNS[field]
     try:
         return (
             word

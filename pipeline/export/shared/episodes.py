@@ -18,7 +18,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import SIDES, exported_names
 from pipeline.data.process.own_code import directories
-from pipeline.data.slots.select import VALIDATION, fields_of, parse_where, select_rows
+from pipeline.data.slots.select import VALIDATION, Attempts, columns_of, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import compose, inverse
 
@@ -291,17 +291,21 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
 
 
 def select_episodes(
-    episodes: Sequence[Path], where: str, validation: float = VALIDATION
+    episodes: Sequence[Path],
+    where: str,
+    validation: float = VALIDATION,
+    attempts: Callable[[], Attempts] = dict,
 ) -> list[Path]:
     """The episodes that an expression selects; all for "". Raises WhereError, and ExportError if
     there are none."""
     if not where:
         return list(episodes)
-    wanted, fields = parse_where(where), []
+    wanted, known = parse_where(where), attempts()
+    columns = list[dict[str, Any]]()
     for path in episodes:
         with reading(path) as file:
-            fields.append(fields_of(file.spec, file.meta, validation))
-    rows = np.flatnonzero(select_rows(fields, wanted))
+            columns.append(columns_of(file, known, validation))
+    rows = np.flatnonzero(select_rows(columns, wanted))
     chosen = [episodes[row] for row in rows]
     if not chosen:
         raise ExportError(

@@ -2,12 +2,25 @@
 episode beside its spec."""
 
 import json
+from dataclasses import asdict
+from functools import partial
 
 import h5py
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.data.slots.select import WhereError, position_of, split_of
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import open_episode
+from pipeline.data.slots.records import ATTEMPTS, PLACE
+from pipeline.data.slots.select import (
+    COLUMNS,
+    WhereError,
+    attempts_of,
+    columns_of,
+    position_of,
+    split_of,
+)
 from pipeline.export import EXPORTERS, ExportError, Job
 from pipeline.export.shared.episodes import expression, select_episodes
 from pipeline.export.shared.record import read_record
@@ -75,6 +88,36 @@ def test_speeds_the_meeting_and_the_split_select_too(tmp_path):
             if position_of(str(slot)) < share
         ]
         assert 0 < len(held) < 12 and select_episodes(paths, "split=validation", share) == held
+
+
+def test_what_the_index_and_the_record_of_an_episode_hold_selects(tmp_path):
+    dataset = Dataset(tmp_path)
+    failed = {"attempt": 0, "stage": "replay", "reason": "dropped", "detail": "", "conditions": []}
+    paths = [
+        make_episode(
+            episode_path(tmp_path, slot=slot), slot=slot, seed=slot, frames=2 + slot, meta=meta
+        )
+        for slot, meta in enumerate(
+            ({}, {"end_speed": 0.2, "expert": "reactive"}, {"failure": failed})
+        )
+    ]
+    with open_episode(paths[1]) as file:
+        spec = asdict(file.spec)
+        of_attempt = {"attempt", "stage", "reason", "detail", "sim_steps", "seconds"}
+        assert columns_of(file, {}).keys() == COLUMNS.keys() - of_attempt
+    row = {name: spec[name] for name in (*PLACE, "seed")}
+    row |= {"attempt": 3, "outcome": "accepted", "seconds": 2.5, "sim_steps": 700}
+    rows = [{name: row.get(name) for name in ATTEMPTS.names}]
+    pq.write_table(pa.Table.from_pylist(rows, ATTEMPTS), dataset.attempts)
+
+    def chosen(where):
+        return select_episodes(paths, where, attempts=partial(attempts_of, dataset.attempt_rows))
+
+    assert chosen("attempt = 3") == chosen("seconds > 2 and sim_steps=700") == [paths[1]]
+    assert chosen("end_speed > 0.1") == chosen("expert = reactive") == [paths[1]]
+    assert chosen("outcome = failed") == chosen("reason = dropped") == [paths[2]]
+    assert chosen("length >= 3 and outcome = accepted") == [paths[1]]
+    assert chosen("category in (interception, tracking) and rules = strict") == paths
 
 
 @pytest.mark.parametrize("format", ["parquet", "robomimic", "lerobot"])
