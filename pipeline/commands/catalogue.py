@@ -105,9 +105,6 @@ def check_task(
             help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt."
         ),
     ] = "0,1,2,3",
-    images: Annotated[
-        Path, typer.Option(help="Directory for images of poses that an arm cannot reach, if any.")
-    ] = Path("check-task"),
     words: Annotated[
         bool, typer.Option("--words/--no-words", help="Whether its instructions are checked, too.")
     ] = True,
@@ -132,9 +129,7 @@ def check_task(
             f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}"
         )
     robot = get_embodiment(embodiment).name
-    findings = {
-        task: check(task, robot, requested, images, given.recipe(), words) for task in names
-    }
+    findings = {task: check(task, robot, requested, given.recipe(), words) for task in names}
     print_findings(findings, as_json)
 
 
@@ -172,9 +167,6 @@ def check_robot(
     tasks: Annotated[
         str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")
     ] = "click_bell",
-    images: Annotated[
-        Path | None, typer.Option(help="Directory for an image of each clause.")
-    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check that a robot can do its work; exit code 1 if a clause does not hold."""
@@ -187,4 +179,4 @@ def check_robot(
     if unknown := [task for task in requested if task not in TASKS]:
         raise UsageError(f"--tasks: {unknown_name('task', unknown[0], TASKS)}")
     robot = canonical_name(name)
-    print_findings({robot: [*check(robot, requested, images)]}, as_json)
+    print_findings({robot: [*check(robot, requested)]}, as_json)

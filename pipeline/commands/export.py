@@ -174,9 +174,6 @@ def export(
             help="Shares of the episodes of several datasets, like 2,1; without it all of them."
         ),
     ] = None,
-    ladder: Annotated[
-        Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")
-    ] = None,
     workers: Workers = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -199,7 +196,6 @@ def export(
         robots or (),
         where or "",
         validation,
-        ladder,
         [Dataset(root) for root in also or ()],
         numbers(weights, partial(real, low=1e-6, high=1e6), "--weights") or (),
         fps,

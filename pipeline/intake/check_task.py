@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -12,16 +11,15 @@ from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.own_tasks import check_task as check_declared
-from pipeline.intake.reachability import draw, find_unreached
+from pipeline.intake.reachability import find_unreached
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.reasons import reasons_of
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
-from pipeline.tasks.language.check import FIXES, check_templates, faults
+from pipeline.tasks.language.check import check_templates, faults
 from pipeline.tasks.language.sentences import instructions
 from pipeline.tasks.outcome import failed
-from pipeline.world.drawing.vulkan import NoRenderer
 
 SEEDS_PER_LEVEL = 12
 LAYOUTS = 40
@@ -33,12 +31,10 @@ def check_task(
     name: str,
     embodiment: str = "aloha-agilex",
     levels: tuple[int, ...] = (0, 1, 2, 3),
-    images: Path | None = None,
     recipe: Recipe = DEFAULT,
     words: bool = True,
 ) -> list[Finding]:
-    """Check one task on one robot by a recipe; images of poses that an arm does not reach go to
-    `images`.
+    """Check one task on one robot by a recipe.
 
     An error of the task's own code is a finding. Failures for the same reason at several levels are
     one finding. Without `words`, instructions are not checked. Raises UnknownName,
@@ -53,7 +49,7 @@ def check_task(
     findings = [*catch_errors("layout", author, lambda: _layouts(spec))]
     rollouts = dict[int, Rollout]()
     for level in levels:
-        check = partial(_level, replace(spec, level=level), recipe, rollouts, images)
+        check = partial(_level, replace(spec, level=level), recipe, rollouts)
         findings += catch_errors(f"level {level}", author, check)
     for rollout in [*rollouts.values()][:1]:
         findings += catch_errors("determinism", author, partial(_determinism, rollout, recipe))
@@ -67,9 +63,7 @@ def check_task(
     return list(by_detail.values())
 
 
-def _level(
-    spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout], images: Path | None
-) -> Iterator[Finding]:
+def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout]) -> Iterator[Finding]:
     """The findings of a level; its first accepted rollout is added to `rollouts`."""
     failures = list[Failure]()
     for seed in range(SEEDS_PER_LEVEL):
@@ -84,27 +78,16 @@ def _level(
         detail = f"seed {rollout.scene.spec.seed}"
     detail += "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
     yield Finding(f"level {spec.level}", rollout is not None, detail)
-    yield from _episode(spec.level, rollout) if rollout else _find_unreached(spec, failures, images)
+    yield from _episode(spec.level, rollout) if rollout else _find_unreached(spec.level, failures)
 
 
-def _find_unreached(
-    spec: EpisodeSpec, failures: Sequence[Failure], images: Path | None
-) -> Iterator[Finding]:
-    """The first pose of the most frequent failure that is about poses, and where its image is."""
+def _find_unreached(level: int, failures: Sequence[Failure]) -> Iterator[Finding]:
+    """The first pose of the most frequent failure that is about poses."""
     usual = [(failure.stage, failure.reason) for failure in failures]
     for seed, failure in sorted(enumerate(failures), key=lambda each: -usual.count(usual[each[0]])):
-        if (unreached := find_unreached(failure)) is None:
-            continue
-        detail = f"seed {seed}: {unreached.text}"
-        if images is not None:
-            path = images / f"{spec.task}-{spec.embodiment}-level{spec.level}.png"
-            try:
-                draw(unreached, build_scene(replace(spec, seed=seed)), failure, path)
-                detail += f"; image: {path}"
-            except NoRenderer as error:
-                detail += f"; no image: {error}"
-        yield Finding(f"level {spec.level} pose", False, detail)
-        return
+        if unreached := find_unreached(failure):
+            yield Finding(f"level {level} pose", False, f"seed {seed}: {unreached.text}")
+            return
 
 
 def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
@@ -183,7 +166,7 @@ def _faulty_instruction(scene: Scene) -> str | None:
         return str(error)
     for text in (*made["seen"], *made["unseen"]):
         if names := faults(text, wording):
-            return f"{text!r}: {'; '.join(f'{name}: {FIXES[name]}' for name in names)}"
+            return f"{text!r}: {', '.join(names)}"
     return None
 
 

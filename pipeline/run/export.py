@@ -36,9 +36,9 @@ class Request:
     """What to export: the format, its options by field name, and which episodes.
 
     `split` is EPISODES or FAILURES, `robots` and `where` select among them; `validation` is a
-    share. The results of `ladder`, an OUT/ladder.json, go on the card.
-    `also` are further datasets that are joined with the first, each with its part by `weights` or
-    with all episodes; then `out` must be given. `fps` resamples (data/episode/resample.py)."""
+    share. `also` are further datasets that are joined with the first, each with its part by
+    `weights` or with all episodes; then `out` must be given. `fps` resamples
+    (data/episode/resample.py)."""
 
     format: str
     options: Mapping[str, str | bool] = field(default_factory=dict)
@@ -47,7 +47,6 @@ class Request:
     robots: Sequence[str] = ()
     where: str = ""
     validation: float = VALIDATION
-    ladder: Path | None = None
     also: Sequence[Dataset] = ()
     weights: Sequence[float] = ()
     fps: int | None = None
@@ -79,7 +78,6 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
             f"--format {request.format} cannot say which actions are the policy's: corrections need"
             f" {', '.join(CORRECTED)}"
         )
-    more = _ladder(request.ladder, recipe) if request.ladder else {}
     robots = list[str]()
     parts = list[DatasetPart]()
     for dataset in datasets:
@@ -108,7 +106,7 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
             options,
             bar.update,
             workers,
-            None if request.also else describe(source.root, episodes, more),
+            None if request.also else describe(source.root, episodes),
             split=request.split,
             where=expression(request.where, robots),
             validation=request.validation,
@@ -226,22 +224,3 @@ def _name_of_alias(alias: str) -> str:
     from pipeline.world.robots import canonical_name
 
     return canonical_name(alias)
-
-
-def _ladder(file: Path, recipe: Recipe) -> dict[str, str]:
-    """The section of a card on the ladder of the recipe's tasks and robots. Raises ExportError."""
-    from pipeline.report.card.ladder import as_markdown, read_results
-
-    rows, code = read_results(file)
-    mine = [
-        row
-        for row in rows
-        if row["task"] in recipe.tasks and row["embodiment"] in recipe.embodiments
-    ]
-    if not mine:
-        had = ", ".join(sorted({f"{row['task']} on {row['embodiment']}" for row in rows}))
-        raise ExportError(
-            f"--ladder {file}: has {had}, none of it in the dataset; run domino-data ladder --data"
-            " on the dataset"
-        )
-    return {"Sanity ladder": as_markdown(mine, code)}

@@ -423,7 +423,7 @@ CASES = [
         Case((*words.split(), f"odd/{name}"), name)
         for name in ODD
         for words in (
-            ("export data --format parquet --ladder",)
+            ()
             if name.endswith(".json")
             else (
                 "plan --manifest",

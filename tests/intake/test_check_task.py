@@ -4,7 +4,6 @@ has it check every task."""
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,7 +16,6 @@ from pipeline.poses import quat_about, quat_multiply
 from pipeline.stages.reasons import HINTS
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS, Task
-from pipeline.tasks.language.check import CHECKS, FIXES
 from pipeline.world.objects.words import describe
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
@@ -103,9 +101,7 @@ def test_a_task_that_never_meets_its_target_is_found_out(documented_task, monkey
     assert not findings["level 1"].ok
 
 
-def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(
-    documented_task, monkeypatch, tmp_path
-):
+def test_a_pose_out_of_reach_is_named_with_the_nearest_one(documented_task, monkeypatch):
     monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 1)
     monkeypatch.setattr("pipeline.intake.check_task.LAYOUTS", 2)
     # no arm lifts a can by half a metre
@@ -114,7 +110,7 @@ def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(
         "finish",
         lambda self, a: iter([lift(a.arms["arm"], 0.5, least=1.0)]),
     )
-    findings = {f.name: f for f in check_task(documented_task, levels=(0,), images=tmp_path)}
+    findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
     detail = findings["level 0 pose"].detail
     assert re.match(
         r"seed 0: finish: lift \(\w+, can\): the \w+ tcp is to be at \([^)]*\) m, 30 degrees below",
@@ -139,12 +135,6 @@ def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(
         for place in (nearest, wanted)
     ]
     assert reached == [True, False]
-    image = cv2.imread(str(tmp_path / f"{documented_task}-aloha-agilex-level0.png"))
-    assert (
-        image is not None
-        and image.shape[1] == 1280
-        and (np.abs(image.astype(int) - (30, 30, 230)).max(-1) < 40).sum() > 40
-    )
 
 
 def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monkeypatch):
@@ -173,10 +163,6 @@ def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monk
         == "describe('red can', 'can'): 'can' is the family, which comes first, then the noun: swap"
         " them"
     )
-
-
-def test_every_fault_of_a_sentence_is_explained():
-    assert list(FIXES) == list(CHECKS)
 
 
 def test_one_complaint_is_made_once_and_words_can_wait(documented_task, monkeypatch):

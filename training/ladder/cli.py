@@ -118,7 +118,6 @@ def ladder(
     """Compare state networks with and without velocity on moving targets of levels 0-3; they train
     in minutes."""
     from pipeline.data.keys import digest
-    from pipeline.report.card.ladder import table
     from pipeline.run.evaluation import evaluation_version, runner
     from pipeline.run.identity.slot_keys import code_version, policy_version
     from training.ladder.climb import Ladder, climb
@@ -126,6 +125,7 @@ def ladder(
     from training.ladder.image_rungs import IMAGE_RUNGS
     from training.ladder.lerobot_states import LEROBOT_STATES
     from training.ladder.network import ACTIONS, Settings
+    from training.ladder.tables import table
 
     every = (*INPUTS, *LEROBOT_STATES, *IMAGE_RUNGS)
     kinds = tuple(split_list(rungs) or ())

@@ -22,14 +22,13 @@ from pipeline.evaluate.policies.policy import PolicyName
 from pipeline.evaluate.scenes.case import blind
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import Clock
-from pipeline.report.card.ladder import RESULTS, LadderResult
 from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
 from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
 from training.ladder.samples import LadderError, samples, weights
-from training.ladder.tables import Tried, summary, write_results
+from training.ladder.tables import RESULTS, LadderResult, Tried, summary, write_results
 from training.ladder.training import train
 
 

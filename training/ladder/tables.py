@@ -4,11 +4,13 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 from pipeline.data.atomic import write_atomic
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import read_json
 from pipeline.evaluate.scoring.statistics import clustered
-from pipeline.report.card.ladder import LadderResult, LadderScore, read_results
+from pipeline.html import markdown
 
 KEYS = (
     "task",
@@ -22,6 +24,41 @@ KEYS = (
     "round",
     "actions",
 )
+
+
+RESULTS = "ladder.json"
+"""Name of the file of results."""
+
+
+class LadderScore(TypedDict):
+    """How many episodes of a cell networks of one kind solved, after how many rounds of
+    corrections."""
+
+    task: str
+    embodiment: str
+    alpha: float
+    level: int
+    inputs: str
+    chunk: int
+    execute: int
+    demonstrations: int
+    round: NotRequired[int]
+    actions: NotRequired[str]
+    solved: int
+    episodes: int
+
+
+class LadderResult(LadderScore):
+    """The score of all networks of a kind, one a seed: their rate, an interval clustered by scene,
+    and each seed's rate, in per cent."""
+
+    success_rate: float
+    success_interval: list[float]
+    by_seed: list[float]
+
+
+class ResultsFileError(DominoError):
+    """A file that holds no results of a ladder."""
 
 
 class Tried(LadderScore):
@@ -62,6 +99,56 @@ def _by_scene(group: Sequence[Tried]) -> list[tuple[int, int]]:
     return [(solved[n], len(group)) for n in solved] + [(0, len(group))] * (
         group[0]["episodes"] - len(solved)
     )
+
+
+def table(rows: Sequence[LadderResult]) -> str:
+    """Markdown: networks down, levels across, per cent solved with its interval."""
+    levels, rounds = sorted({row["level"] for row in rows}), any(map(_round, rows))
+    several = len({row.get("actions", "") for row in rows}) > 1
+    heads = [
+        "task",
+        "input",
+        "chunk",
+        "executed",
+        *(["round"] * rounds),
+        *(["actions"] * several),
+        *(f"level {n}" for n in levels),
+    ]
+    lines = [f"| {' | '.join(heads)} |", "|---|---|" + "---:|" * (len(heads) - 2)]
+    by_key = dict[tuple[str | int, ...], dict[int, LadderResult]]()
+    for row in rows:
+        key = (row["task"], row["inputs"], row["chunk"], row["execute"], *([_round(row)] * rounds))
+        key += (row.get("actions", "joints-relative"),) * several
+        by_key.setdefault(key, {})[row["level"]] = row
+    for key, by_level in by_key.items():
+        cells = [_cell(by_level[n]) if n in by_level else "-" for n in levels]
+        lines.append(f"| {' | '.join(map(markdown, (*key, *cells)))} |")
+    return "\n".join(lines)
+
+
+def _round(row: LadderResult) -> int:
+    return row.get("round", 0)
+
+
+def _cell(row: LadderResult) -> str:
+    low, high = row["success_interval"]
+    return f"{row['success_rate']:.0f} ({low:.0f}-{high:.0f})"
+
+
+def read_results(path: Path) -> tuple[list[LadderResult], str]:
+    """The results in a file, and the version of the program that found them. Raises
+    ResultsFileError in one line for a file that is none."""
+    try:
+        values = read_json(path)
+        rows, code = values["results"], str(values["code"])
+        table(rows)
+        if not rows:
+            raise ValueError("it has no row")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultsFileError(
+            f"{path}: is no results file of domino-data ladder ({error}); it is OUT/{RESULTS}"
+        ) from error
+    return rows, code
 
 
 def write_results(path: Path, rows: Sequence[LadderResult], code: str) -> None:

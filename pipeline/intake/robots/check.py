@@ -1,15 +1,11 @@
-"""`domino-data check-robot NAME`: can a robot do its work? A line and an image for each clause."""
+"""`domino-data check-robot NAME`: can a robot do its work? A line for each clause."""
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import sapien
-from numpy.typing import NDArray
 
-from pipeline.data.atomic import write_atomic
-from pipeline.data.cameras import Camera, CameraType, look, project
+from pipeline.data.cameras import project
 from pipeline.data.names import NONE, SIDES
 from pipeline.data.process.own_code import Finding
 from pipeline.data.recipe.model import Recipe
@@ -17,14 +13,10 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.robots.place import COARSE, measure
 from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import chain_of, fk
-from pipeline.poses import Pose, compose, transform
-from pipeline.report.film_strip import encode
+from pipeline.poses import compose, transform
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.cameras import cameras_of
-from pipeline.world.drawing.renderer import Renderer
-from pipeline.world.looks.visuals import CLEAN
-from pipeline.world.objects.geometry import cylinder
 from pipeline.world.physics.arms import add_arm, to_sapien
 from pipeline.world.robots import RobotError, get_embodiment
 from pipeline.world.robots.contract import (
@@ -34,7 +26,6 @@ from pipeline.world.robots.contract import (
     jaw_positions,
     jaw_value,
 )
-from pipeline.world.shapes import Material, Mesh
 
 MOST_REACH = 0.5  # of the own half, below which most layouts are out of reach
 CAN = 0.04  # m, diameter
@@ -43,32 +34,21 @@ GRIP_SECONDS, HZ = 1.5, 240
 FASTEST, STRONGEST, HEAVIEST = 10.0, 1000.0, 200.0
 MIRRORED = 0.08  # m between one tool and the mirror image of the other
 SEEDS = 3  # of a task, until one is accepted at level 0
-SIZE = CameraType(480, 360, 33.0)
-PRESET = "raster-smooth"
-
-type Image = NDArray[np.uint8]
-type Part = tuple[Mesh, Material]
-
-type Checked = tuple[Finding, Callable[[], Image] | None]
-"""A finding, and the function that draws an image (H,W,3) of it, if any."""
 
 
-def check_robot(name: str, tasks: Sequence[str], images: Path | None) -> Iterator[Finding]:
-    """Check a robot, and try `tasks` on it at level 0; images go to the directory `images`, if
-    any. Raises UnknownEmbodiment, and RobotError for one that is not sound."""
+def check_robot(name: str, tasks: Sequence[str]) -> Iterator[Finding]:
+    """Check a robot, and try `tasks` on it at level 0. Raises UnknownEmbodiment, and RobotError for
+    one that is not sound."""
     robot = get_embodiment(name)
     if len(robot.sides) < len(SIDES):
         raise RobotError(f"{name}: is one arm of a robot: check the robot, without {NONE!r}")
     for check in (_limits, _masses, _pair, _home, _reach, _grip, _camera):
-        finding, draw = check(robot)
-        if images is not None and draw is not None:
-            write_atomic(images / f"{name}-{finding.name}.png", encode(draw(), ".png"))
-        yield finding
+        yield check(robot)
     if tasks:
         yield _tasks(robot, tasks)
 
 
-def _limits(robot: Embodiment) -> Checked:
+def _limits(robot: Embodiment) -> Finding:
     odd = [
         f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})"
         for side, arm in robot.arms.items()
@@ -78,25 +58,25 @@ def _limits(robot: Embodiment) -> Checked:
     detail = "velocity and effort of every joint are plausible"
     if odd:
         detail = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
-    return Finding("limits", not odd, detail), None
+    return Finding("limits", not odd, detail)
 
 
-def _masses(robot: Embodiment) -> Checked:
+def _masses(robot: Embodiment) -> Finding:
     masses = {side: sum(link.mass for link in arm.links) for side, arm in robot.arms.items()}
     good = all(0.1 < mass < HEAVIEST for mass in masses.values())
     detail = ", ".join(f"{side} arm {mass:.2f} kg" for side, mass in masses.items())
-    return Finding("mass", good, detail), None
+    return Finding("mass", good, detail)
 
 
-def _pair(robot: Embodiment) -> Checked:
+def _pair(robot: Embodiment) -> Finding:
     left, right = (fk(chain_of(robot.arms[side]), robot.arms[side].home)[:3] for side in SIDES)
     apart = float(np.linalg.norm(left * (-1, 1, 1) - right))
     detail = f"at home the right tool is {100 * apart:.1f} cm from the mirror image of the left one"
     good = apart < MIRRORED or len({a.model for a in robot.arms.values()}) > 1
-    return Finding("pair", good, detail), partial(_scene, robot)
+    return Finding("pair", good, detail)
 
 
-def _home(robot: Embodiment) -> Checked:
+def _home(robot: Embodiment) -> Finding:
     free = CollisionWorld(robot).with_objects(margin=0.0)
     left, right = (robot.arms[side].home for side in SIDES)
     jaws = (0.0, 0.5, 1.0)
@@ -104,22 +84,22 @@ def _home(robot: Embodiment) -> Checked:
     detail = "touches nothing with jaws closed, half open and open"
     if touching:
         detail = f"touches something with jaws at {touching}"
-    return Finding("home", not touching, detail), None
+    return Finding("home", not touching, detail)
 
 
-def _reach(robot: Embodiment) -> Checked:
+def _reach(robot: Embodiment) -> Finding:
     arm = robot.arms["left"]
     if len(arm.arm_joints) < 6:
         text = f"{len(arm.arm_joints)} joints: the hand cannot take every orientation"
-        return Finding("reach", False, text), None
+        return Finding("reach", False, text)
     reach = measure(robot, COARSE)
     share = {f"{p:.0f}": float(v) for p, v in zip(COARSE.pitches, reach.own[0], strict=True)}
     detail = ", ".join(f"{100 * v:.0f} % at {p} degrees" for p, v in share.items())
     good = max(share.values()) >= MOST_REACH
-    return Finding("reach", good, f"of its own half 5 cm above the table: {detail}"), None
+    return Finding("reach", good, f"of its own half 5 cm above the table: {detail}")
 
 
-def _grip(robot: Embodiment) -> Checked:
+def _grip(robot: Embodiment) -> Finding:
     """Closes the jaws on an upright can that nothing else holds: it must stay and stop the jaws."""
     arm = robot.arms["left"]
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
@@ -156,15 +136,10 @@ def _grip(robot: Embodiment) -> Checked:
     )
     detail = f"{text}; touched by {len(touching)} of 2 fingers"
 
-    def draw() -> Image:
-        mesh = cylinder(CAN / 2, 0.06)
-        body = (mesh.moved(np.array([0, 0, -0.03, 1, 0, 0, 0.0])), Material((0.8, 0.2, 0.15), 0.5))
-        return np.hstack([_hand(robot, value, [body]) for value in (width / grip.max_opening, 1.0)])
-
-    return Finding("grip", good, detail), draw
+    return Finding("grip", good, detail)
 
 
-def _camera(robot: Embodiment) -> Checked:
+def _camera(robot: Embodiment) -> Finding:
     camera = cameras_of(robot)[1]
     arm = robot.arms["left"]
     seen = []
@@ -180,7 +155,7 @@ def _camera(robot: Embodiment) -> Checked:
     detail = "the wrist camera sees both pads, open and closed"
     if not all(seen):
         detail = "the wrist camera misses a pad: move it under [camera]"
-    return Finding("camera", all(seen), detail), None
+    return Finding("camera", all(seen), detail)
 
 
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
@@ -198,31 +173,3 @@ def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
     if missing:
         detail += f"; not: {', '.join(missing)}"
     return Finding("tasks", bool(done), detail)
-
-
-def _scene(robot: Embodiment) -> Image:
-    """The robot at home from across the table."""
-    eye, aim = np.array([1.0, 0.95, 1.65]), np.array([0.0, -0.28, 0.9])
-    return _draw(robot, 1.0, look(eye, aim - eye, np.cross([0, 0, 1], aim - eye)), (), aim)
-
-
-def _hand(robot: Embodiment, value: float, body: Sequence[Part]) -> Image:
-    """The left hand at home from the side, with a body in its tool frame unless it is closed."""
-    arm = robot.arms["left"]
-    tool = compose(arm_poses(arm, arm.home)[arm.hand], arm.tcp)
-    eye = transform(tool, np.array([-0.05, 0.0, 0.45]))
-    camera = look(eye, tool[:3] - eye, transform(tool, np.array([0, -1.0, 0])) - tool[:3])
-    return _draw(robot, value, camera, body if value else (), tool)
-
-
-def _draw(robot: Embodiment, value: float, eye: Pose, body: Sequence[Part], place: Pose) -> Image:
-    """The robot at home with its jaws at `value`, and a body, if any, at its place."""
-    looks, poses = {"body": tuple(body)}, {"body": place}
-    for side, arm in robot.arms.items():
-        looks |= {f"{side}_{link.name}": link.visual for link in arm.links}
-        poses |= {f"{side}_{name}": p for name, p in arm_poses(arm, arm.home, value).items()}
-    looks = {name: parts for name, parts in looks.items() if parts}
-    at = {name: np.asarray(pose)[None] for name, pose in poses.items() if name in looks}
-    cameras = [Camera("side", SIZE, None, eye)]
-    with Renderer(looks, robot.furniture, cameras, CLEAN, PRESET) as renderer:
-        return renderer.render(at)[0].rgb[0]

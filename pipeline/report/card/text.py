@@ -24,13 +24,9 @@ from pipeline.report.film_strip import clip
 SHEET_ROWS, CLIPS, CELLS = 8, 4, 40
 
 
-def describe(
-    dataset: Path, episodes: Sequence[Path], more: Mapping[str, str] | None = None
-) -> Callable[[Path, Mapping[str, Any]], str]:
+def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping[str, Any]], str]:
     """A function of an export's directory and summary that gives the text of its card, for these
-    episodes.
-
-    `more` are further sections, Markdown by title."""
+    episodes."""
 
     def write(folder: Path, summary: Mapping[str, Any]) -> str:
         seen = [look(path) for path in episodes]
@@ -67,7 +63,6 @@ def describe(
             "How to load it": loading_section(folder, summary),
             "Splits": _splits(seen, summary.get("validation", VALIDATION)),
             "How it was made": _describe_origin(dataset, summary),
-            **(more or {}),
             "Known limits": bullets(limits(seen, summary)),
             "Citation": f"```bibtex\n{citation(seen, summary)}```\n",
         }

@@ -1,5 +1,4 @@
-"""What a card and its Croissant file state in words: intended use, limits, biases, and how to
-cite."""
+"""What a card states in words: intended use, limits, and how to cite."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -9,7 +8,6 @@ from pipeline.report.card.survey import Seen
 
 FAILURES = "failures"
 PAPER = "https://arxiv.org/abs/2603.15620"
-LICENSE_URL = "https://www.apache.org/licenses/LICENSE-2.0"
 
 USES = (
     (
@@ -81,17 +79,6 @@ LIMITS_OF_FAILURES = (
         " run ended."
     ),
     "Images are drawn without sensor noise, motion blur or rolling shutter.",
-)
-BIASES = (
-    (
-        "Tasks, object families, sizes and colors are those of the generator: household objects of"
-        " one style, on one table."
-    ),
-    (
-        "Motions that the scripted experts fail to meet are underrepresented, above all fast ones"
-        " far from the arms."
-    ),
-    "Instructions are in English, made from templates.",
 )
 
 

@@ -215,36 +215,3 @@ CHECKS: dict[str, Callable[[str, Wording], bool]] = {
     "vague": _matches(_VAGUE),
     "verb": _matches(_VERB),
 }
-
-FIXES = {
-    "slot leak": (
-        "a slot was not filled, or spaces and punctuation are doubled: look at the braces and the"
-        " ends of the phrases"
-    ),
-    "start or end": "begin every sentence with a capital letter and end the text with a full stop",
-    "article": (
-        "write neither an article before a slot nor 'a' before a vowel: a description brings its"
-        " own 'the'"
-    ),
-    "word twice running": "the same word follows itself: reword the template or the description",
-    "repeated noun": (
-        "one thing or arm is named twice: name it once, and say 'it' or leave it out after that"
-    ),
-    "number": "'they' or a plural verb is about one thing, or the other way round: make them agree",
-    "motion at level 0": (
-        "the text describes a motion, but nothing moves: begin the template with ~"
-    ),
-    "arm": (
-        "the text names an arm that does not act, or two where one acts: use the slots of the roles"
-    ),
-    "attachment": (
-        "'with the left arm' follows the goal or a second thing as if it were part of that, or a"
-        " clause has two 'with': put {arm} first ('With {arm}, set {can} on {pad}.') or right after"
-        " the verb and its object"
-    ),
-    "vague": (
-        "a reader cannot tell what is meant ('the middle', 'together', 'the other'): name the"
-        " things"
-    ),
-    "verb": "write 'pick it up', not 'pick up it', and 'remove from', not 'remove off'",
-}

@@ -1,18 +1,16 @@
 """Faults of instructions: each is found where it was put, and none is in what the tasks say."""
 
-import re
 from dataclasses import replace
-from itertools import islice, product
-from pathlib import Path
+from itertools import product
 
 import numpy as np
 import pytest
 
-from pipeline.intake.catalogue import sentences as drawing
-from pipeline.intake.catalogue.sentences import COUNT, SEED, page, samples, wording
 from pipeline.tasks import TASKS
+from pipeline.tasks.contract import Draw
 from pipeline.tasks.language.check import CHECKS, faults
 from pipeline.tasks.language.sentences import Wording, instructions
+from pipeline.tasks.layout import lay_out
 from pipeline.world.objects.contract import Words
 
 CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
@@ -23,7 +21,6 @@ SCENE = Wording(
 )
 STILL = replace(SCENE, moving=False)
 ONE_ARM = replace(SCENE, arms={"arm": "left"})
-PAGE = Path(__file__).parents[3] / "docs" / "language.md"
 
 
 FAULTY = [
@@ -100,6 +97,15 @@ def test_good_sentences_pass(text):
     assert faults(text, SCENE) == []
 
 
+def wording(name: str, seed: int, moving: bool) -> Wording:
+    """What the instructions of one layout of a task are made from; `moving` as at levels above
+    0."""
+    task = TASKS[name]
+    bodies = lay_out(task, Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])))
+    words = {body.name: body.instance.words() for body in bodies.values()}
+    return Wording(task.seen, task.unseen, words, task.arms(bodies), moving)
+
+
 def test_thousands_of_instructions_have_no_fault():
     checked, wrong = 0, []
     for name, moving in product(sorted(TASKS), (False, True)):
@@ -109,29 +115,3 @@ def test_thousands_of_instructions_have_no_fault():
             wrong += [(name, text, found) for text in texts if (found := faults(text, scene))]
     assert checked >= 3_000
     assert wrong == []
-
-
-@pytest.fixture(scope="module")
-def drawn():
-    """The samples of the page, which take seconds."""
-    return list(samples(SEED, COUNT))
-
-
-def test_samples_take_turns_over_tasks_splits_and_levels(drawn):
-    assert {name for name, *_ in drawn[: len(TASKS)]} == set(TASKS)
-    assert {(split, moving) for _, split, moving, _ in drawn} == set(
-        product(("seen", "unseen"), (False, True))
-    )
-    assert drawn[:3] == list(islice(samples(SEED, COUNT), 3))
-    assert drawn[:3] != list(islice(samples(SEED + 1, COUNT), 3))
-
-
-def test_the_page_in_the_documents_is_what_the_command_prints(drawn, monkeypatch):
-    monkeypatch.setattr(
-        drawing, "samples", lambda *given: drawn if given == (SEED, COUNT) else None
-    )
-    shown = PAGE.read_text("utf-8")
-    assert len(re.findall(r"^\| [A-Z]", shown, re.MULTILINE)) == COUNT == len(TASKS)
-    assert shown == page(SEED, COUNT), (
-        "update it with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"
-    )

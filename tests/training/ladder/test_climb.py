@@ -14,10 +14,7 @@ from pipeline.data.episode.file import EpisodeError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup.rules import Corrections
 from pipeline.evaluate.scenes.manifests import inline
-from pipeline.export.shared.card import read_card
 from pipeline.planning.planner import planner_for
-from pipeline.report.card.ladder import RESULTS, read_results, table
-from tests.run.command import inside
 from training.ladder.climb import Ladder, climb
 from training.ladder.demonstrations import (
     ARRAYS,
@@ -31,7 +28,7 @@ from training.ladder.image_rungs import ImageTraining, image_policy, lerobot_dat
 from training.ladder.lerobot_states import state_dataset
 from training.ladder.network import Settings
 from training.ladder.samples import LadderError, samples
-from training.ladder.tables import summary, write_results
+from training.ladder.tables import RESULTS, read_results, summary, table, write_results
 
 
 def test_a_datasets_episodes_are_those_made_without_images(built):
@@ -153,28 +150,6 @@ def test_results_of_other_tasks_stay_while_the_program_is_the_same(tmp_path):
     assert ([(row["task"], row["solved"]) for row in rows], code) == ([("b", 8), ("a", 18)], "one")
     write_results(path, results("a"), "two")
     assert [row["task"] for row in read_results(path)[0]] == ["a"]
-
-
-def test_an_export_has_the_table_on_its_card(built, tmp_path):
-    path = tmp_path / RESULTS
-    words = ("export", built, "--format", "parquet", "--out", tmp_path / "out", "--ladder", path)
-    for text in ("{}", '{"code": "c", "results": []}', "no"):
-        path.write_text(text)
-        code, _, err = inside(*words)
-        assert code == 2 and err.count("\n") == 1 and str(path) in err
-    path.unlink()
-    write_results(path, results("stamp_seal"), "c")
-    code, _, err = inside(*words)
-    assert code == 2 and "has stamp_seal on aloha-agilex, none of it in the dataset" in err
-    write_results(path, results("click_bell"), "c")
-    code, _, _ = inside(*words, "--json")
-    text = read_card(tmp_path / "out" / "README.md")[1]
-    section = text.split("\n## Sanity ladder\n")[1].split("\n## ")[0]
-    assert (
-        code == 0
-        and "| click_bell | position | 8 | 4 | 40 (18-67) |" in section
-        and "stamp_seal" not in section
-    )
 
 
 TINY = """--policy.dim_model=32 --policy.dim_feedforward=32 --policy.n_vae_encoder_layers=1 --policy.n_encoder_layers=1
