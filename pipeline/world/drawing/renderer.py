@@ -1,15 +1,16 @@
 """Draw a state log: a pure function of meshes, poses, cameras and `Visuals`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Self
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.data.cameras import Camera, CameraType, View
+from pipeline.data.cameras import Camera, View
 from pipeline.data.episode.visuals import Visuals
-from pipeline.poses import IDENTITY, Floats, compose, inverse, quat_to_matrix
+from pipeline.poses import IDENTITY, Floats, compose
 from pipeline.world.drawing.edges import smoothed, through_lens
 from pipeline.world.drawing.engine import (
     BACKGROUND,
@@ -20,40 +21,17 @@ from pipeline.world.drawing.engine import (
     component,
     millimetres,
 )
+from pipeline.world.drawing.masks import Depths
 from pipeline.world.drawing.room import shell, table_legs, table_light, table_top
-from pipeline.world.drawing.shadows import ShadowMap, look_of
+from pipeline.world.drawing.seen import Seen
+from pipeline.world.drawing.shadows import NOTHING, ShadowMap, look_of
 from pipeline.world.drawing.surfaces import TABLE, channel, prepared
 from pipeline.world.drawing.vulkan import ensure_renderer
 from pipeline.world.looks.textures import Rgba
 from pipeline.world.shapes import Parts
 
-MARGIN = 1e-3  # m, far above the rounding of single precision
-
-
-def in_view(
-    kind: CameraType,
-    camera: Floats,
-    bodies: Floats,
-    centres: Floats,
-    halves: Floats,
-) -> NDArray[np.bool_]:
-    """Whether each of N bodies may be seen at each of T frames (T,N): never False for one with a
-    pixel in the image. `camera` (T,7) and `bodies` (T,N,7) are world poses, the camera's with x
-    forward; `centres` and `halves` (N,3) m are bounding boxes in the body frames."""
-    high = np.tan(np.radians(kind.fovy) / 2)
-    wide = high * kind.width / kind.height
-    inward = np.array([[1, 0, 0], [wide, -1, 0], [wide, 1, 0], [high, 0, -1], [high, 0, 1]])
-    inward /= np.linalg.norm(inward, axis=1)[:, None]
-    relative = compose(inverse(camera)[:, None], bodies)
-    normals = inward @ quat_to_matrix(relative[..., 3:])  # (T,N,5,3), in the body frames
-    middle = relative[..., :3] @ inward.T + np.einsum("tnsi,ni->tns", normals, centres)
-    reach = np.einsum("tnsi,ni->tns", np.abs(normals), halves)
-    return (middle + reach >= -MARGIN).all(-1)
-
-
 MAX_BODIES = 255
 FURNITURE = "the furniture"  # no name of a body: those have no spaces
-SAME_VIEW = 4  # frames that share a set of visible bodies
 
 
 class Renderer:
@@ -99,6 +77,7 @@ class Renderer:
         }
         planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
+        self._sun = visuals.sun_direction
         self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}
         numbers = {name: i + 1 for i, name in enumerate(visual_bodies)}
         stock = self._preset.stock
@@ -167,43 +146,54 @@ class Renderer:
             index = np.arange(len(next(iter(poses.values()))))
         poses = {name: p[index] for name, p in poses.items()}
         views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
-        shown = [self._visible(view, poses) for view in views] if self._shadows is not None else []
+        seen = [self._watch(view, poses) for view in views] if self._shadows is not None else []
         if self._shadows is not None:
             self._shadows.follow(poses)
+        buffers = list[Callable[[], Depths] | None]([None] * len(views))
         for k in range(len(index)):
             now = {name: poses[name][k] for name in self._moving}
             if self._shadows is None:
                 for view in views:
                     self._read(self._take(self._scenes[0], view, k, now), view, k)
                 continue
-            if self._preset.shadow:
-                self._shadows.draw(k)
-            taken = []
-            for scene, view, names in zip(self._scenes, views, shown, strict=True):
-                scene.show(names[k])
-                here = {name: now[name] for name in names[k] if name in now}
-                taken.append(self._take(scene, view, k, here))
+            changed = self._shadows.draw(k) if self._preset.shadow else NOTHING
+            taken = list[tuple[Any, Any] | None]()
+            for i, (scene, view, watched) in enumerate(zip(self._scenes, views, seen, strict=True)):
+                if watched.same(k, changed, buffers[i]):
+                    taken.append(None)
+                    continue
+                shown = [
+                    name
+                    for name, here in zip(self._bounds, watched.visible[k], strict=True)
+                    if here
+                ]
+                scene.show(shown)
+                here = {name: now[name] for name in shown if name in now}
+                taken.append(cameras := self._take(scene, view, k, here))
+                if self._preset.samples == 1:
+                    buffers[i] = partial(cameras[0].get_picture, "GbufferDepth")
             # All are under way before the first is waited for.
             for cameras, view in zip(taken, views, strict=True):
-                self._read(cameras, view, k)
+                if cameras is not None:
+                    self._read(cameras, view, k)
+                    continue
+                for images in (view.rgb, view.depth, view.segmentation):
+                    if images is not None:
+                        images[k] = images[k - 1]
         return views
 
-    def _visible(self, view: View, poses: Mapping[str, Floats]) -> list[frozenset[str]]:
-        """Names of what the camera of a view may see at each frame."""
-        frames = len(view.poses)
-        if not frames:
-            return []
-        still = np.repeat(IDENTITY[None], frames, 0)
-        names = list(self._bounds)
-        placed = np.stack([poses[name] if name in self._moving else still for name in names], 1)
+    def _watch(self, view: View, poses: Mapping[str, Floats]) -> Seen:
+        """What the camera of a view sees at each frame."""
+        still = np.repeat(IDENTITY[None], len(view.poses), 0)
+        placed = [poses[name] if name in self._moving else still for name in self._bounds]
         centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
-        visible = in_view(view.camera.type, view.poses, placed, centres, halves)
-        together = np.logical_or.reduceat(visible, np.arange(0, frames, SAME_VIEW))
-        sets = [
-            frozenset(name for name, here in zip(names, row, strict=True) if here)
-            for row in together
-        ]
-        return [sets[k // SAME_VIEW] for k in range(frames)]
+        return Seen(
+            view.camera.type,
+            view.poses,
+            np.stack(placed, 1),
+            (centres, halves),
+            self._sun,
+        )
 
     def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}

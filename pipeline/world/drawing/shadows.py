@@ -3,116 +3,32 @@ what they make of the light on table and floor. Looks are drawn by number."""
 
 from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, Visuals
 from pipeline.poses import Floats
+from pipeline.world.drawing.masks import (
+    ALL,
+    BLOCK,
+    FAR,
+    Area,
+    Blocks,
+    Depths,
+    Ground,
+    Masks,
+    compare,
+    grown,
+    hard,
+    known,
+    soft,
+)
 from pipeline.world.drawing.surfaces import embossed, opened
 from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
 from pipeline.world.shapes import Mesh, Parts, merge
-
-Depths = NDArray[np.float32]
-Masks = NDArray[np.uint8]
-
-# texels, odd: widths of a shadow's edge by the distance of its body from the plane
-NEAR, MIDDLE, FAR = 3, 11, 25
-SOFTEST = 0.40  # m between body and plane, at which an edge is as wide as FAR
-CONTACT = 0.05  # m above the table, up to which a body takes the room's light from it
-# texels, odd: the dark line where a body meets the table, and the wide shade around it
-CONTACT_WIDTHS = (7, 21)
-BELOW = 0.009  # m that the far side of a body on the table may be under the plane looked up
-DARKEST = 0.85  # share of the room's light that goes below a body which lies on the table
-
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """What shadows fall on: depths (N,N) of `table` and `floor` in the map, 0-1 over `depth`
-    (m). `window` are the rows and columns of the table and FAR // 2 texels around it."""
-
-    table: Depths
-    floor: Depths
-    depth: float
-    window: tuple[slice, slice]
-
-    @cached_property
-    def inside(self) -> Depths:
-        return np.ascontiguousarray(self.table[self.window])
-
-
-def hard(depths: Depths, ground: Ground) -> Masks:
-    """Share of the sun's light, 0-255, on table and floor (N,N,2), averaged over 3x3 texels."""
-    return np.dstack([_bordered(_lit(depths, plane, 3)) for plane in (ground.table, ground.floor)])
-
-
-def soft(depths: Depths, ground: Ground) -> Masks:
-    """Masks (N,N,4), 0-255: the sun's light on the table, on the floor, the room's light on the
-    table, and 255. Edges of shadows widen with the distance between body and table."""
-    inside = np.ascontiguousarray(depths[ground.window])
-    blocked, height, contact = np.empty((3, *inside.shape), np.uint8)
-    _above(inside, ground.inside, ground.depth, (blocked, height, contact))
-    near, middle, far = (_blurred(blocked, width) for width in (NEAR, MIDDLE, FAR))
-    line, wide = (_blurred(contact, width) for width in CONTACT_WIDTHS)
-    full = np.full(depths.shape, 255, np.uint8)
-    masks = np.asarray(cv2.merge((full, _lit(depths, ground.floor, MIDDLE), full, full)), np.uint8)
-    _mix((near, middle, far), _blurred(height, FAR), (line, wide), masks[ground.window])
-    return _bordered(masks)
-
-
-@njit(cache=True, error_model="numpy")
-def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks, Masks]) -> None:
-    """For every texel, 0-255: whether a body blocks the sun, how high it is, and what it takes
-    of the room's light."""
-    blocked, height, contact = out
-    scale, close = np.float32(depth * 255 / SOFTEST), np.float32(depth / CONTACT)
-    below = np.float32(-BELOW / depth)
-    for y in range(depths.shape[0]):
-        for x in range(depths.shape[1]):
-            gap = table[y, x] - depths[y, x]
-            blocked[y, x] = 255 if gap > below else 0
-            height[y, x] = min(max(gap * scale, np.float32(0)), np.float32(255))
-            near = max(np.float32(1) - max(gap, np.float32(0)) * close, np.float32(0))
-            contact[y, x] = near * np.float32(255 * DARKEST) if gap > below else 0
-
-
-@njit(cache=True, error_model="numpy")
-def _mix(
-    shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], out: Masks
-) -> None:
-    """The table's channels; the shadow is mixed of three by the mean height of bodies around a
-    texel."""
-    near, middle, far = shadows
-    line, wide = contact
-    for y in range(out.shape[0]):
-        for x in range(out.shape[1]):
-            around = np.int32(far[y, x])
-            if around > 0:
-                low = min(np.int32(height[y, x]) * 510 // around, 510)
-                high = max(low - 255, 0)
-                low = min(low, 255)
-                shadow = (near[y, x] * (255 - low) + middle[y, x] * low) // 255
-                out[y, x, 0] = 255 - (shadow * (255 - high) + around * high) // 255
-            out[y, x, 2] = 255 - min(np.int32(line[y, x]) * 3 // 4 + np.int32(wide[y, x]) // 2, 255)
-
-
-def _lit(depths: Depths, plane: Depths, width: int) -> Masks:
-    return _blurred(np.asarray(cv2.compare(depths, plane, cv2.CMP_GE), np.uint8), width)
-
-
-def _blurred(image: Masks, width: int) -> Masks:
-    return np.asarray(cv2.blur(image, (width, width)), np.uint8)
-
-
-def _bordered(light: Masks) -> Masks:
-    """Light with a lit border, which everything outside of the map looks up."""
-    light[:2], light[-2:], light[:, :2], light[:, -2:] = 255, 255, 255, 255
-    return light
 
 
 @dataclass(frozen=True)
@@ -122,7 +38,7 @@ class Look:
     direction."""
 
     shaders: str
-    masks: Callable[[Depths, Ground], Masks]
+    masks: Callable[[Depths, Ground, Masks | None, Area], Masks]
     prepare: Callable[[Parts], Parts]
     surface: Callable[[Parts, ArrayLike], Parts]
     edges: bool
@@ -153,6 +69,10 @@ POSE_STEP = 2.0**-14  # m, far below a texel; without it bodies at rest would tr
 SAME_STILL = 16  # frames
 
 
+NOTHING: Blocks = np.zeros((3, SHADOW_MAP // BLOCK, SHADOW_MAP // BLOCK), np.bool_)
+NOTHING.setflags(write=False)
+
+
 class ShadowMap:
     """What the sun does not reach, as two `textures` that `draw` brings up to date.
 
@@ -180,9 +100,9 @@ class ShadowMap:
         self._masks_of = look_of(visuals.look).masks
         self._poses: dict[str, Floats] = {}
         self._movers: list[frozenset[str]] = []
-        self._still = far = np.ones((SHADOW_MAP, SHADOW_MAP), np.float32)
+        self._still = self._now = far = np.ones((SHADOW_MAP, SHADOW_MAP), np.float32)
         self._depths: Any = render.RenderTexture(far, 2, "R32Sfloat", 1, "nearest", "edge")
-        lit = self._masks_of(far, self._ground)
+        self._lit = lit = self._masks_of(far, self._ground, None, ALL)
         kind = {2: "R8G8Unorm", 4: "R8G8B8A8Unorm"}[lit.shape[2]]
         self._masks: Any = render.RenderTexture(lit, 2, kind, 1, "linear", "edge")
         self.textures = {"ShadowMap": self._depths, "ShadowMasks": self._masks}
@@ -197,8 +117,9 @@ class ShadowMap:
             for k in range(0, frames, n)
         ]
 
-    def draw(self, k: int) -> None:
-        """Bring the textures up to date with frame `k` of those to come, in order from 0."""
+    def draw(self, k: int) -> Blocks:
+        """Bring the textures up to date with frame `k` of those to come, in order from 0. Returns
+        the blocks (3,M,M) in which light on the table, on the floor, and depths changed."""
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
             self._place(self._bodies.keys() - movers, k)
@@ -206,13 +127,25 @@ class ShadowMap:
             self._still = self._take().copy()
             self._show(movers, fixed=False)
         elif not movers:
-            return
+            return NOTHING
         depths = self._still
         if movers:
             self._place(movers, k)
             depths = np.minimum(self._take(), self._still)
+        different = depths != self._now
+        rows, columns = (np.flatnonzero(different.any(axis)) for axis in (1, 0))
+        if not len(rows):
+            return NOTHING
+        area = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        touched = grown(area, FAR // 2, known(ALL, depths.shape))
+        before = self._lit[touched].copy()
+        self._masks_of(depths, self._ground, self._lit, area)
+        corner = touched[0].start, touched[1].start
+        compare(different, before, self._lit, corner, changed := NOTHING.copy())
+        self._now = depths
         self._depths.upload(depths[..., None])
-        self._masks.upload(self._masks_of(depths, self._ground))
+        self._masks.upload(self._lit)
+        return changed
 
     def close(self) -> None:
         """Free the device memory."""

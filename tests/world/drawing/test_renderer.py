@@ -408,3 +408,28 @@ def test_renderers_come_and_go_without_leaking() -> None:
             renderer.render(POSES)
         sizes.append(resident())
     assert sizes[-1] - sizes[3] < 12  # MiB over 5 renderers
+
+
+def test_a_camera_that_sees_nothing_move_takes_no_other_image(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # looks at the table beside the box; the shadow of the box crosses what it sees in some frames
+    beside = Camera("beside", KIND, None, look((0.35, 0.0, 1.0), (0.0, 0.05, -1.0)))
+    frames = 24
+    poses = {name: np.repeat(at, frames, 0) for name, at in POSES.items()}
+    poses["box"][:, 0] = np.linspace(-0.5, 0.05, frames)
+    poses["box"][:, 2] = 0.95
+    poses["ball"] += np.random.default_rng(0).uniform(-1e-9, 1e-9, (frames, 7))
+    taken = list[str]()
+    take = Renderer._take
+    monkeypatch.setattr(
+        Renderer, "_take", lambda self, *given: taken.append("") or take(self, *given)
+    )
+    with Renderer(BODIES, [], [beside], CLEAN) as renderer:
+        together = renderer.render(poses, depth=True)[0]
+        assert 1 < len(taken) < frames - 4
+        for k in range(frames):
+            alone = renderer.render(poses, frames=[k], depth=True)[0]
+            assert np.array_equal(alone.rgb[0], together.rgb[k])
+            assert np.array_equal(alone.depth[0], together.depth[k])
+    assert len(np.unique(together.rgb, axis=0)) > 2

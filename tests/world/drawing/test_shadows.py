@@ -3,19 +3,14 @@
 import numpy as np
 import pytest
 
+from pipeline.world.drawing.masks import FAR, SOFTEST, Depths, Ground, hard, soft
 from pipeline.world.drawing.shadows import (
-    FAR,
     SHADOW_CENTRE,
     SHADOW_DEPTH,
     SHADOW_HALF_SIZE,
     SHADOW_MAP,
     SHADOW_OFFSET,
-    SOFTEST,
-    Depths,
-    Ground,
-    hard,
     plane_depths,
-    soft,
     sun_axes,
     table_window,
 )

@@ -1,0 +1,119 @@
+"""What a camera may see, and at which frames that is all where it was at the frame before."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.cameras import CameraType
+from pipeline.poses import Floats, compose, inverse, quat_to_matrix
+from pipeline.world.drawing.engine import FAR, NEAR
+from pipeline.world.drawing.masks import BLOCK, Blocks, Depths
+from pipeline.world.drawing.shadows import (
+    SHADOW_CENTRE,
+    SHADOW_HALF_SIZE,
+    SHADOW_MAP,
+    sun_axes,
+)
+from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
+
+MARGIN = 1e-3  # m, far above the rounding of single precision
+SAME_VIEW = 4  # frames that share a set of visible bodies
+STILL = 2.0**-27  # m, and of a quaternion: single precision tells no less apart half a metre away
+TAPS = 4  # texels around a point of a surface that its shadow may be looked up from
+NEAR_PLANE = 0.01  # m off table and floor, up to which a point may be theirs
+
+
+def in_view(
+    kind: CameraType,
+    camera: Floats,
+    bodies: Floats,
+    centres: Floats,
+    halves: Floats,
+) -> NDArray[np.bool_]:
+    """Whether each of N bodies may be seen at each of T frames (T,N): never False for one with a
+    pixel in the image. `camera` (T,7) and `bodies` (T,N,7) are world poses, the camera's with x
+    forward; `centres` and `halves` (N,3) m are bounding boxes in the body frames."""
+    high = np.tan(np.radians(kind.fovy) / 2)
+    wide = high * kind.width / kind.height
+    inward = np.array([[1, 0, 0], [wide, -1, 0], [wide, 1, 0], [high, 0, -1], [high, 0, 1]])
+    inward /= np.linalg.norm(inward, axis=1)[:, None]
+    relative = compose(inverse(camera)[:, None], bodies)
+    normals = inward @ quat_to_matrix(relative[..., 3:])  # (T,N,5,3), in the body frames
+    middle = relative[..., :3] @ inward.T + np.einsum("tnsi,ni->tns", normals, centres)
+    reach = np.einsum("tnsi,ni->tns", np.abs(normals), halves)
+    return (middle + reach >= -MARGIN).all(-1)
+
+
+class Seen:
+    """What one camera sees at T frames. `camera` (T,7) and `bodies` (T,N,7) are world poses,
+    `boxes` the bodies' middles and half sizes (N,3), m, and `visible` (T,N) whether they are in
+    view."""
+
+    def __init__(
+        self,
+        kind: CameraType,
+        camera: Floats,
+        bodies: Floats,
+        boxes: tuple[Floats, Floats],
+        sun: ArrayLike,
+    ) -> None:
+        self._kind, self._camera, self._bodies, self._sun = kind, camera, bodies, sun
+        frames = np.arange(len(camera)) // SAME_VIEW
+        alone = in_view(kind, camera, bodies, *boxes)
+        self.visible = np.logical_or.reduceat(alone, np.arange(0, len(camera), SAME_VIEW))[frames]
+        self._since = 0  # the frame that what is in view has not moved since
+        self._looked_up: Blocks | None = None
+
+    def same(self, k: int, changed: Blocks, depths: Callable[[], Depths] | None) -> bool:
+        """Whether frame `k` certainly shows what the one before did, where shadows `changed`
+        between them; `depths` gives that one's depth buffer, if it has one. To be asked of all
+        frames in order."""
+        j = self._since
+        bodies = self.visible[j] | self.visible[k]
+        if (
+            k == 0
+            or np.abs(self._camera[k] - self._camera[j]).max() > STILL
+            or np.abs(self._bodies[k, bodies] - self._bodies[j, bodies]).max(initial=0) > STILL
+        ):
+            self._since, self._looked_up = k, None
+            return False
+        if not changed.any() or depths is None:
+            return not changed.any()
+        if self._looked_up is None:
+            self._looked_up = looked_up(self._kind, self._camera[j], depths(), self._sun)
+        return not (changed & self._looked_up).any()
+
+
+def looked_up(kind: CameraType, camera: Floats, depths: Depths, sun: ArrayLike) -> Blocks:
+    """Blocks (3,M,M) of the maps of table, floor and depths that an image was shaded from. It has a
+    depth buffer (H,W) 0-1, and `camera` (7,) is its pose."""
+    forward = NEAR * FAR / (FAR - depths * (FAR - NEAR))
+    pixel = 2 * np.tan(np.radians(kind.fovy) / 2) / kind.height
+    left = (kind.width / 2 - 0.5 - np.arange(kind.width)) * pixel * forward
+    up = ((kind.height / 2 - 0.5 - np.arange(kind.height)) * pixel)[:, None] * forward
+    turn = quat_to_matrix(camera[3:])
+    axes = np.vstack([sun_axes(sun)[:2], (0.0, 0.0, 1.0)]) @ turn
+    start = np.vstack([sun_axes(sun)[:2], (0.0, 0.0, 1.0)]) @ (camera[:3] - SHADOW_CENTRE)
+    x, y, z = (
+        a[0] * forward + a[1] * left + a[2] * up + b for a, b in zip(axes, start, strict=True)
+    )
+    height = z + SHADOW_CENTRE[2]
+    # the map is mirrored in x
+    column, row = (
+        np.floor((of / SHADOW_HALF_SIZE * 0.5 + 0.5) * SHADOW_MAP).astype(int) for of in (-x, y)
+    )
+    inside = (column >= 0) & (row >= 0) & (column < SHADOW_MAP) & (row < SHADOW_MAP)
+    table = height < TABLE_TOP + NEAR_PLANE
+    table &= height > TABLE_TOP - TABLE_THICKNESS - NEAR_PLANE
+    count, wide = SHADOW_MAP // BLOCK, np.ones((2 * TAPS + 1, 2 * TAPS + 1), np.uint8)
+    found = np.zeros((3, SHADOW_MAP, SHADOW_MAP), np.uint8)
+    for texels, those in zip(found, (table, height < NEAR_PLANE, True), strict=True):
+        texels[row[inside & those], column[inside & those]] = 1
+    return np.stack(
+        [
+            cv2.dilate(texels, wide).reshape(count, BLOCK, count, BLOCK).any((1, 3))
+            for texels in found
+        ]
+    )
