@@ -31,15 +31,13 @@ def demo(
     from pipeline.data.recipe.model import parse_recipe
     from pipeline.report.viewer import write_viewer
     from pipeline.run.build import build
-    from pipeline.run.doctor.alive import gpus
-    from pipeline.run.doctor.machine import driver_advice, os_release
+    from pipeline.run.doctor import DRIVER
     from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 
     try:
         ensure_renderer()
     except NoRenderer as error:
-        advice = driver_advice(os_release(), bool(gpus()))
-        raise NoRenderer(f"no Vulkan device to draw with: {advice}") from error
+        raise NoRenderer(f"no Vulkan device to draw with: {DRIVER}") from error
     keys = {"tasks": TASK, "embodiments": ROBOT, "levels": LEVEL, "episodes": EPISODES}
     with resumable(out):
         build(out, parse_recipe(keys), Crew(), shown="none" if quiet else "bar")

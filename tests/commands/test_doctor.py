@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.run.doctor.machine import CheckResult
+from pipeline.run.doctor import CheckResult
 
 GOOD = CheckResult("python", "PASS", "Python 3.12.1")
 WEAK = CheckResult("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")

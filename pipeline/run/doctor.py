@@ -1,0 +1,275 @@
+"""`domino-data doctor`: whether this machine has what a build, an export and an annotation need."""
+
+import json
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Literal
+
+from pipeline.annotate.networks.models import ALIASES, resolve
+from pipeline.annotate.options import FeatureOptions, MaskOptions
+from pipeline.annotate.stage_key import AnnotateError
+from pipeline.data.process.machine import usable_cores
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """`verdict` FAIL: nothing can be built; WARN: something does not work that not everybody
+    needs."""
+
+    name: str
+    verdict: Literal["PASS", "WARN", "FAIL"]
+    detail: str
+    fix: str = ""
+
+
+GB = 1e9
+LEAST_DISK, ENOUGH_DISK = 1 * GB, 10 * GB
+WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
+STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
+PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
+SOFTWARE = ("llvmpipe", "swiftshader")
+CV2 = "opencv-python-headless"
+EXTRAS = {
+    "ray": "several workers",
+    "hub": "publishing on the hub",
+    "lerobot": "reading exports with LeRobot",
+    "annotate": "masks and features by model",
+    "train": "training the example policy",
+    "gr00t": "evaluating policies behind a GR00T server",
+}
+DRIVER = (
+    "install Mesa >= 25: apt install mesa-vulkan-drivers libvulkan1 (Debian 12: -t"
+    " bookworm-backports; old Ubuntu: ppa:kisak/kisak-mesa), dnf install mesa-vulkan-drivers"
+    " vulkan-loader, or pacman -S vulkan-swrast vulkan-icd-loader; or the GPU's own driver (in a"
+    " container: NVIDIA_DRIVER_CAPABILITIES=all)"
+)
+"""How to get a Vulkan driver."""
+
+FRAME = """
+import json, time
+from pipeline.world.drawing.vulkan import ensure_renderer
+device = ensure_renderer()
+import numpy as np
+from pipeline.intake.catalogue.gallery import portrait
+from pipeline.world.objects import FAMILIES
+began = time.perf_counter()
+ball = FAMILIES["ball"].draw(np.random.Generator(np.random.Philox(0)))
+image = portrait(ball, size=(160, 120), preset="raster-fast")
+seconds = time.perf_counter() - began
+print(json.dumps({"device": device, "seconds": seconds, "spread": float(image.std())}))
+"""
+RAY = """
+import json, time
+from pipeline.crew.contract import Crew
+from pipeline.crew.ray_session import session
+began = time.perf_counter()
+with session(Crew("ray", 1)):
+    import ray
+    answer = ray.get(ray.remote(lambda: 6 * 7).remote(), timeout=100)
+print(json.dumps({"answer": answer, "seconds": time.perf_counter() - began}))
+"""
+VIDEO = """
+import io, json, numpy
+from pipeline.data.episode.mp4 import encode_mp4
+import av
+data = encode_mp4(iter([numpy.zeros((48, 64, 3), numpy.uint8)] * 2), 24)
+with av.open(io.BytesIO(data)) as film:
+    print(json.dumps({"frames": len(list(film.decode(video=0))), "version": av.__version__}))
+"""
+
+
+def diagnose(place: Path) -> Iterator[CheckResult]:
+    """Examine this machine for datasets at `place`, in about 15 s; nothing is written or
+    downloaded."""
+    yield check_python()
+    yield from judge_frame(attempt(FRAME), gpus())
+    yield check_cv2(metadata.packages_distributions().get("cv2", ()))
+    if installed_version("ray"):
+        yield judge_ray(attempt(RAY))
+    yield check_disk(place)
+    yield check_memory(available_memory(), usable_cores())
+    yield check_shared_memory()
+    yield judge_video(attempt(VIDEO))
+    missing = missing_by_extra(metadata.requires("domino-data") or (), installed_version)
+    yield from check_extras(missing)
+    if not missing.get("annotate", True):
+        names = (MaskOptions().detector, MaskOptions().segmenter, FeatureOptions().encoder)
+        yield from map(check_weights, names)
+
+
+def attempt(code: str) -> dict[str, Any] | str:
+    """What a program, in a process of its own, prints as JSON on its last line, or one line about
+    why it does not."""
+    command = [sys.executable, "-P", "-c", code]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=PATIENCE
+        )
+    except subprocess.TimeoutExpired:
+        return f"no answer within {PATIENCE} s"
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.strip()]
+        return f"exit code {done.returncode}: {' '.join(lines[-1:])[:300]}".removesuffix(": ")
+    try:
+        return dict(json.loads(done.stdout.splitlines()[-1]))
+    except (IndexError, ValueError):
+        return "it printed nothing that can be read"
+
+
+def gpus(dev: Path = Path("/dev")) -> list[str]:
+    """Device files of GPUs."""
+    patterns = ("nvidia[0-9]*", "dri/renderD*", "dxg")
+    return sorted(str(path) for pattern in patterns for path in dev.glob(pattern))
+
+
+def judge_frame(answer: Mapping[str, Any] | str, nodes: Sequence[str]) -> Iterator[CheckResult]:
+    """The Vulkan device and the frame that it drew."""
+    if isinstance(answer, str):
+        yield CheckResult("vulkan", "FAIL", f"nothing can be drawn ({answer})", DRIVER)
+        return
+    device = str(answer["device"])
+    if any(name in device.lower() for name in SOFTWARE) and nodes:
+        unused = f"{device} is used, although there is {nodes[0]}"
+        yield CheckResult("vulkan", "WARN", unused, DRIVER)
+    else:
+        yield CheckResult("vulkan", "PASS", device)
+    text = f"160x120 in {answer['seconds']:.1f} s, the first"
+    if answer["spread"] < 1:
+        fix = "try another driver: set VK_ICD_FILENAMES"
+        yield CheckResult("frame", "FAIL", f"{text}, and it is of one color", fix)
+    else:
+        yield CheckResult("frame", "PASS", text)
+
+
+def judge_ray(answer: Mapping[str, Any] | str) -> CheckResult:
+    """Whether a worker of Ray answered."""
+    if isinstance(answer, str) or answer["answer"] != 42:
+        fix = "build with --executor inline"
+        return CheckResult("ray", "WARN", f"does not start ({answer})", fix)
+    return CheckResult("ray", "PASS", f"a worker answered after {answer['seconds']:.1f} s")
+
+
+def judge_video(answer: Mapping[str, Any] | str) -> CheckResult:
+    """Whether a video was written with the encoder of the default export, and read again."""
+    if isinstance(answer, str) or answer["frames"] != 2:
+        fix = "uv pip install --reinstall av"
+        return CheckResult("video", "FAIL", f"no H.264 video can be written ({answer})", fix)
+    return CheckResult("video", "PASS", f"PyAV {answer['version']} writes and reads H.264")
+
+
+def check_python(
+    version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()
+) -> CheckResult:
+    """The Python that the lock file is for, on a processor for which SAPIEN has packages."""
+    text = f"Python {'.'.join(map(str, version))} on {platform.system()} {machine}"
+    if version[:2] != (3, 12):
+        fix = "install Python 3.12, then `make setup`"
+        return CheckResult("python", "FAIL", f"{text}: 3.12 is needed", fix)
+    if machine not in ("x86_64", "AMD64"):
+        fix = "use an x86_64 machine"
+        return CheckResult("python", "WARN", f"{text}: tested on x86_64 only", fix)
+    return CheckResult("python", "PASS", text)
+
+
+def check_disk(place: Path) -> CheckResult:
+    """Room where datasets are to be written."""
+    there = next(p for p in (place.absolute(), *place.absolute().parents) if p.exists())
+    free = shutil.disk_usage(there).free
+    text = f"{free / GB:.1f} GB free at {there}; an episode takes 1 to 5 MB"
+    if free < ENOUGH_DISK:
+        fix = "free some space, or give another place with --out"
+        return CheckResult("disk", "FAIL" if free < LEAST_DISK else "WARN", text, fix)
+    return CheckResult("disk", "PASS", text)
+
+
+def available_memory(
+    meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")
+) -> float:
+    """Bytes that new processes may use: what the kernel has, or less in a limited control group."""
+    fields = dict(line.split(":", 1) for line in meminfo.read_text().splitlines() if ":" in line)
+    free = float(fields["MemAvailable"].split()[0]) * 1024
+    limit, used = group / "memory.max", group / "memory.current"
+    if limit.is_file() and used.is_file() and (text := limit.read_text().strip()).isdigit():
+        free = min(free, float(text) - float(used.read_text()))
+    return max(free, 0.0)
+
+
+def check_memory(available: float, cores: int) -> CheckResult:
+    """Memory for one worker on every core."""
+    workers = min(cores, int(available // WORKER_BYTES))
+    text = f"{available / GB:.1f} GB available, enough for {workers} of {cores} workers"
+    if workers == 0:
+        return CheckResult("memory", "FAIL", text, f"free {WORKER_BYTES / GB:g} GB")
+    if workers < cores:
+        return CheckResult("memory", "WARN", text, f"build with --workers {workers}")
+    return CheckResult("memory", "PASS", text)
+
+
+def check_shared_memory(place: Path = Path("/dev/shm")) -> CheckResult:
+    """Room for Ray's object store."""
+    free = shutil.disk_usage(place).free if place.is_dir() else 0
+    text = f"{free / 1e6:.0f} MB free at {place}; Ray takes {STORE_BYTES / 1e6:.0f}"
+    if free < STORE_BYTES:
+        fix = "start the container with --shm-size=256m, or build with --executor inline"
+        return CheckResult("shared memory", "WARN", text, fix)
+    return CheckResult("shared memory", "PASS", text)
+
+
+def check_cv2(owners: Iterable[str]) -> CheckResult:
+    """One package owns the module cv2: two overwrite each other's files."""
+    found = sorted(set(owners))
+    text = f"cv2 belongs to {', '.join(found) or 'no package'}"
+    fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
+    if found == [CV2]:
+        return CheckResult("cv2", "PASS", text)
+    both = [CV2.removesuffix("-headless"), CV2]
+    same = found == both and len({installed_version(name) for name in both}) == 1
+    return CheckResult("cv2", "WARN" if same else "FAIL", f"{text}, not to {CV2} alone", fix)
+
+
+def installed_version(distribution: str) -> str:
+    """The version of a package, "" for one that is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def missing_by_extra(
+    requirements: Iterable[str], version_of: Callable[[str], str]
+) -> dict[str, list[str]]:
+    """Packages that are not installed, by extra that the requirements name."""
+    missing: dict[str, list[str]] = {}
+    for requirement in requirements:
+        extra = re.search(r"extra == ['\"]([\w.-]+)['\"]", requirement)
+        name = re.match(r"[\w.-]+", requirement)
+        if extra and name and extra[1] in EXTRAS:
+            missing.setdefault(extra[1], []).extend([] if version_of(name[0]) else [name[0]])
+    return missing
+
+
+def check_extras(missing: Mapping[str, Sequence[str]]) -> Iterator[CheckResult]:
+    """One result for each extra."""
+    for extra, packages in sorted(missing.items()):
+        if packages:
+            text = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
+            fix = f"`make setup`, or uv pip install 'domino-data[{extra}]'"
+            yield CheckResult(f"extra {extra}", "WARN", text, fix)
+        else:
+            yield CheckResult(f"extra {extra}", "PASS", EXTRAS[extra])
+
+
+def check_weights(name: str) -> CheckResult:
+    """Whether a network of `annotate` is on this machine."""
+    try:
+        return CheckResult(f"weights {name}", "PASS", resolve(name, download=False).path)
+    except AnnotateError as error:
+        fix = f"hf download {ALIASES.get(name, name)}; --mask-source sim needs no weights"
+        return CheckResult(f"weights {name}", "WARN", " ".join(str(error).split())[:200], fix)

@@ -1,0 +1,143 @@
+"""What doctor reports of machines that lack something."""
+
+from collections import namedtuple
+
+import pytest
+
+from pipeline.run import doctor
+from pipeline.run.doctor import attempt, judge_frame, judge_ray, judge_video
+
+DRAWN = {"device": "NVIDIA L4", "seconds": 0.5, "spread": 40.0}
+Usage = namedtuple("Usage", "total used free")
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import sys; sys.exit('no Vulkan device')", "exit code 1: no Vulkan device"),
+        ("import os; os.abort()", "exit code -6"),
+        ("print('hello')", "nothing that can be read"),
+        ("", "nothing that can be read"),
+    ],
+)
+def test_a_program_that_fails_is_one_line(code, said):
+    assert said in str(attempt(code))
+
+
+def test_a_program_that_hangs_is_given_up(monkeypatch):
+    monkeypatch.setattr(doctor, "PATIENCE", 0.3)
+    assert attempt("import time; time.sleep(60)") == "no answer within 0.3 s"
+
+
+def test_frames_and_devices():
+    (vulkan,) = judge_frame("exit code 1: no Vulkan device", [])
+    assert vulkan.verdict == "FAIL" and "no Vulkan device" in vulkan.detail
+    software = DRAWN | {"device": "llvmpipe (LLVM 15)"}
+    assert [r.verdict for r in judge_frame(software, ["/dev/nvidia0"])] == ["WARN", "PASS"]
+    assert [r.verdict for r in judge_frame(software, [])] == ["PASS", "PASS"]
+    assert [r.verdict for r in judge_frame(DRAWN, ["/dev/nvidia0"])] == ["PASS", "PASS"]
+    assert [r.verdict for r in judge_frame(DRAWN | {"spread": 0.0}, [])] == ["PASS", "FAIL"]
+
+
+def test_gpus_are_device_files(tmp_path):
+    (tmp_path / "dri").mkdir()
+    for name in ("nvidia0", "nvidiactl", "dri/renderD128", "dri/card0"):
+        (tmp_path / name).touch()
+    assert doctor.gpus(tmp_path) == [str(tmp_path / "dri/renderD128"), str(tmp_path / "nvidia0")]
+
+
+def test_ray_and_video():
+    assert judge_ray("no answer within 150 s").verdict == "WARN"
+    assert judge_ray({"answer": 41, "seconds": 1}).verdict == "WARN"
+    assert judge_ray({"answer": 42, "seconds": 1.0}).verdict == "PASS"
+    assert judge_video({"frames": 1, "version": "1"}).verdict == "FAIL"
+
+
+def test_this_machine_draws_and_writes_videos():
+    assert [r.verdict for r in judge_frame(attempt(doctor.FRAME), [])] == ["PASS", "PASS"]
+    assert judge_video(attempt(doctor.VIDEO)).verdict == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("version", "processor", "verdict"),
+    [
+        ((3, 12, 1), "x86_64", "PASS"),
+        ((3, 11, 9), "x86_64", "FAIL"),
+        ((3, 13, 0), "x86_64", "FAIL"),
+        ((3, 12, 1), "aarch64", "WARN"),
+    ],
+)
+def test_python(version, processor, verdict):
+    found = doctor.check_python(version, processor)
+    assert (found.verdict, bool(found.fix)) == (verdict, verdict != "PASS")
+
+
+@pytest.mark.parametrize(("free", "verdict"), [(0.5e9, "FAIL"), (5e9, "WARN"), (50e9, "PASS")])
+def test_disk_where_the_dataset_is_to_be(tmp_path, monkeypatch, free, verdict):
+    asked = []
+    monkeypatch.setattr(
+        doctor.shutil, "disk_usage", lambda path: asked.append(path) or Usage(1e12, 0, free)
+    )
+    found = doctor.check_disk(tmp_path / "not" / "there" / "yet")
+    assert found.verdict == verdict and asked == [tmp_path]
+    assert f"{free / 1e9:.1f} GB" in found.detail
+
+
+def test_memory_is_that_of_the_control_group_where_it_is_limited(tmp_path):
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal: 16000000 kB\nMemAvailable: 4000000 kB\n")
+    assert doctor.available_memory(meminfo, tmp_path) == 4e6 * 1024
+    (tmp_path / "memory.current").write_text("300000000\n")
+    (tmp_path / "memory.max").write_text("max\n")
+    assert doctor.available_memory(meminfo, tmp_path) == 4e6 * 1024
+    (tmp_path / "memory.max").write_text("1000000000\n")
+    assert doctor.available_memory(meminfo, tmp_path) == 7e8
+
+
+@pytest.mark.parametrize(
+    ("available", "verdict", "fix"),
+    [(0.1e9, "FAIL", "0.6"), (2e9, "WARN", "build with --workers 3"), (9e9, "PASS", "")],
+)
+def test_memory_for_workers(available, verdict, fix):
+    found = doctor.check_memory(available, 8)
+    assert found.verdict == verdict and fix in found.fix
+
+
+def test_little_shared_memory_or_none(tmp_path, monkeypatch):
+    assert doctor.check_shared_memory(tmp_path / "none").verdict == "WARN"
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: Usage(64e6, 0, 64e6))
+    assert doctor.check_shared_memory(tmp_path).verdict == "WARN"
+
+
+@pytest.mark.parametrize(
+    "owners", [["opencv-python", "opencv-python-headless"], ["opencv-python"], []]
+)
+def test_cv2_has_one_owner(owners):
+    found = doctor.check_cv2(owners)
+    assert found.verdict == "FAIL" and "--reinstall opencv-python-headless" in found.fix
+    assert doctor.check_cv2(["opencv-python-headless"]).verdict == "PASS"
+
+
+def test_extras_name_what_they_lack():
+    wanted = [
+        "torch<3; extra == 'annotate'",
+        'transformers>=5 ; extra == "annotate"',
+        "pyarrow; extra == 'lerobot'",
+        "numpy>=2",
+        "x; extra == 'other'",
+    ]
+    missing = doctor.missing_by_extra(wanted, lambda name: name.replace("transformers", ""))
+    assert missing == {"annotate": ["transformers"], "lerobot": []}
+    annotate, lerobot = doctor.check_extras(missing)
+    assert (annotate.verdict, lerobot.verdict) == ("WARN", "PASS")
+    assert "transformers" in annotate.detail and "domino-data[annotate]" in annotate.fix
+
+
+def test_weights_that_are_here_and_that_are_not(tmp_path, monkeypatch):
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "empty"))
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "config.json").write_text("{}")
+    (tmp_path / "here" / "model.safetensors").write_bytes(b"")
+    here, gone = (doctor.check_weights(str(tmp_path / name)) for name in ("here", "gone"))
+    assert (here.verdict, here.detail) == ("PASS", str(tmp_path / "here"))
+    assert gone.verdict == "WARN" and str(tmp_path / "gone") in gone.detail
