@@ -114,6 +114,10 @@ def visible(
     """Which world points (..., 3) are in the image, `margin` pixels from its border, before the
     camera."""
     uv, depth = project(camera, world_pose, points)
+    if uv.ndim == 1:  # arrays of two numbers cost ten times as much
+        u, v = uv.tolist()
+        inside = margin <= u <= camera.width - margin and margin <= v <= camera.height - margin
+        return np.asarray(inside and depth > 0.05)
     inside = (
         (uv >= margin).all(-1)
         & (uv[..., 0] <= camera.width - margin)

@@ -33,8 +33,10 @@ class JointLimits:
 
     def clipped(self, action: Floats, before: Floats, seconds: float) -> Floats:
         """The action moved into the bounds, from the command `before` in `seconds`."""
-        action = np.clip(action, self.lower, self.upper)
-        return np.clip(action, before - self.speed * seconds, before + self.speed * seconds)
+        # np.clip costs five times as much on so few numbers
+        action = np.minimum(np.maximum(action, self.lower), self.upper)
+        reach = self.speed * seconds
+        return np.minimum(np.maximum(action, before - reach), before + reach)
 
 
 @lru_cache(maxsize=8)

@@ -45,6 +45,10 @@ class Workspace:
         as inside (to 1 nm)."""
         xy = np.asarray(points, float)[..., :2]
         inset = margin - ROUNDING
+        if xy.ndim == 1:  # arrays of two numbers cost ten times as much
+            x, y = xy.tolist()
+            inside = self.x_min + inset <= x <= self.x_max - inset
+            return np.asarray(inside and self.y_min + inset <= y <= self.y_max - inset)
         return np.asarray(((xy >= self.lower + inset) & (xy <= self.upper - inset)).all(-1))
 
     def clip(self, points: ArrayLike) -> Floats:

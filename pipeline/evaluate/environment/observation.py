@@ -138,4 +138,4 @@ def bodies_of(task: Task) -> tuple[str, ...]:
 
 
 def _within(space: Box, values: NDArray[np.float64]) -> NDArray[np.float32]:
-    return np.clip(values.astype(np.float32), space.low, space.high)
+    return np.minimum(np.maximum(values.astype(np.float32), space.low), space.high)

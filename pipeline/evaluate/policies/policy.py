@@ -96,7 +96,7 @@ def observe(
     trial: Trial, eyes: Eyes | None, words: str, committed: NDArray[np.float64] | None = None
 ) -> Observation:
     seen = eyes.look(trial.recorder) if eyes else CameraViews()
-    joints = trial.simulation.state_vector(trial.simulation.qpos()[0])
+    joints = trial.recorder.state.copy()
     return Observation(joints, words, trial.time, **vars(seen), committed=committed)
 
 

@@ -31,11 +31,13 @@ class StepConditions:
 
     def __init__(self, scene: Scene, simulation: Simulation, recorder: Recorder) -> None:
         self._scene, self._simulation, self._recorder = scene, simulation, recorder
-        self._peaks = {scene.task.manipulated: -np.inf}
+        # only the condition `was_lifted` asks for heights between frames
+        lifted = [scene.task.manipulated] if "lift" in scene.task.limits else []
+        self._peaks = dict.fromkeys(lifted, -np.inf)
 
     def after_step(self) -> None:
         for name, peak in self._peaks.items():
-            self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
+            self._peaks[name] = max(peak, self._simulation.height(name))
 
     def conditions(self) -> dict[str, bool]:
         """The success conditions of the task now: on the recorded frames and the state of this

@@ -122,7 +122,7 @@ def _turned(axes: ArrayLike) -> sapien.Pose:
     return sapien.Pose(out)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class BuiltArm:
     """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws
     in the order of its spec."""
@@ -133,21 +133,25 @@ class BuiltArm:
     jaws: list[PhysxArticulationJoint]
     gripper: Gripper
 
+    def __post_init__(self) -> None:
+        self._driven, self._speeds = (*self.joints, *self.jaws), list[float]()
+
     def drive(self, command: Floats, velocity: Floats) -> None:
         """Set the drives of the next physics step: positions and velocities (n+1,) of the joints,
         then the gripper (0-1, 1/s)."""
-        for joint, position, speed in zip(self.joints, command[:-1], velocity[:-1], strict=True):
-            joint.set_drive_target(position)
-            joint.set_drive_velocity_target(speed)
-        closed, opened = self.gripper.closed, self.gripper.opened
-        value = (
-            command[-1]
-            if len(closed) <= 2
-            else coupled_value(self.gripper, self.jaw_positions(), command[-1])
-        )
-        for k, jaw in enumerate(self.jaws):
-            jaw.set_drive_target(closed[k] + value * (opened[k] - closed[k]))
-            jaw.set_drive_velocity_target(velocity[-1] * (opened[k] - closed[k]))
+        *goals, value = command.tolist()
+        *speeds, rate = velocity.tolist()
+        if len(self.jaws) > 2:
+            value = coupled_value(self.gripper, self.jaw_positions(), value)
+        for closed, opened in zip(self.gripper.closed, self.gripper.opened, strict=True):
+            goals.append(closed + value * (opened - closed))
+            speeds.append(rate * (opened - closed))
+        for joint, goal in zip(self._driven, goals, strict=True):
+            joint.set_drive_target(goal)
+        if speeds != self._speeds:  # within a control period they are the same
+            for joint, speed in zip(self._driven, speeds, strict=True):
+                joint.set_drive_velocity_target(speed)
+            self._speeds = speeds
         self.robot.set_qf(self.robot.compute_passive_force())
 
     def jaw_positions(self) -> Floats:

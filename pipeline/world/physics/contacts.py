@@ -43,9 +43,10 @@ def points_on(body: Any, side_of: Mapping[Any, str], contacts: Sequence[Any]) ->
 
 def touching_pairs(index: Mapping[Any, int], contacts: Sequence[Any]) -> list[Pair]:
     """Pairs of the components of `index` that push each other, sorted."""
-    # A pair of bodies may touch with many pieces: the strongest is the pair's contact. Plain
-    # floats: there are a dozen pairs with four points each, where numpy takes five times as long.
-    found: dict[tuple[int, int], tuple[float, tuple[float, ...], int]] = {}
+    # A pair of bodies may touch with many pieces: the strongest is the pair's contact, and only its
+    # points are read. Plain floats: for a dozen pairs with four points each numpy takes five times
+    # as long.
+    found: dict[tuple[int, int], tuple[float, list[list[Any]]]] = {}
     for contact in contacts:
         first, second = contact.bodies
         a, b = index.get(first), index.get(second)
@@ -56,13 +57,22 @@ def touching_pairs(index: Mapping[Any, int], contacts: Sequence[Any]) -> list[Pa
             continue
         strength = math.hypot(*map(math.fsum, zip(*(push for push, _ in pushing), strict=True)))
         pair = (a, b) if a < b else (b, a)
-        if strength > TOUCH_IMPULSE and strength >= found.get(pair, (0.0,))[0]:
-            at = [p.position.tolist() for _, p in pushing]
-            mean = tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True))
-            found[pair] = max(found.get(pair, (0.0, (), 0)), (strength, mean, len(at)))
-    return [
-        (a, b, impulse, np.array(point), n) for (a, b), (impulse, point, n) in sorted(found.items())
-    ]
+        most, pieces = found.get(pair, (TOUCH_IMPULSE, []))
+        if strength > most:
+            found[pair] = strength, [[p for _, p in pushing]]
+        elif strength == most and pieces:
+            pieces.append([p for _, p in pushing])
+    out = list[Pair]()
+    for pair, (strength, pieces) in sorted(found.items(), key=lambda item: item[0]):
+        point, n = max(map(_mean_point, pieces))
+        out.append((*pair, strength, np.array(point), n))
+    return out
+
+
+def _mean_point(points: Sequence[Any]) -> tuple[tuple[float, ...], int]:
+    """Mean position (3,) and number of the points of one contact."""
+    at = [p.position.tolist() for p in points]
+    return tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True)), len(at)
 
 
 @dataclass(frozen=True)

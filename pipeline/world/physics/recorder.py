@@ -88,6 +88,15 @@ class Recorder:
         self._open = {}
         for column, row in zip(self._columns, self._measured(), strict=True):
             column.append(row)
+        self._captured = self.simulation.steps
+
+    @property
+    def state(self) -> Floats:
+        """Measured vector (A,) of this moment."""
+        s = self.simulation
+        if s.steps == self._captured:
+            return self._columns[3].rows[-1]
+        return s.state_vector(s.qpos()[0])
 
     @property
     def past(self) -> Floats:

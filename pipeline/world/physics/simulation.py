@@ -66,6 +66,7 @@ class Simulation(PhysicsScene):
         self.settle_steps, self.events = 0, list[Event]()
         self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming_from, self._upcoming, self._waiting = 0, np.empty((0, 7)), False
+        self._twists = np.empty((0, 6))
         self._moved = self._dynamic(target)
         for name in (target, *self._beside):
             self._dynamic(name).set_kinematic(True)
@@ -128,8 +129,10 @@ class Simulation(PhysicsScene):
         self._scene.step()
         self.steps += 1
         self.command = command
-        if self._untouched or self._beside or not self.touched_by:
-            self._watch(self._scene.get_contacts())
+        if (self._untouched or self._beside or not self.touched_by) and (
+            contacts := self._scene.get_contacts()
+        ):
+            self._watch(contacts)
         if self._drive is not None and self._drive.is_held(self._touching()):
             self.release()
 
@@ -137,8 +140,8 @@ class Simulation(PhysicsScene):
         """The motion's pose at a step, evaluated a second at a time: one array call costs as much
         as one pose."""
         if not 0 <= step - self._upcoming_from < len(self._upcoming):
-            self._upcoming_from = step
-            self._upcoming = self.motion.pose((step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ)
+            self._upcoming_from, times = step, (step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ
+            self._upcoming, self._twists = self.motion.pose(times), self.motion.twist(times)
         return self._upcoming[step - self._upcoming_from]
 
     def settle(self) -> bool:
@@ -164,8 +167,11 @@ class Simulation(PhysicsScene):
         fixed order: of several that touch the target in one step, the first of `names` counts."""
         touching, disturbed = list[int](), set[str]()
         beside = {self._rigid[name]: name for name in self._beside}
+        watched = {*beside, *self._untouched, self._moved}
         for contact in contacts:
             a, b = contact.bodies
+            if a not in watched and b not in watched:
+                continue
             for one, other in ((a, b), (b, a)):
                 is_toucher = other in self._touchers
                 if one is self._moved and not self.touched_by and is_toucher and pushes(contact):
@@ -176,7 +182,9 @@ class Simulation(PhysicsScene):
                     disturbed.add(self._untouched[one])
         for name in sorted(disturbed):
             self.events.append(Event("clutter_touched", self.time, name))
-        self._untouched = {b: name for b, name in self._untouched.items() if name not in disturbed}
+        if disturbed:
+            left = {b: name for b, name in self._untouched.items() if name not in disturbed}
+            self._untouched = left
         if touching:
             self.touched_by, self.touched_at = self.names[min(touching)], self.steps
             self.events.append(Event("meeting", self.time, self.touched_by))
@@ -231,6 +239,9 @@ class Simulation(PhysicsScene):
         It is that of its motion. Once that has ended or a drive took over, it is that of its pose
         over the last physics step: PhysX's own differ, those of a held body by 1 rad/s."""
         if self._before is None or not (self.released or self._drive):
+            known = self.steps - self._upcoming_from
+            if 0 <= known < len(self._upcoming):
+                return self._twists[known]
             return np.asarray(self.motion.twist(self.time), float)
         before, now = as_pose(self._before[0]), self.pose(self.target)
         turn = rotation_vector(quat_multiply(now[3:], quat_conjugate(before[3:])))

@@ -68,8 +68,8 @@ def test_balls_ride_in_a_moving_bin_without_meeting_it():
             t = np.asarray(t, float)
             return start + t[..., None] * np.array([0.1, 0, 0, 0, 0, 0, 0])
 
-        def velocity(self, t):
-            return np.broadcast_to([0.1, 0.0, 0.0], (*np.shape(t), 3))
+        def twist(self, t):
+            return np.broadcast_to([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (*np.shape(t), 6))
 
         def scenery(self):
             return ()
