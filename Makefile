@@ -7,6 +7,7 @@ TASK ?= click_bell
 LEVELS ?= 0,1,3
 PUMA ?= out/puma
 CONFIG ?= puma-small
+MANY ?= out/puma-many
 TASKS ?= click_bell,place_container_plate,beat_block_hammer,shake_bottle,grab_roller,handover_block
 
 # one thread a process: the work is spread over processes
@@ -18,7 +19,7 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build puma test slow readme lint docs bench core setup clean help
+.PHONY: build puma puma-many test slow readme lint docs bench core setup clean help
 
 build: core  ## set up the core, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
@@ -31,6 +32,9 @@ puma: setup  ## make a dataset of one task, train a small policy on its images, 
 	$(VENV)/puma train --config $(CONFIG) --data $(PUMA)/data --out $(PUMA)/run --set data.cache=$(PUMA)/cache
 	$(VENV)/puma replay-check $(PUMA)/run
 	$(VENV)/puma eval $(PUMA)/run --tasks $(TASK) --embodiment aloha --levels $(LEVELS) --episodes 50 --out $(PUMA)/evaluation
+
+puma-many: setup  ## train one policy for twelve tasks by their sentences, and evaluate it: hours; `puma many --plan` estimates them (MANY)
+	$(VENV)/puma many --out $(MANY)
 
 test: setup  ## run the tests
 	$(VENV)/pytest
@@ -66,4 +70,4 @@ clean:  ## remove the environment and caches
 	rm -rf .venv .tools dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 help:  ## list the targets
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 16

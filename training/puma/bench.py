@@ -52,7 +52,7 @@ def made_up(config: Config, folder: Path, frames: int = 500) -> Corpus:
             "free": ((), np.bool_),
         }
         shapes |= {
-            "track": ((track_numbers(model.track.points),), np.float32),
+            "track": ((model.track.bodies * track_numbers(model.track.points),), np.float32),
             "tools": ((len(SIDES), 3), np.float32),
         }
     if model.history != "none":

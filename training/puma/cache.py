@@ -2,11 +2,13 @@
 and found again by their key.
 
     KEY/meta.json              names, rates, sizes, and the rows of episodes
-    KEY/image_<camera>.npy     (N,h,w,3) uint8
+    KEY/image_<camera>.npy     (N,h,w,3) uint8, or
+    KEY/jpeg_<camera>.bin, ends_<camera>.npy  coded images, where each ends (N,): those that only the finder looks at
     KEY/past.npy               (N,fh,fw,3) uint8: the flow map that ends at the frame, or the frame itself, small
     KEY/state.npy, action.npy  (N,A) float32; time.npy (N,) s; position.npy (N,3) m of the target
     KEY/world.npy, valid.npy   (N,D) float16 of the target and whether it is known (N,)
     KEY/target.npy, camera.npy (N,7) world poses of the target and of the first camera, where the target is tracked
+    KEY/goal.npy               (N,7) world poses of the second body, if one is tracked
     KEY/free.npy               (N,) whether the robot has not touched the target yet, likewise
 
 N counts the frames of all episodes, one after the other.
@@ -15,7 +17,7 @@ N counts the frames of all episodes, one after the other.
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +32,33 @@ from training.puma.errors import TrainError
 from training.puma.preprocess import color_maps, colour_of, resized
 from training.puma.shards import Row, Shard, Shards
 
-VERSION = 1
+VERSION = 2
 """Raised whenever the code would make other arrays from the same input."""
 
 Tell = Callable[[str], None]
 
 
+@dataclass(frozen=True, eq=False)
+class CodedImages:
+    """N images in their coded form: a number or a slice gives images (H,W,3) or (N,H,W,3)."""
+
+    coded: NDArray[np.uint8]
+    ends: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    def __getitem__(self, which: Any) -> NDArray[np.uint8]:
+        if isinstance(which, slice):
+            return np.stack([self[i] for i in range(*which.indices(len(self)))])
+        start = self.ends[which - 1] if which else 0
+        return decode_frame(self.coded[start : self.ends[which]].tobytes())
+
+
 @dataclass(eq=False)
 class Cache:
-    """The arrays of one dataset. `start` (E,) is the first frame of each episode."""
+    """The arrays of one dataset, and its coded images by camera. `start` (E,) is the first frame of
+    each episode."""
 
     path: Path
     fps: int
@@ -46,6 +66,11 @@ class Cache:
     source_sizes: dict[str, tuple[int, int]]
     rows: list[Row]
     arrays: Mapping[str, NDArray[Any]]
+    coded: Mapping[str, CodedImages] = field(default_factory=dict[str, CodedImages])
+
+    def images(self, camera: str) -> "NDArray[np.uint8] | CodedImages":
+        """Images (N,H,W,3) of a camera."""
+        return self.coded[camera] if camera in self.coded else self.arrays[f"image_{camera}"]
 
     @property
     def length(self) -> NDArray[np.int64]:
@@ -85,7 +110,9 @@ def open_cache(source: MixtureSource, config: Config, tell: Tell = lambda text: 
     corrected = True if shards.corrected else None
     options = {
         "track": True if model.track else None,
-        "after_success": data.after_success,
+        "after_success": shards.after_success,
+        "coded": None if model.looks else True,
+        "goal": True if shards.goal else None,
         "corrected": corrected,
     }
     options["oracle"] = True if model.oracle else None
@@ -106,13 +133,19 @@ def open_cache(source: MixtureSource, config: Config, tell: Tell = lambda text: 
 
 def _read(path: Path) -> Cache:
     meta = json.loads((path / "meta.json").read_text())
-    rows = [Row(**(row | {"instructions": tuple(row["instructions"])})) for row in meta["rows"]]
+    texts = ("instructions", "unseen")
+    rows = [Row(**(row | {name: tuple(row[name]) for name in texts})) for row in meta["rows"]]
     arrays = {
         file.stem: np.load(file, mmap_mode="r", allow_pickle=False)
         for file in sorted(path.glob("*.npy"))
     }
+    coded = {
+        name: CodedImages(np.memmap(path / f"jpeg_{name}.bin", np.uint8, "r"), ends)
+        for name in meta["source_sizes"]
+        if (ends := arrays.pop(f"ends_{name}", None)) is not None
+    }
     sizes = {name: (size[0], size[1]) for name, size in meta["source_sizes"].items()}
-    return Cache(path, meta["fps"], tuple(meta["names"]), sizes, rows, arrays)
+    return Cache(path, meta["fps"], tuple(meta["names"]), sizes, rows, arrays, coded)
 
 
 def _write(folder: Path, shards: Shards, config: Config) -> None:
@@ -125,9 +158,15 @@ def _write(folder: Path, shards: Shards, config: Config) -> None:
     frames, place = sum(row.length for row in shards.rows), 0
     out: dict[str, NDArray[Any]] = {}
     sizes: dict[str, tuple[int, int]] = {}
-    rows = list[Row]()
+    rows, written = list[Row](), dict[str, int]()
     for shard in shards:
         arrays = _arrays(shard, config, sizes)
+        for camera, jpegs in () if config.model.looks else shard.images.items():
+            with (folder / f"jpeg_{camera}.bin").open("ab") as file:
+                file.writelines(jpegs)
+            lengths = [len(jpeg) for jpeg in jpegs]
+            arrays[f"ends_{camera}"] = written.get(camera, 0) + np.cumsum(lengths)
+            written[camera] = int(arrays[f"ends_{camera}"][-1])
         for name, values in arrays.items():
             if name not in out:
                 shape = (frames, *values.shape[1:])
@@ -163,15 +202,24 @@ def _arrays(
         out["target"] = shard.target
     if model.track:
         out |= {"target": shard.target, "camera": shard.camera, "free": ~shard.touched}
+    if shard.goal is not None:
+        out["goal"] = shard.goal
     for i, camera in enumerate(data.cameras):
-        images = [decode_frame(jpeg) for jpeg in shard.images[camera]]
+        # what only the finder looks at stays coded; one image shows the size
+        jpegs = (
+            shard.images[camera]
+            if model.looks or model.history == "frames"
+            else shard.images[camera][:1]
+        )
+        images = [decode_frame(jpeg) for jpeg in jpegs]
         shape = images[0].shape[:2]
         if sizes.setdefault(camera, (shape[0], shape[1])) != shape:
             raise TrainError(
                 f"{shard.row.source}: images of {camera} are {shape[0]}x{shape[1]}, others"
                 f" {sizes[camera]}"
             )
-        out[f"image_{camera}"] = np.stack([resized(image, data.image_size) for image in images])
+        if model.looks:
+            out[f"image_{camera}"] = np.stack([resized(image, data.image_size) for image in images])
         if i == 0 and model.history == "frames":
             out["past"] = np.stack([resized(image, data.flow_size) for image in images])
     if model.history == "flow":

@@ -13,12 +13,16 @@ from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma import checkpoint
 from training.puma.config import Config, MixtureSource
 from training.puma.data import Corpus, SplitFrames, batch_of, open_corpus
-from training.puma.loader import Loader
-from training.puma.model.puma import build_model
+from training.puma.errors import TrainError
+from training.puma.loader import Loader, validation_batches
+from training.puma.model.puma import Puma, build_model
 from training.puma.policy import OraclePolicy, PumaPolicy
 from training.puma.shards import Shard, Shards
 from training.puma.tracking import follow
 from training.puma.train import groups, sizes_of
+
+LOOKED_AT = 60
+"""Images of a dataset in which errors of the finder are measured."""
 
 ROUNDING = 1e-4
 """Metres (and m/s) by which a target that is found in one image at a time may differ from one found
@@ -99,6 +103,70 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
     }
 
 
+def errors(folder: Path) -> dict[str, dict[str, float]]:
+    """Errors of a policy with a finder, by dataset, on validation episodes if there are any.
+
+    Medians (px) over the images before the touch: of the `target` and of the `goal`, found by the
+    sentences of training; of the target by sentences that training never read (`unseen`), and by
+    those of another dataset (`swapped`). Mean absolute errors (rad, grippers 0-1) of the actions
+    `before` and `after` the touch, the likeliest of several chunks.
+    """
+    held = checkpoint.load(folder)
+    network = held.model().eval()
+    corpus = follow(open_corpus(held.config), network, trained=True)
+    sight, track = held.preprocessing.sight, held.config.model.track
+    if sight is None or track is None:
+        raise TrainError(f"{folder}: has no finder: only policies with model.track have one")
+    out = dict[str, dict[str, float]]()
+    caches = dict.fromkeys(id(part.cache) for part in corpus.train)
+    names = {
+        cache: "/".join(source.dataset.parts[-2:])
+        for cache, source in zip(caches, held.config.data.sources, strict=True)
+    }
+    shown = corpus.validation or corpus.train
+    sentences = [part.cache.rows[0].unseen for part in shown]
+    for number, part in enumerate(shown):
+        arrays, rows = part.cache.arrays, [part.cache.rows[i] for i in part.episode]
+        free = np.asarray(arrays["free"][part.frame])
+        places = np.flatnonzero(free)[:: max(1, int(free.sum()) // LOOKED_AT)]
+        frames = part.frame[places]
+        images = np.stack([part.cache.images(held.config.data.cameras[0])[i] for i in frames])
+        bodies = {"target": arrays["target"][frames]}
+        if track.goal:
+            bodies["goal"] = arrays["goal"][frames]
+        truth = [sight.pixels(poses)[:, 0] for poses in bodies.values()]
+        other = sentences[(number + len(sentences) // 2) % len(sentences)]
+        told = {
+            "": [rows[i].instructions[0] for i in places],
+            "unseen": [rows[i].unseen[i % len(rows[i].unseen)] for i in places],
+            "swapped": [other[i % len(other)] for i in places],
+        }
+        found = dict[str, float]()
+        for name, texts in told.items() if track.words else [("", told[""])]:
+            points, _ = network.finder.find(images, network.words.ids(texts))
+            for body, (wanted, label) in enumerate(zip(truth, bodies, strict=True)):
+                away = np.linalg.norm(points[:, body * track.points] - wanted, axis=1)
+                if not name or not body:
+                    found[name or label] = float(np.median(away))
+        found |= _action_errors(network, part, corpus)
+        out[names[id(part.cache)]] = found
+    return out
+
+
+def _action_errors(network: Puma, part: SplitFrames, corpus: Corpus) -> dict[str, float]:
+    """Mean absolute errors (rad) of the actions of a part before and after the touch."""
+    scale, kinds = np.array(corpus.preprocessing.action.spread), ("before", "after")
+    wrong: dict[str, list[np.ndarray]] = {name: [] for name in kinds}
+    for inputs, targets in validation_batches(part, network.config, corpus, network.words):
+        assert targets.free is not None
+        with torch.inference_mode():
+            off = (network(inputs).actions - targets.action).abs().numpy() * scale
+        for name, chosen in zip(kinds, (targets.free, ~targets.free), strict=True):
+            wrong[name].append(off[(targets.action_valid & chosen[:, None]).numpy()])
+    each = {name: np.concatenate(some) for name, some in wrong.items()}
+    return {name: float(values.mean()) for name, values in each.items() if len(values)}
+
+
 def _replay(
     policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int
 ) -> tuple[list[np.ndarray], int]:
@@ -130,9 +198,11 @@ def _replay(
             prep,
         )
         given = policy.given(seen)
-        # which arms act is an answer of the policy, and may be another one than the expert's
+        # which arms act, and whether they have touched, are answers of the policy, which may differ
+        # from the expert's
+        own = ("choice", "free")
         different += sum(
-            not _alike(name, given[name], wanted[name]) for name in given if name != "choice"
+            not _alike(name, given[name], wanted[name]) for name in given if name not in own
         )
         recorded = shard.action[t : min(t + policy.config.model.chunk, shard.row.length - 1)]
         errors.append(np.abs(policy.plan(seen)[: len(recorded)] - recorded).mean(0))

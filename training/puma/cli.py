@@ -11,7 +11,10 @@ import typer
 from pipeline.commands.command import Verb, run_app
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from training.puma.config import Config
+    from training.puma.paper import Command
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -186,6 +189,19 @@ def replay_check(
 
 
 @app.command(cls=Verb)
+def errors(folder: Checkpoint, as_json: AsJson = False) -> None:
+    """Measure errors on validation episodes by dataset: those of the finder (px) by sentence, and
+    those of actions before and after the touch (rad)."""
+    from training.puma.checks import errors as run
+
+    found = run(folder)
+    if as_json:
+        return print(json.dumps(found))
+    for name, values in found.items():
+        print(f"{name:40} " + "  ".join(f"{key} {value:.3g}" for key, value in values.items()))
+
+
+@app.command(cls=Verb)
 def bench(
     config: Configuration = "puma-tiny",
     settings: Settings = None,
@@ -236,11 +252,67 @@ def paper(
 ) -> None:
     """Run an experiment of the DOMINO paper: build, annotate, export, train each of its networks,
     and print their results beside the published rows."""
-    from pipeline.cli import app as domino
     from training.puma.paper import FULL, TINY, commands
 
+    _run(commands(name, out, TINY if tiny else FULL, settings or ()))
+
+
+@app.command(cls=Verb)
+def many(
+    out: Out,
+    tasks: Annotated[
+        str, typer.Option(help="Tasks; those of manifests/puma_many.yaml by default.")
+    ] = "",
+    levels: Annotated[str, typer.Option(help="Levels; those of the recipe by default.")] = "",
+    demonstrations: Annotated[
+        int, typer.Option(min=0, help="Of a task, level and look; 0 is the number of the recipe.")
+    ] = 0,
+    networks: Annotated[int, typer.Option(min=1, max=100, help="Networks, one a seed.")] = 3,
+    scenes: Annotated[int, typer.Option(min=1, help="Scenes of a task and level.")] = 50,
+    settings: Settings = None,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Estimate core-hours by stage, and do nothing.")
+    ] = False,
+) -> None:
+    """Train one policy for many tasks and evaluate it: data, networks, evaluations, table. Rerun
+    the same command to resume."""
+    from pipeline.data.parsing import ParseError, whole
+    from training.puma.many import Many, commands, estimate, results, table
+
+    full = Many.full(out)
+    try:
+        chosen = tuple(whole(part, 0, 3) for part in levels.split(",")) if levels else full.levels
+    except ParseError as error:
+        raise typer.BadParameter(f"--levels {levels}: {error}") from error
+    wanted = Many(
+        out,
+        tuple(tasks.split(",")) if tasks else full.tasks,
+        chosen,
+        demonstrations or full.demonstrations,
+        networks,
+        scenes,
+        tuple(settings or ()),
+    )
+    stages = estimate(wanted)
+    for name, count, hours in stages:
+        print(f"{name:12} {count:8} {hours:6.1f} core-hours")
+    print(f"{'together':12} {'':8} {sum(hours for *_, hours in stages):6.1f} core-hours")
+    if plan:
+        return
+    _run(commands(wanted))
+    text = table(wanted)
+    (out / "table.md").write_text(text + "\n")
+    lines = [json.dumps(row) + "\n" for row in results(wanted)]
+    (out / "rows.jsonl").write_text("".join(lines))
+    print(text)
+
+
+def _run(commands: "Iterable[Command]") -> None:
+    """Run commands one after the other; exits where one fails."""
+    from pipeline.cli import app as domino
+
     programs = {"domino-data": domino, "puma": app}
-    for command in commands(name, out, TINY if tiny else FULL, settings or ()):
+    for command in commands:
         print(f"+ {command}", flush=True)
         program = programs[command.program]
         code = program(list(command.words), prog_name=command.program, standalone_mode=False)

@@ -108,6 +108,13 @@ class Finder(_Part):
     memory: bool = True
     """Whether the track follows from all images so far. Without, the velocity is 0, and a hidden
     target is lost."""
+    goal: bool = False
+    """Whether a second body is found and tracked as well: the one that is moved or, if that is the
+    target, another one of the task, such as what it is put beside. Needs `objects_poses` in the
+    export. In a task of one body it is the target again."""
+    words: Annotated[int, Field(ge=0, le=256)] = 0
+    """Numbers of the embedding of the sentence that says which target is meant; its encoder is
+    trained with the finder. The policy is given them, too. With 0 no sentence is read."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
@@ -117,9 +124,20 @@ class Finder(_Part):
 
     @property
     def points(self) -> int:
-        """Points that are found: the origin, one on each of two axes, and the places of both
-        tools."""
+        """Points of a body that are found: the origin, one on each of two axes, and the places of
+        both tools."""
         return 5 if self.touches else 3
+
+    @property
+    def bodies(self) -> int:
+        """Bodies that are found."""
+        return 2 if self.goal else 1
+
+    @model_validator(mode="after")
+    def _touches_one(self) -> "Finder":
+        if self.touches and self.goal:
+            raise ValueError("touches are found on one body: leave out touches or goal")
+        return self
 
 
 class Model(_Part):
@@ -164,6 +182,9 @@ class Model(_Part):
     """Whether a small network chooses which arms act, and its choice is an input. It sees the track
     alone. A choice is kept until another one is much likelier: a policy that decides again at every
     chunk may start with both arms and arrive with none."""
+    touched: bool = False
+    """Whether a small network tells, from the other inputs, that the target has been touched; from
+    then on this stays an input."""
     modes: Annotated[int, Field(ge=1, le=16)] = 1
     """Chunks among which the policy chooses. With one, demonstrations that do the same in different
     ways, such as a wrist turned to either side, teach what lies between them."""
@@ -179,8 +200,14 @@ class Model(_Part):
             raise ValueError("a perceptron reads no images: set model.track or model.state")
         if self.backbone.kind == "perceptron" and self.world != "none":
             raise ValueError("a perceptron predicts actions alone: set model.world to none")
+        if self.track and self.track.words and self.backbone.kind != "perceptron":
+            raise ValueError("model.track.words are read beside a perceptron: set it to 0")
         if self.arms and self.track is None:
             raise ValueError("arms are chosen by the track of the target: set model.track")
+        if self.touched and not (self.state and self.track):
+            raise ValueError(
+                "touches are told by joints and track: set model.state and model.track"
+            )
         return self
 
     @property
@@ -203,6 +230,8 @@ class MixtureSource(_Part):
     """Which episodes, as in `domino-data annotate --where`."""
     weight: Annotated[float, Field(gt=0)] = 1.0
     """Share of the samples."""
+    after_success: float | None = None
+    """In place of `data.after_success`."""
 
 
 class Data(_Part):

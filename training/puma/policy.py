@@ -2,7 +2,7 @@
 follow each other."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import batched
 from pathlib import Path
@@ -26,11 +26,12 @@ from training.puma.model.inputs import Inputs, inputs_of, stacked
 from training.puma.model.oracle import oracle_numbers
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
-from training.puma.track import Track, aims
+from training.puma.track import Tracks, aims
 from training.puma.tracking import tools_of
 
 SURE = 0.8
-"""How likely another choice of arms must be to replace the one that was made."""
+"""How likely another choice of arms must be to replace the one that was made, and a touch to be
+believed."""
 
 STILL = 0.03
 """Speed (m/s) of a track below which the target counts as still."""
@@ -48,13 +49,14 @@ class Chunk:
 class Memory:
     """What a policy remembers of one episode.
 
-    Glances, the target's track, which arms act, chunks that still matter, when the next one is
-    `due` (s), and the number of network passes.
+    Glances, the tracks, which arms act, whether the target was touched,
+    chunks that still matter, when the next one is `due` (s), and the number of network passes.
     """
 
     past: Recent
-    track: Track | None = None
+    track: Tracks | None = None
     choice: int | None = None
+    touched: bool = False
     chunks: list[Chunk] = field(default_factory=list[Chunk])
     due: float = 0.0
     inferences: int = 0
@@ -124,7 +126,9 @@ class PumaPolicy(BatchPolicy):
                 f" {start.embodiment}"
             )
         sight, track = self.preprocessing.sight, self.config.model.track
-        return Memory(Recent(self._reach), Track(sight, track.memory) if sight and track else None)
+        if sight is None or track is None:
+            return Memory(Recent(self._reach))
+        return Memory(Recent(self._reach), Tracks(sight, track.bodies, track.memory))
 
     def act_together(self, asked: Sequence[tuple[Memory, Observation]]) -> list[Floats]:
         """The next `period` joint targets (period,A) of each episode."""
@@ -137,7 +141,8 @@ class PumaPolicy(BatchPolicy):
         for memory, seen in asked:
             if memory.track is not None and self._network.finder is not None:
                 [points], [errors] = self._network.finder.find(
-                    seen.images[self.preprocessing.cameras[0]][None]
+                    seen.images[self.preprocessing.cameras[0]][None],
+                    self._network.words.ids([seen.instruction]),
                 )
                 memory.track.see(seen.time, points, errors)
         due = [
@@ -178,9 +183,11 @@ class PumaPolicy(BatchPolicy):
         if memory.track is not None:
             out["track"] = memory.track.numbers[None]
             out["tools"] = tools_of(prep.embodiments[0], observation.joints[None])
+            self._decide(memory, out, observation.instruction)
         if model.arms:
-            memory.choice = self._choose_arms(memory.choice, aims(out["track"], out["tools"]))
             out["choice"] = np.array([memory.choice])
+        if model.touched:
+            out["free"] = np.array([not memory.touched])
         return out
 
     def given(self, observation: Observation) -> dict[str, NDArray[Any]]:
@@ -213,12 +220,22 @@ class PumaPolicy(BatchPolicy):
                 out |= dict(zip(some, found.float().cpu().numpy(), strict=False))
         return [self._targets(out[i], seen) for i, (_, seen) in enumerate(asked)]
 
-    def _choose_arms(self, before: int | None, seen: NDArray[np.float32]) -> int:
-        """Which arms act, after the choice `before`, for aims (1,F)."""
+    def _decide(self, memory: Memory, out: Mapping[str, NDArray[Any]], sentence: str) -> None:
+        """Which arms act, and whether the target has been touched, by the arrays of one sample."""
+        network, track = self._network, self.config.model.track
+        if track is None or network.finder is None:
+            return
+        seen = torch.from_numpy(aims(out["track"], out["tools"], track.bodies)).to(self._device)
         with torch.inference_mode():
-            likely = self._network.choices(torch.from_numpy(seen).to(self._device))[0].cpu().numpy()
-        best = int(likely.argmax())
-        return best if before is None or likely[best] > SURE else before
+            told = network.finder.read(network.words.ids([sentence]))
+            if self.config.model.arms:
+                likely = network.choose(seen, told)[0].softmax(-1).cpu().numpy()
+                best = int(likely.argmax())
+                if memory.choice is None or likely[best] > SURE:
+                    memory.choice = best
+            if self.config.model.touched and not memory.touched:
+                state = torch.from_numpy(out["state"]).to(self._device)
+                memory.touched = float(network.touch(seen, state, told).sigmoid()) > SURE
 
     def _inputs(self, memory: Memory, observation: Observation) -> Inputs:
         return inputs_of(

@@ -31,9 +31,9 @@ class Row:
     """One episode of the export: its number there, where it came from, and what it says about
     itself.
 
-    `length` counts the frames that are read (`data.after_success`). From frame `taught` on the
-    expert acts: 0 until the episode has been read. Before it, in a corrected episode, a policy
-    acts.
+    `instructions` are those for training, `unseen` those kept for evaluation. `length` counts the
+    frames that are read (`data.after_success`). From frame `taught` on the expert acts: 0 until the
+    episode has been read. Before it, in a corrected episode, a policy acts.
     """
 
     index: int
@@ -43,6 +43,7 @@ class Row:
     physics_id: str
     target: str
     instructions: tuple[str, ...]
+    unseen: tuple[str, ...] = ()
     taught: int = 0
 
     @property
@@ -55,7 +56,8 @@ class Row:
 class Shard:
     """The arrays of one episode of T frames and A joints.
 
-    They include world poses (T,7) of the target and of the first camera, whether the robot has
+    They include world poses (T,7) of the target, of the second body that is tracked, if any is, and
+    of the first camera, whether the robot has
     touched the target by then (T,), JPEG bytes by camera, and annotations by stage.
     """
 
@@ -64,6 +66,7 @@ class Shard:
     state: NDArray[np.float32]
     action: NDArray[np.float32]
     target: NDArray[np.float32]
+    goal: NDArray[np.float32] | None
     camera: NDArray[np.float32]
     touched: NDArray[np.bool_]
     images: Mapping[str, list[bytes]]
@@ -76,6 +79,10 @@ class Shards:
 
     def __init__(self, source: MixtureSource, config: Config) -> None:
         self.dataset, self.where, self.config = source.dataset, source.where, config
+        own = source.after_success
+        self.after_success = config.data.after_success if own is None else own
+        track = config.model.track
+        self.goal = bool(track and track.goal)
         if not source.dataset.is_dir():
             raise TrainError(
                 f"{source.dataset} does not exist: give --data the directory of a dataset"
@@ -91,7 +98,10 @@ class Shards:
                 f"{source.dataset} has no usable Parquet export ({_short(error)}); run:"
                 f" {self._export()}"
             ) from error
-        self.corrected = "intervention" in pq.read_schema(self.files[0]).names
+        names = pq.read_schema(self.files[0]).names
+        self.corrected = "intervention" in names
+        if self.goal and "objects_poses" not in names:
+            raise TrainError(f"{self.root}: has no poses of all objects; run: {self._export()}")
         self.fps, self.names = int(told["fps"]), {k: tuple(v) for k, v in told["names"].items()}
         rows = table.to_pylist()
         self._check_export(rows)
@@ -99,7 +109,8 @@ class Shards:
         self.columns = self._columns(told["cameras"])
 
     def _export(self) -> str:
-        return f"domino-data export {self.dataset} --format {EXPORT}"
+        labels = " --labels poses" if self.goal else ""
+        return f"domino-data export {self.dataset} --format {EXPORT}{labels}"
 
     def _check_export(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Every accepted episode of the dataset must be in the export, made from the same
@@ -130,6 +141,7 @@ class Shards:
                 row["physics_id"],
                 row["target"],
                 tuple(row["instructions_seen"]),
+                tuple(row["instructions_unseen"]),
             )
             for row, use in zip(rows, wanted, strict=True)
             if use
@@ -140,7 +152,7 @@ class Shards:
 
     def _length(self, row: Mapping[str, Any]) -> int:
         """Frames of an episode that are read."""
-        after, success = self.config.data.after_success, row["t_success"]
+        after, success = self.after_success, row["t_success"]
         if after is None or success is None:
             return row["length"]
         return min(row["length"], max(0, int((success + after) * self.fps + 1e-6)) + 1)
@@ -245,6 +257,7 @@ class Shards:
         vectors = {"state": "state", "action": "action", "target": "target_pose", "camera": camera}
         columns = ["timestamp", "contact_target", *vectors.values(), *self.columns.values()]
         columns += ["intervention"] if self.corrected else []
+        columns += ["objects", "objects_poses"] if self.goal else []
         table = pa.concat_tables([_group(*place, columns) for place in self._groups[row.index]])
         images = {
             camera: [image["bytes"] for image in table[column].to_pylist()]
@@ -285,10 +298,18 @@ class Shards:
             row=replace(row, taught=int(others[-1]) + 1 if len(others) else 0),
             time=table["timestamp"].to_numpy().astype(np.float32),
             touched=np.logical_or.accumulate(touches),
+            goal=_goal_of(table) if self.goal else None,
             images=images,
             annotations=annotations,
             **values,
         )
+
+
+def _goal_of(table: pa.Table) -> NDArray[np.float32]:
+    """Poses (T,7) of the second of an episode's labelled objects: what is moved, or another body
+    than the target; of a task of one body, the target's."""
+    poses = np.array(table["objects_poses"].to_pylist(), np.float32).reshape(len(table), -1, 7)
+    return poses[:, min(1, len(table["objects"][0]) - 1)]
 
 
 def _groups(files: Sequence[Path], lengths: Sequence[int]) -> list[list[tuple[Path, int]]]:

@@ -27,11 +27,6 @@ def track_numbers(points: int) -> int:
     return 2 * points + 2
 
 
-def aim_numbers(points: int) -> int:
-    """Numbers of `aims` for a track of so many points."""
-    return track_numbers(points) + 10
-
-
 UNSTEADY = 0.25
 """Standard deviation (m/s2) of the acceleration that the filter expects of a target."""
 
@@ -164,12 +159,41 @@ class Track:
         return np.concatenate([self._motion.ravel(), self._ways.ravel()]).astype(np.float32)
 
 
-def aims(track: NDArray[Any], tools: NDArray[Any]) -> NDArray[np.float32]:
-    """Features (B,F) of tracks (B,2K+2) and the positions (B,2,3) of both tools, as a network's
-    input.
+class Tracks:
+    """The tracks of the target and of the bodies that the same images show besides."""
 
-    The track, the tools, and the displacement on the table from each tool to the target."""
-    ways = track[:, None, :2] - tools[:, :, :2]
+    def __init__(self, sight: TargetView, bodies: int, memory: bool = True) -> None:
+        self._each = [Track(sight, memory) for _ in range(bodies)]
+
+    def see(self, time: float, pixels: ArrayLike, errors: ArrayLike) -> None:
+        """As `Track.see`, the points of one body after those of another."""
+        of_each = (np.split(np.asarray(values), len(self._each)) for values in (pixels, errors))
+        for track, points, doubts in zip(self._each, *of_each, strict=True):
+            track.see(time, points, doubts)
+
+    @property
+    def speed(self) -> float:
+        """Speed (m/s) of the target on the plane."""
+        return self._each[0].speed
+
+    @property
+    def numbers(self) -> NDArray[np.float32]:
+        """The numbers of one track after another."""
+        return np.concatenate([track.numbers for track in self._each])
+
+
+def aim_numbers(points: int, bodies: int = 1) -> int:
+    """Numbers of `aims` for tracks of so many points each."""
+    return bodies * (track_numbers(points) + 4) + 6
+
+
+def aims(track: NDArray[Any], tools: NDArray[Any], bodies: int = 1) -> NDArray[np.float32]:
+    """Features (B,F) of the tracks (B,M) of bodies and the positions (B,2,3) of both tools, as a
+    network's input.
+
+    The tracks, the tools, and the displacements on the table from each tool to each body."""
+    places = track.reshape(len(track), bodies, -1)[:, :, None, :2]
+    ways = places - tools[:, None, :, :2]
     parts = [track, tools.reshape(len(track), -1), ways.reshape(len(track), -1)]
     return np.concatenate(parts, 1).astype(np.float32)
 

@@ -9,20 +9,22 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 from tqdm import tqdm
 
 from pipeline.data.names import SIDES
 from pipeline.planning.kinematics import fk_batch
 from pipeline.planning.planner import planner_for
 from pipeline.poses import inverse, transform
-from training.puma.cache import Cache
-from training.puma.config import Config
+from training.puma.cache import Cache, CodedImages
+from training.puma.config import Config, Finder
 from training.puma.data import Arrays, Corpus
 from training.puma.errors import TrainError
-from training.puma.model.finder import FinderNet, finding_loss
+from training.puma.model.finder import finding_loss
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
-from training.puma.track import CHOICES, TargetView, Track, aims
+from training.puma.shards import Row
+from training.puma.track import CHOICES, TargetView, Tracks, aims
 
 ASTRAY = 0.1
 """Share of the crops in training that lie anywhere: from them the finder learns to doubt."""
@@ -38,8 +40,8 @@ FRAMES = 128
 
 
 def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = True) -> Corpus:
-    """The corpus with the arrays `track` (N,2K+2), `tools` (N,2,3) m and `choice` (N,), which of
-    CHOICES acts, for every frame.
+    """The corpus with the arrays `track` (N,M), those of all bodies, `tools` (N,2,3) m and `choice`
+    (N,), which of CHOICES acts, for every frame.
 
     Trains the finder of the network, and fits the scale of what is found, unless they are `trained`
     already. The same for the same corpus, configuration, torch and processor. Raises TrainError if
@@ -49,13 +51,9 @@ def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = T
     if finder is None or sight is None:
         return corpus
     if not trained:
-        _train(finder, sight, corpus, quiet)
-    return with_tracks(
-        corpus,
-        network,
-        partial(_find_tracks, finder, sight, corpus.config.data.cameras[0]),
-        trained,
-    )
+        _train(network, sight, corpus, quiet)
+    finder.eval()
+    return with_tracks(corpus, network, partial(_find_tracks, network, sight), trained)
 
 
 def with_tracks(
@@ -66,7 +64,7 @@ def with_tracks(
 ) -> Corpus:
     """The corpus with the arrays of `follow`, of which `tracks` gives the first for the frames of a
     cache."""
-    parts = [*corpus.train, *corpus.validation]
+    parts, settings = [*corpus.train, *corpus.validation], corpus.config.model.track
     caches = {id(part.cache): part.cache for part in parts}
     followed = {key: _add_arrays(cache, tracks(cache)) for key, cache in caches.items()}
     train, validation = (
@@ -74,14 +72,13 @@ def with_tracks(
         for some in (corpus.train, corpus.validation)
     )
     corpus = replace(corpus, train=train, validation=validation)
-    if not trained and network.aim_scale is not None:
-        arrays = [
-            {name: part.cache.arrays[name][part.frame] for name in ("track", "tools")}
+    if not trained and network.aim_scale is not None and settings is not None:
+        seen = [
+            aims(arrays["track"][part.frame], arrays["tools"][part.frame], settings.bodies)
             for part in train
+            for arrays in [part.cache.arrays]
         ]
-        network.aim_scale.fit(
-            torch.from_numpy(np.concatenate([aims(a["track"], a["tools"]) for a in arrays]))
-        )
+        network.aim_scale.fit(torch.from_numpy(np.concatenate(seen)))
     return corpus
 
 
@@ -148,57 +145,51 @@ class Disturbance:
             )
 
 
-def _train(finder: FinderNet, sight: TargetView, corpus: Corpus, quiet: bool) -> None:
+def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> None:
     """Train both locators on the true points of every frame that has the target's origin in the
-    image."""
+    image, and what reads sentences besides, which must tell tasks apart."""
+    finder = network.finder
+    assert finder is not None
     settings, rng = finder.settings, np.random.default_rng(corpus.config.train.seed)
-    camera, size = f"image_{corpus.config.data.cameras[0]}", np.array(sight.size[::-1])
-    views, points = list[_View](), list[NDArray[np.float64]]()
-    for part in corpus.train:
-        further = touch_points(part.cache)[part.frame] if settings.touches else None
-        pixels, images = (
-            sight.pixels(part.cache.arrays["target"][part.frame], further),
-            part.cache.arrays[camera],
-        )
-        inside = np.flatnonzero(((pixels[:, 0] >= 0) & (pixels[:, 0] < size)).all(-1))
-        points.append(pixels[inside])
-        views += [_View(images, int(part.frame[i])) for i in inside]
-    if not views:
-        raise TrainError(
-            f"model.track: the target is in no image of {corpus.config.data.cameras[0]}; choose"
-            " another camera"
-        )
-    wanted, small = (
-        np.concatenate(points),
-        np.stack([finder.shrunk(view.image[None])[0] for view in views]),
-    )
-    shrinking = size / settings.size[::-1]
-    device = next(finder.parameters()).device
-    optimizer = torch.optim.AdamW(
-        finder.requires_grad_(True).train().parameters(), settings.rate, weight_decay=1e-4
-    )
+    views, wanted, shares = _views(settings, sight, corpus)
+    size, device = np.array(sight.size[::-1]), next(finder.parameters()).device
+    tasks = sorted({view.task for view in views})
+    naming = nn.Linear(settings.words, len(tasks)).to(device) if settings.words else None
+    learned = [*finder.requires_grad_(True).train().parameters()]
+    learned += [] if naming is None else [*naming.parameters()]
+    optimizer = torch.optim.AdamW(learned, settings.rate, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimizer, settings.rate, total_steps=settings.steps
     )
+    shrinking = size / settings.size[::-1]
     for _ in tqdm(range(settings.steps), desc="finder", unit="step", disable=quiet):
-        chosen = rng.integers(len(views), size=settings.batch)
-        truth = wanted[chosen]
-        middle = truth[:, 0] + rng.uniform(-settings.crop / 3, settings.crop / 3, (len(chosen), 2))
-        astray = rng.random((len(chosen), 1)) < ASTRAY
-        corners = finder.corners(
-            np.where(astray, rng.uniform(0, size, (len(chosen), 2)), middle), size
-        )
-        crops = np.stack(
-            [finder.crop(views[i].image, corner) for i, corner in zip(chosen, corners, strict=True)]
-        )
+        chosen = rng.choice(len(views), settings.batch, p=shares)
+        seen, truth = [views[i] for i in chosen], wanted[chosen]
+        images = [view.image for view in seen]
+        there = ((truth >= 0) & (truth < size)).all(-1)
+        # the crops of each body, one body after another
+        each = np.concatenate(np.split(truth, settings.bodies, 1))
+        there_each = np.concatenate(np.split(there, settings.bodies, 1))
+        count = (len(each), 2)
+        middle = each[:, 0] + rng.uniform(-settings.crop / 3, settings.crop / 3, count)
+        astray = (rng.random((len(each), 1)) < ASTRAY) | ~there_each[:, :1]
+        corners = finder.corners(np.where(astray, rng.uniform(0, size, count), middle), size)
+        crops = finder.crops(images * settings.bodies, corners)
+        read = None
+        if naming is not None:
+            read = finder.read(network.words.ids([view.sentence(rng) for view in seen]))
         loss = torch.zeros((), device=device)
-        for locator, images, points_in in (
-            (finder.coarse, small[chosen], truth / shrinking),
-            (finder.fine, crops, truth - corners[:, None]),
+        if naming is not None and read is not None:
+            named = torch.tensor([tasks.index(view.task) for view in seen], device=device)
+            loss = nn.functional.cross_entropy(naming(read), named)
+        for locator, shown, points, seen_of, told in (
+            (finder.coarse, finder.shrunk(images), truth / shrinking, there, read),
+            (finder.fine, crops, each - corners[:, None], there_each, finder.told(read, len(seen))),
         ):
-            found, errors = locator(torch.from_numpy(images).to(device))
+            found, errors = locator(torch.from_numpy(shown).to(device), told)
+            points_in = torch.from_numpy(points).float().to(device)
             loss = loss + finding_loss(
-                found, errors, torch.from_numpy(points_in).float().to(device)
+                found, errors, points_in, torch.from_numpy(seen_of).to(device)
             )
         optimizer.zero_grad()
         loss.backward()
@@ -213,29 +204,67 @@ def _train(finder: FinderNet, sight: TargetView, corpus: Corpus, quiet: bool) ->
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One image of the stack (N,H,W,3) of a cache."""
+    """One image of a stack (N,H,W,3), and the episode that it is of."""
 
-    images: NDArray[np.uint8]
+    images: NDArray[np.uint8] | CodedImages
     number: int
+    row: Row
 
     @property
     def image(self) -> NDArray[np.uint8]:
         return self.images[self.number]
 
+    @property
+    def task(self) -> str:
+        return self.row.path.parts[0]
 
-def _find_tracks(
-    finder: FinderNet, sight: TargetView, camera: str, cache: Cache
-) -> NDArray[np.float32]:
-    """What the finder sees in all frames (N,2K+2) of a cache, each episode followed from its first
-    frame."""
-    images, out = cache.arrays[f"image_{camera}"], list[NDArray[np.float32]]()
-    pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
-    points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
-    for start, length in zip(cache.start, cache.length, strict=True):
-        track = Track(sight, finder.settings.memory)
-        for i in range(start, start + length):
-            track.see(float(cache.arrays["time"][i]), points[i], errors[i])
-            out.append(track.numbers)
+    def sentence(self, rng: np.random.Generator) -> str:
+        """One of the sentences of its episode."""
+        return self.row.instructions[int(rng.integers(len(self.row.instructions)))]
+
+
+def _views(
+    settings: Finder, sight: TargetView, corpus: Corpus
+) -> tuple[list[_View], NDArray[np.float64], NDArray[np.float64]]:
+    """The images that have the target's origin in them, the points (N,P,2) px to be found, and how
+    likely (N,) each is to be drawn: parts of the corpus by their weight."""
+    camera, size = corpus.config.data.cameras[0], np.array(sight.size[::-1])
+    views = list[_View]()
+    points, shares = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
+    for part, weight in zip(corpus.train, corpus.weights, strict=True):
+        arrays, images = part.cache.arrays, part.cache.images(camera)
+        further = touch_points(part.cache)[part.frame] if settings.touches else None
+        pixels = sight.pixels(arrays["target"][part.frame], further)
+        if settings.goal:
+            pixels = np.concatenate([pixels, sight.pixels(arrays["goal"][part.frame])], 1)
+        inside = np.flatnonzero(((pixels[:, 0] >= 0) & (pixels[:, 0] < size)).all(-1))
+        points.append(pixels[inside])
+        shares.append(np.full(len(inside), weight / max(len(inside), 1)))
+        rows = part.cache.rows
+        views += [_View(images, int(part.frame[i]), rows[part.episode[i]]) for i in inside]
+    if not views:
+        raise TrainError(
+            f"model.track: the target is in no image of {camera}; choose another camera"
+        )
+    likely = np.concatenate(shares)
+    return views, np.concatenate(points), likely / likely.sum()
+
+
+def _find_tracks(network: Puma, sight: TargetView, cache: Cache) -> NDArray[np.float32]:
+    """What the finder sees in all frames (N,M) of a cache, each episode followed from its first
+    frame, by its first sentence."""
+    finder, images = network.finder, cache.images(network.config.data.cameras[0])
+    assert finder is not None
+    settings, out = finder.settings, list[NDArray[np.float32]]()
+    for start, length, row in zip(cache.start, cache.length, cache.rows, strict=True):
+        tracks, end = Tracks(sight, settings.bodies, settings.memory), start + length
+        ids = network.words.ids(row.instructions[:1])
+        for first in range(start, end, FRAMES):
+            last = min(first + FRAMES, end)
+            points, errors = finder.find(images[first:last], ids.repeat(last - first, 1))
+            for time, *seen in zip(cache.arrays["time"][first:last], points, errors, strict=True):
+                tracks.see(float(time), *seen)
+                out.append(tracks.numbers)
     return np.stack(out)
 
 

@@ -1,5 +1,7 @@
-"""Finds the target in an image: coarsely in the whole, made small, then in a crop of the full image
-around that."""
+"""Finds bodies in an image: coarsely in the whole, made small, then in crops of the full image
+around that; a sentence may say which."""
+
+from collections.abc import Iterable
 
 import numpy as np
 import torch
@@ -19,22 +21,28 @@ LEAST, MOST = -1.5, 4.5
 CELL = 4
 """Stride (px) of the responses of `Points`."""
 
+LETTERS = 64
+"""Numbers of a piece of a sentence."""
+
+UNREAD = 0.2
+"""Share of the pieces of a sentence that are left out in training: others must do without them."""
+
 type Images = NDArray[np.uint8]
 type Floats = NDArray[np.float32]
 
 
 class Locator(nn.Module):
     """Images (N,h,w,3) uint8 -> points (N,K,2) px and the errors (N,K) px that are expected of
-    them."""
+    them; numbers (N,told) say which points."""
 
-    def __init__(self, points: int, width: int) -> None:
+    def __init__(self, points: int, width: int, told: int = 0) -> None:
         super().__init__()
         self.points, filters = points, points + HELPERS
-        self.body = Points(filters, width)
+        self.body = Points(filters, width, told)
         self.doubt = nn.Sequential(nn.Linear(3 * filters, 32), nn.GELU(), nn.Linear(32, points))
 
-    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        seen = self.body(images.permute(0, 3, 1, 2).float() / 127.5 - 1)
+    def forward(self, images: Tensor, told: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        seen = self.body(images.permute(0, 3, 1, 2).float() / 127.5 - 1, told)
         filters = seen.shape[1] // 3
         found = torch.stack([seen[:, : self.points], seen[:, filters : filters + self.points]], -1)
         # -1 and 1 are the middles of the first and the last cell
@@ -45,30 +53,77 @@ class Locator(nn.Module):
         return pixels, self.doubt(seen).clamp(LEAST, MOST).exp()
 
 
-class FinderNet(nn.Module):
-    """A locator for whole images, made small, and one for crops."""
+class Reader(nn.Module):
+    """Sentences as ids of pieces (N,L), padded with negative ones -> embeddings (N,E)."""
 
-    def __init__(self, settings: Finder) -> None:
+    def __init__(self, pieces: int, width: int) -> None:
         super().__init__()
-        self.settings = settings
-        self.coarse, self.fine = (Locator(settings.points, settings.width) for _ in range(2))
+        self.pieces = nn.Embedding(pieces, LETTERS)
+        self.out = nn.Sequential(
+            nn.Linear(LETTERS, LETTERS), nn.GELU(), nn.Linear(LETTERS, width), nn.Tanh()
+        )
 
-    def shrunk(self, images: Images) -> Images:
-        """Images (N,H,W,3) at the size of the first locator."""
+    def forward(self, ids: Tensor) -> Tensor:
+        read = ids >= 0
+        if self.training:
+            read = read & (torch.rand(ids.shape, device=ids.device) > UNREAD)
+        found = self.pieces(ids.clamp(min=0)) * read[..., None]
+        return self.out(found.sum(1) / read.sum(1, keepdim=True).clamp(min=1))
+
+
+class FinderNet(nn.Module):
+    """A locator for whole images, made small, and one for crops around each body. `pieces` is the
+    size of the vocabulary where sentences are read."""
+
+    def __init__(self, settings: Finder, pieces: int) -> None:
+        super().__init__()
+        self.settings, bodies, told = settings, settings.bodies, settings.words
+        self.reader = Reader(pieces, told) if told else None
+        self.coarse = Locator(bodies * settings.points, settings.width, told)
+        which = bodies if bodies > 1 else 0
+        self.fine = Locator(settings.points, settings.width, told + which)
+
+    def shrunk(self, images: Iterable[Images]) -> Images:
+        """Images (H,W,3) at the size of the first locator."""
         return np.stack([resized(image, self.settings.size) for image in images])
 
-    def find(self, images: Images) -> tuple[Floats, Floats]:
-        """Points (N,K,2) px in images (N,H,W,3), and the errors (N,K) px that are expected of
-        them."""
+    def find(self, images: Images, ids: Tensor | None = None) -> tuple[Floats, Floats]:
+        """Points (N,P,2) px in images (N,H,W,3), those of one body after another, and the errors
+        (N,P) px that are expected of them; `ids` (N,L) are the sentences."""
         device, size = next(self.parameters()).device, np.array(images.shape[2:0:-1])
+        bodies = self.settings.bodies
         with torch.inference_mode():
-            rough, _ = self.coarse(torch.from_numpy(self.shrunk(images)).to(device))
-            corners = self.corners(
-                rough[:, 0].cpu().numpy() * size / self.settings.size[::-1], size
+            told = self.read(ids)
+            rough, _ = self.coarse(torch.from_numpy(self.shrunk(images)).to(device), told)
+            middles = rough[:, :: self.settings.points].transpose(0, 1).flatten(0, 1)
+            corners = self.corners(middles.cpu().numpy() * size / self.settings.size[::-1], size)
+            crops = self.crops([*images] * bodies, corners)
+            found, errors = self.fine(
+                torch.from_numpy(crops).to(device), self.told(told, len(images))
             )
-            crops = np.stack([self.crop(*pair) for pair in zip(images, corners, strict=True)])
-            found, errors = self.fine(torch.from_numpy(crops).to(device))
-        return found.cpu().numpy() + corners[:, None].astype(np.float32), errors.cpu().numpy()
+        found = found.cpu().numpy() + corners[:, None].astype(np.float32)
+        return self.by_image(found), self.by_image(errors.cpu().numpy())
+
+    def read(self, ids: Tensor | None) -> Tensor | None:
+        """Embeddings (N,E) of sentences; None where none are read."""
+        if self.reader is None or ids is None:
+            return None
+        return self.reader(ids.to(next(self.parameters()).device))
+
+    def told(self, read: Tensor | None, count: int) -> Tensor | None:
+        """What the second locator is told (B N,T) for the crops of every body of `count` images:
+        the sentences, and which body."""
+        bodies = self.settings.bodies
+        if bodies == 1:
+            return read
+        device = next(self.parameters()).device
+        which = torch.eye(bodies, device=device).repeat_interleave(count, 0)
+        return which if read is None else torch.cat([read.repeat(bodies, 1), which], 1)
+
+    def by_image(self, found: Floats) -> Floats:
+        """Values (B N,K,...) of the crops as (N,B K,...)."""
+        each = np.split(found, self.settings.bodies)
+        return np.concatenate(each, 1)
 
     def corners(self, middle: NDArray[np.floating], size: NDArray[np.int64]) -> NDArray[np.int64]:
         """Upper left corners (N,2) px of crops around `middle` (N,2) px that lie within images of
@@ -77,17 +132,19 @@ class FinderNet(nn.Module):
             np.rint(middle - self.settings.crop / 2), 0, size - self.settings.crop
         ).astype(np.int64)
 
-    def crop(self, image: Images, corner: NDArray[np.int64]) -> Images:
-        """The crop (c,c,3) of an image (H,W,3) at a corner (2,) px."""
-        left, top = corner
-        return image[top : top + self.settings.crop, left : left + self.settings.crop]
+    def crops(self, images: list[Images], corners: NDArray[np.int64]) -> Images:
+        """The crops (N,c,c,3) of images (H,W,3) at corners (N,2) px."""
+        size = self.settings.crop
+        pairs = zip(images, corners, strict=True)
+        return np.stack([image[y : y + size, x : x + size] for image, (x, y) in pairs])
 
 
-def finding_loss(found: Tensor, errors: Tensor, wanted: Tensor) -> Tensor:
-    """Negative log-likelihood of points (N,K,2) px plus a tenth of their distance from the found
-    ones (px).
+def finding_loss(found: Tensor, errors: Tensor, wanted: Tensor, there: Tensor) -> Tensor:
+    """Negative log-likelihood of the points (N,K,2) px that are `there` (N,K), plus a tenth of
+    their distance from the found ones (px).
 
     The distances follow a Laplace law of the expected errors (N,K); the second term keeps points
     learning that are expected to be far off."""
     distance = (found - wanted).abs().mean(-1)
-    return (distance / errors + errors.log()).mean() + 0.1 * distance.clamp(max=100).mean()
+    loss = distance / errors + errors.log() + 0.1 * distance.clamp(max=100)
+    return (loss * there).sum() / there.sum().clamp(min=1)

@@ -21,8 +21,8 @@ class Inputs:
     padded at its end with -1.
 
     `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F), `choice` (B,),
-    which arms act, and `oracle` (B,F) are there where the model takes them, `views` where the
-    backbone looks at images.
+    which arms act, `touched` (B,1), 0 or 1, and `oracle` (B,F) are there where the model takes
+    them, `views` where the backbone looks at images.
     """
 
     text: Tensor
@@ -34,6 +34,7 @@ class Inputs:
     oracle: Tensor | None = None
     aims: Tensor | None = None
     choice: Tensor | None = None
+    touched: Tensor | None = None
 
     def to(self, device: torch.device | str) -> "Inputs":
         """The same on a device."""
@@ -82,9 +83,11 @@ def inputs_of(
     if model.clock:
         found["clock"] = torch.from_numpy(arrays["clock"])[:, None]
     if model.track:
-        found["aims"] = torch.from_numpy(aims(arrays["track"], arrays["tools"]))
+        found["aims"] = torch.from_numpy(aims(arrays["track"], arrays["tools"], model.track.bodies))
     if model.arms:
         found["choice"] = torch.from_numpy(arrays["choice"])
+    if model.touched:
+        found["touched"] = torch.from_numpy(~arrays["free"]).float()[:, None]
     if model.oracle:
         found["oracle"] = torch.from_numpy(arrays["oracle"])
     return Inputs(**found)

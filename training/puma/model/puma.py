@@ -36,7 +36,7 @@ CHOOSER = 32
 @dataclass(eq=False)
 class Outputs:
     """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits
-    `choice` (B,CHOICES) likewise.
+    `choice` (B,CHOICES) and `touched` (B,) likewise.
 
     Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are
     those with the highest score."""
@@ -46,18 +46,21 @@ class Outputs:
     choice: Tensor | None = None
     chunks: Tensor | None = None
     scores: Tensor | None = None
+    touched: Tensor | None = None
 
 
 @dataclass(eq=False)
 class Targets:
     """What outputs should be: `action` (B,K,A), `action_valid` (B,K), for the world `world`
-    (B,N,D), `world_valid` (B,N), and `choice` (B,)."""
+    (B,N,D), `world_valid` (B,N), `choice` (B,), and whether nothing touched the target, `free`
+    (B,)."""
 
     action: Tensor
     action_valid: Tensor
     world: Tensor | None = None
     world_valid: Tensor | None = None
     choice: Tensor | None = None
+    free: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -90,19 +93,16 @@ class Standard(nn.Module):
 
 
 class Chooser(nn.Module):
-    """Scaled aims (B,F) -> logits (B,CHOICES), from the track alone: the arm that has moved is not
-    the reason to move it."""
+    """Numbers (B,F) -> logits (B,N), by a perceptron of two small layers."""
 
-    def __init__(self, track: int) -> None:
+    def __init__(self, numbers: int, choices: int) -> None:
         super().__init__()
-        self.track = track
         self.first, self.second, self.third = (
-            nn.Linear(a, b) for a, b in pairwise((track, CHOOSER, CHOOSER, len(CHOICES)))
+            nn.Linear(a, b) for a, b in pairwise((numbers, CHOOSER, CHOOSER, choices))
         )
 
-    def forward(self, aims: Tensor) -> Tensor:
-        hidden = self.second(self.first(aims[:, : self.track]).relu()).relu()
-        return self.third(hidden)
+    def forward(self, given: Tensor) -> Tensor:
+        return self.third(self.second(self.first(given).relu()).relu())
 
 
 class Puma(nn.Module):
@@ -122,17 +122,26 @@ class Puma(nn.Module):
         self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.oracle = Oracle(width, oracle_size(model.chunk)) if model.oracle else None
-        self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
-        self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
-        self.chooser = (
-            Chooser(track_numbers(model.track.points))
-            if model.track is not None and model.arms
-            else None
-        )
+        self.finder = self.aim_scale = self.chooser = self.toucher = None
+        if (track := model.track) is not None:
+            self.finder = FinderNet(track, model.backbone.words).requires_grad_(False)
+            self.aim_scale = Standard(aim_numbers(track.points, track.bodies))
+            self._tracked = track.bodies * track_numbers(track.points)
+            if model.arms:
+                self.chooser = Chooser(self._tracked + track.words, len(CHOICES))
+            if model.touched:
+                seen = aim_numbers(track.points, track.bodies) + sizes.joints
+                self.toucher = Chooser(seen + track.words, 1)
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
-        given = {name: getattr(inputs, name).flatten(1) for name in self.extra if name != "choice"}
+        own = ("choice", "told")
+        given = {name: getattr(inputs, name).flatten(1) for name in self.extra if name not in own}
+        told = None if self.finder is None else self.finder.read(inputs.text)
+        if told is not None:
+            given["told"] = told
+        choice = None if self.chooser is None else self.choose(given["aims"], told)
+        touched = None if self.toucher is None else self.touch(given["aims"], given["state"], told)
         if self.aim_scale is not None:
             given["aims"] = self.aim_scale(given["aims"])
         if inputs.choice is not None and self.chooser is not None:
@@ -154,19 +163,26 @@ class Puma(nn.Module):
                 None if self.world_head is None else self.world_head(before),
                 self.action_head(last),
             )
-            choice = None if self.chooser is None else self.chooser(given["aims"])
             if self.mode_head is None:
-                return Outputs(actions, world, choice)
+                return Outputs(actions, world, choice, touched=touched)
             chunks = actions.unflatten(-1, (-1, self.sizes.joints)).transpose(1, 2)
             scores = self.mode_head(last.mean(1))
-            return Outputs(
-                chunks[torch.arange(len(chunks)), scores.argmax(1)], world, choice, chunks, scores
-            )
+            best = chunks[torch.arange(len(chunks)), scores.argmax(1)]
+            return Outputs(best, world, choice, chunks, scores, touched)
 
-    def choices(self, aims: Tensor) -> Tensor:
-        """How likely (B,CHOICES) each choice of arms is for `aims` (B,F)."""
+    def choose(self, aims: Tensor, told: Tensor | None) -> Tensor:
+        """Logits (B,CHOICES) of the arms for `aims` (B,F) and embedded sentences (B,E), from the
+        track and the sentence alone: the arm that has moved is not the reason to move it."""
         assert self.chooser is not None and self.aim_scale is not None
-        return self.chooser(self.aim_scale(aims)).softmax(-1)
+        seen = self.aim_scale(aims)[:, : self._tracked]
+        return self.chooser(seen if told is None else torch.cat([seen, told], 1))
+
+    def touch(self, aims: Tensor, state: Tensor, told: Tensor | None) -> Tensor:
+        """Logits (B,) that the target has been touched, for `aims` (B,F), joints (B,A), and
+        embedded sentences (B,E)."""
+        assert self.toucher is not None and self.aim_scale is not None
+        seen = [self.aim_scale(aims), state, *([] if told is None else [told])]
+        return self.toucher(torch.cat(seen, 1))[:, 0]
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
         """`action`, `mode` where several chunks are predicted, `world` where it is, and their
@@ -193,6 +209,11 @@ class Puma(nn.Module):
         if outputs.choice is not None and targets.choice is not None:
             found["choice"] = functional.cross_entropy(outputs.choice, targets.choice)
             found["loss"] = found["loss"] + found["choice"]
+        if outputs.touched is not None and targets.free is not None:
+            found["touched"] = functional.binary_cross_entropy_with_logits(
+                outputs.touched, (~targets.free).float()
+            )
+            found["loss"] = found["loss"] + found["touched"]
         return found
 
 
@@ -203,8 +224,10 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
         "past_time": model.history_length if model.history_times and model.history != "none" else 0,
         "state": sizes.joints if model.state else 0,
         "clock": 1 if model.clock else 0,
-        "aims": aim_numbers(model.track.points) if model.track else 0,
+        "aims": aim_numbers(model.track.points, model.track.bodies) if model.track else 0,
+        "told": model.track.words if model.track else 0,
         "choice": len(CHOICES) if model.arms else 0,
+        "touched": 1 if model.touched else 0,
     }
     return {name: n for name, n in wanted.items() if n}
 
@@ -213,17 +236,13 @@ def build_model(config: Config, sizes: Sizes, trained: bool = False) -> Puma:
     """The network with its first weights, from the global generator of torch. `trained`: weights
     follow, none are loaded."""
     extras = len(extra_sizes(config, sizes))
-    if config.model.backbone.kind == "tiny":
-        return Puma(
-            config, sizes, TinyBackbone(config, extras), HashedWords(config.model.backbone.words)
-        )
-    if config.model.backbone.kind == "perceptron":
-        return Puma(
-            config,
-            sizes,
-            PerceptronBackbone(config, extras),
-            HashedWords(config.model.backbone.words),
-        )
+    kind, size = config.model.backbone.kind, config.model.backbone.words
+    if kind == "tiny":
+        return Puma(config, sizes, TinyBackbone(config, extras), HashedWords(size))
+    if kind == "perceptron":
+        pieces = config.model.track is not None and config.model.track.words > 0
+        words = HashedWords(size, pieces=pieces)
+        return Puma(config, sizes, PerceptronBackbone(config, extras), words)
     from training.puma.model.qwen import build_qwen
 
     backbone, words = build_qwen(config, trained)

@@ -4,6 +4,7 @@ none."""
 import re
 import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, Protocol
 
 import torch
@@ -26,20 +27,25 @@ class Tokenizer(Protocol):
 
 class HashedWords:
     """Every word, in lower case, is the CRC of its letters modulo `size - first`, plus `first`: a
-    vocabulary without a file."""
+    vocabulary without a file. `pieces`: so are every two words in a row, and every three letters of
+    a word, by which words that were never seen have something in common with others."""
 
-    def __init__(self, size: int, first: int = 0) -> None:
-        self._size, self._first = size, first
+    def __init__(self, size: int, first: int = 0, pieces: bool = False) -> None:
+        self._size, self._first, self._pieces = size, first, pieces
 
     def ids(self, texts: Sequence[str]) -> Tensor:
         """See Tokenizer."""
         span = self._size - self._first
         return padded(
-            [
-                [self._first + zlib.crc32(w.encode()) % span for w in re.findall(r"\w+", t.lower())]
-                for t in texts
-            ]
+            [[self._first + zlib.crc32(w.encode()) % span for w in self._parts(t)] for t in texts]
         )
+
+    def _parts(self, text: str) -> list[str]:
+        words = re.findall(r"\w+", text.lower())
+        if not self._pieces:
+            return words
+        letters = [f"<{w}>"[i : i + 3] for w in words for i in range(len(w))]
+        return [*words, *(f"{a} {b}" for a, b in pairwise(words)), *letters]
 
 
 class TokenizedWords:

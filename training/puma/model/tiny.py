@@ -18,10 +18,11 @@ class Points(nn.Module):
     -1 to 1), and how strongly.
 
     Normalisation and responses that are sharp from the start are what makes it find anything:
-    without them its points stay in the middle of the image for the first thousand steps.
+    without them its points stay in the middle of the image for the first thousand steps. With
+    `told`, so many numbers (N,told) scale and shift every layer's responses.
     """
 
-    def __init__(self, points: int, width: int = 32) -> None:
+    def __init__(self, points: int, width: int = 32, told: int = 0) -> None:
         super().__init__()
         self.body = nn.Sequential(
             *_block(3, width, 7, 4),
@@ -30,9 +31,15 @@ class Points(nn.Module):
             nn.Conv2d(width, points, 1),
         )
         self.sharpness = nn.Parameter(torch.full((points,), 4.0))
+        self.told = nn.Linear(told, 6 * width) if told else None
 
-    def forward(self, images: Tensor) -> Tensor:
-        maps = self.body(images)
+    def forward(self, images: Tensor, told: Tensor | None = None) -> Tensor:
+        maps = images
+        changes = iter(() if self.told is None else self.told(told)[..., None, None].chunk(6, 1))
+        for layer in self.body:
+            maps = layer(maps)
+            if self.told is not None and isinstance(layer, nn.GELU):
+                maps = maps * (1 + next(changes)) + next(changes)
         n, points, height, width = maps.shape
         flat = maps.flatten(2).float() * self.sharpness[:, None]
         share = flat.softmax(-1)
