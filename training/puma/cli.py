@@ -308,7 +308,7 @@ def many(
 
 
 def _run(commands: "Iterable[Command]") -> None:
-    """Run commands one after the other; exits where one fails."""
+    """Run commands one after the other, and exit if one fails."""
     from pipeline.cli import app as domino
 
     programs = {"domino-data": domino, "puma": app}

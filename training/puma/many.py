@@ -139,8 +139,10 @@ def estimate(many: Many) -> list[tuple[str, int, float]]:
 
 
 def commands(many: Many) -> Iterator[Command]:
-    """The commands of a run in order, each to be run before the next one is taken; those of work
-    that is done and does not resume in seconds are left out."""
+    """The commands of a run in order, each to be run before the next one is taken.
+
+    A network that has been trained is not trained again; all other commands resume in seconds.
+    """
     levels = ",".join(map(str, many.levels))
     for task in many.tasks:
         for look, options in LOOKS.items():

@@ -147,7 +147,7 @@ class Disturbance:
 
 def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> None:
     """Train both locators on the true points of every frame that has the target's origin in the
-    image, and what reads sentences besides, which must tell tasks apart."""
+    image. What reads sentences learns to tell tasks apart as well."""
     finder = network.finder
     assert finder is not None
     settings, rng = finder.settings, np.random.default_rng(corpus.config.train.seed)
@@ -184,7 +184,13 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
             loss = nn.functional.cross_entropy(naming(read), named)
         for locator, shown, points, seen_of, told in (
             (finder.coarse, finder.shrunk(images), truth / shrinking, there, read),
-            (finder.fine, crops, each - corners[:, None], there_each, finder.told(read, len(seen))),
+            (
+                finder.fine,
+                crops,
+                each - corners[:, None],
+                there_each,
+                finder.add_bodies(read, len(seen)),
+            ),
         ):
             found, errors = locator(torch.from_numpy(shown).to(device), told)
             points_in = torch.from_numpy(points).float().to(device)

@@ -1,5 +1,5 @@
 """Finds bodies in an image: coarsely in the whole, made small, then in crops of the full image
-around that; a sentence may say which."""
+around that. A sentence may name them."""
 
 from collections.abc import Iterable
 
@@ -33,7 +33,7 @@ type Floats = NDArray[np.float32]
 
 class Locator(nn.Module):
     """Images (N,h,w,3) uint8 -> points (N,K,2) px and the errors (N,K) px that are expected of
-    them; numbers (N,told) say which points."""
+    them. Which points depends on `told` (N,T)."""
 
     def __init__(self, points: int, width: int, told: int = 0) -> None:
         super().__init__()
@@ -88,8 +88,10 @@ class FinderNet(nn.Module):
         return np.stack([resized(image, self.settings.size) for image in images])
 
     def find(self, images: Images, ids: Tensor | None = None) -> tuple[Floats, Floats]:
-        """Points (N,P,2) px in images (N,H,W,3), those of one body after another, and the errors
-        (N,P) px that are expected of them; `ids` (N,L) are the sentences."""
+        """Points (N,P,2) px in images (N,H,W,3), and the errors (N,P) px that are expected of them.
+
+        Points of one body follow those of another; `ids` (N,L) are the sentences.
+        """
         device, size = next(self.parameters()).device, np.array(images.shape[2:0:-1])
         bodies = self.settings.bodies
         with torch.inference_mode():
@@ -99,7 +101,7 @@ class FinderNet(nn.Module):
             corners = self.corners(middles.cpu().numpy() * size / self.settings.size[::-1], size)
             crops = self.crops([*images] * bodies, corners)
             found, errors = self.fine(
-                torch.from_numpy(crops).to(device), self.told(told, len(images))
+                torch.from_numpy(crops).to(device), self.add_bodies(told, len(images))
             )
         found = found.cpu().numpy() + corners[:, None].astype(np.float32)
         return self.by_image(found), self.by_image(errors.cpu().numpy())
@@ -110,7 +112,7 @@ class FinderNet(nn.Module):
             return None
         return self.reader(ids.to(next(self.parameters()).device))
 
-    def told(self, read: Tensor | None, count: int) -> Tensor | None:
+    def add_bodies(self, read: Tensor | None, count: int) -> Tensor | None:
         """What the second locator is told (B N,T) for the crops of every body of `count` images:
         the sentences, and which body."""
         bodies = self.settings.bodies
