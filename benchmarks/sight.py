@@ -39,7 +39,7 @@ from training.puma.data import Corpus
 from training.puma.model.puma import Puma
 from training.puma.policy import PumaPolicy
 from training.puma.reading import read_config
-from training.puma.track import AXES, Track
+from training.puma.track import AXES, Tracks
 from training.puma.tracking import with_tracks
 from training.puma.train import train
 
@@ -54,7 +54,7 @@ POLICY = (
 
 
 def true_track(log: StateLog, target: str, family: Family, tall: bool) -> NDArray[np.float32]:
-    """Tracks (T,8) of all frames as training.puma.track.Track has them; `tall` ones have the height
+    """Tracks (T,8) of all frames as training.puma.track.Tracks has them; `tall`: with the height
     (m)."""
     poses = log.pose(target)
     ways = [quat_rotate(poses[:, 3:], Finder().reach * axis)[:, :2] for axis in AXES[1:]]
@@ -83,7 +83,7 @@ def follow_truth(
     return with_tracks(corpus, network, tracks, trained)
 
 
-class TrueTrack(Track):
+class TrueTrack(Tracks):
     """The track of the target of a running trial."""
 
     def __init__(self, trial: Trial, tall: bool) -> None:

@@ -115,7 +115,7 @@ def errors(folder: Path) -> dict[str, dict[str, float]]:
     network = held.model().eval()
     corpus = follow(open_corpus(held.config), network, trained=True)
     sight, track = held.preprocessing.sight, held.config.model.track
-    if sight is None or track is None:
+    if (finder := network.finder) is None or sight is None or track is None:
         raise TrainError(f"{folder}: has no finder: only policies with model.track have one")
     out = dict[str, dict[str, float]]()
     caches = dict.fromkeys(id(part.cache) for part in corpus.train)
@@ -143,7 +143,7 @@ def errors(folder: Path) -> dict[str, dict[str, float]]:
         }
         found = dict[str, float]()
         for name, texts in told.items() if track.words else [("", told[""])]:
-            points, _ = network.finder.find(images, network.words.ids(texts))
+            points, _ = finder.find(images, network.words.ids(texts))
             for body, (wanted, label) in enumerate(zip(truth, bodies, strict=True)):
                 away = np.linalg.norm(points[:, body * track.points] - wanted, axis=1)
                 if not name or not body:

@@ -223,11 +223,11 @@ class PumaPolicy(BatchPolicy):
     def _decide(self, memory: Memory, out: Mapping[str, NDArray[Any]], sentence: str) -> None:
         """Which arms act, and whether the target has been touched, by the arrays of one sample."""
         network, track = self._network, self.config.model.track
-        if track is None or network.finder is None:
+        if track is None:
             return
         seen = torch.from_numpy(aims(out["track"], out["tools"], track.bodies)).to(self._device)
         with torch.inference_mode():
-            told = network.finder.read(network.words.ids([sentence]))
+            told = network.finder and network.finder.read(network.words.ids([sentence]))
             if self.config.model.arms:
                 likely = network.choose(seen, told)[0].softmax(-1).cpu().numpy()
                 best = int(likely.argmax())
