@@ -24,6 +24,7 @@ EPISODES = {
     "domino-117k": 117_000,
     "real": 36 * 3 * (2 + 2),
     "smoke": 6 * 3 * 2,
+    "events": 4 * 2 * 50,
     "dustbins": 2 * 3 * 2,
     "puma-tiny": 2 * 400,
     "puma-small": 3 * 100,

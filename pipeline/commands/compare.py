@@ -54,14 +54,18 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare policies with the first one on the scenes they share: difference, 95 % interval,
-    exact test, scenes needed."""
+    exact test, scenes needed. Of runs with --paired, each policy with itself without events."""
     from pipeline.evaluate.scoring.compare import compare as compare_arms
     from pipeline.evaluate.scoring.compare import (
         compare_sequentially,
         compare_unpaired,
+        event_effects,
         read_arms,
     )
 
+    if (effects := event_effects(runs, effect)) and not one_by_one and not unpaired:
+        print_result({"effect": effect, "events": effects}, as_json, _describe(effects, effect))
+        return
     first, *others = read_arms(runs)
     if one_by_one:
         # each of several policies has its share of the chance of a false decision

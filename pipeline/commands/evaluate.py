@@ -142,6 +142,13 @@ def evaluate(
         typer.Option(help="Apply the clutter penalty to every distractor, as the original does."),
     ] = False,
     baselines: Baselines = False,
+    paired: Annotated[
+        bool,
+        typer.Option(
+            "--paired",
+            help="Run every scene without its events, too: the difference is that of the events.",
+        ),
+    ] = False,
     films: Annotated[
         int,
         typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films)."),
@@ -209,11 +216,14 @@ def evaluate(
         films=films,
         answer_seconds=answer_seconds,
         baselines=baselines,
+        paired=paired,
     )
     if frozen is not None:
         cells = tuple(frozen.choose(recipe, given.values))
         scenes = episodes or frozen.head.scenes
         evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
+    if paired and not setup.events:
+        raise UsageError("--paired compares scenes with and without --events: name some")
     together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),

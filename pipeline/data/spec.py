@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +14,17 @@ HIGHEST_LEVEL = 9
 
 DOMAINS = ("clean", "randomized")
 
+EVENTFUL, CONTROL = "event", "control"
+"""The arms of a pair: a scene with its events, and the same scene in which they are withheld."""
+
 
 @dataclass(frozen=True)
 class EpisodeSpec:
     """One attempt at one slot.
 
     `alpha` is in m/s (DOMINO@alpha), `slot` the index in its cell, `seed` the attempt's own. What
-    `slot_seed` draws is kept in later attempts that share it.
+    `slot_seed` draws is kept in later attempts that share it. Slots 2k and 2k + 1 of paired events
+    are the arms EVENTFUL and CONTROL of one scene; `arm` is "" otherwise.
 
     Raises ValueError for names that are not plain (paths are made from them) and values out of
     range."""
@@ -32,6 +37,7 @@ class EpisodeSpec:
     slot: int
     seed: int
     slot_seed: int | None = None
+    arm: str = ""
 
     def __post_init__(self) -> None:
         if not is_name(self.task):
@@ -51,6 +57,8 @@ class EpisodeSpec:
             raise ValueError(f"domain {self.domain!r} is unknown: domains are {', '.join(DOMAINS)}")
         if self.slot < 0 or self.seed < 0 or (self.slot_seed or 0) < 0:
             raise ValueError("slot and seeds must not be negative")
+        if self.arm not in ("", EVENTFUL, CONTROL):
+            raise ValueError(f"arm {self.arm!r} is unknown: arms are {EVENTFUL} and {CONTROL}")
 
     @property
     def moving(self) -> bool:
@@ -72,21 +80,35 @@ class EpisodeSpec:
         )
 
     def _stream(self, seed: int, purpose: str) -> np.random.Generator:
-        key = json.dumps([self.task, self.embodiment, self.slot, seed, purpose]).encode()
+        slot = self.slot // 2 if self.arm else self.slot
+        key = json.dumps([self.task, self.embodiment, slot, seed, purpose]).encode()
         return np.random.Generator(
             np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little"))
         )
 
+    @property
+    def pair(self) -> str:
+        """An id (16 hex digits) that the two arms of a pair share; "" for none."""
+        if not self.arm:
+            return ""
+        text = replace(self, slot=self.slot // 2, arm=EVENTFUL).to_json()
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
     def to_json(self) -> str:
-        """Canonical JSON of the spec (sorted keys, no spaces)."""
-        return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        """Canonical JSON of the spec (sorted keys, no spaces), without an empty arm."""
+        return json.dumps(self.values(), sort_keys=True, separators=(",", ":"))
+
+    def values(self) -> dict[str, Any]:
+        """Its fields; an empty arm is left out."""
+        return {k: v for k, v in asdict(self).items() if k != "arm" or v}
 
     @classmethod
     def from_json(cls, text: str) -> "EpisodeSpec":
         """Inverse of `to_json`. Raises ValueError for text that is no spec."""
         values = json.loads(text)
         if isinstance(values, dict):
-            values.setdefault("slot_seed", None)  # episodes of version 0.1 do not have it
+            # episodes of version 0.1 have no slot_seed, those without a pair no arm
+            values = {"slot_seed": None, "arm": ""} | values
         if not isinstance(values, dict) or set(values) != {f.name for f in fields(cls)}:
             raise ValueError(
                 f"is not a spec: its keys must be {', '.join(f.name for f in fields(cls))}"

@@ -93,7 +93,7 @@ class Correction:
         rows = np.array(labels).reshape(frames, log.action.shape[1])
         expert = np.concatenate([rows, log.action[frames:]])
         acted = np.arange(len(log)) >= frames
-        return Replay(replace(log, intervention=acted, expert_action=expert), done.steps)
+        return replace(done, log=replace(log, intervention=acted, expert_action=expert))
 
 
 def _ask_policy(recipe: Recipe) -> AskedPolicy:

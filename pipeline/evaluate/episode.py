@@ -4,13 +4,14 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
+from pipeline.data.spec import CONTROL
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.asking import AskedPolicy
 from pipeline.evaluate.policies.policy import (
@@ -22,7 +23,7 @@ from pipeline.evaluate.policies.policy import (
     observe,
     policy_seed,
 )
-from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
+from pipeline.evaluate.scenes.case import BLIND, Case, start_of_trial
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
 from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.evaluate.scoring.clock import Clock
@@ -38,7 +39,8 @@ from pipeline.world.robots.contract import Embodiment
 class EpisodeJob:
     """One evaluated episode. `setup`, whose physics is that of the case, says what the policy sees;
     `code` is the version of this program; one answer may take `answer_seconds`. `benchmark` is the
-    label of the one that the case is of."""
+    label of the one that the case is of. `paired` runs the scene without its events first: until
+    the first one, both arms get the same answers."""
 
     case: Case
     policy: PolicyName
@@ -49,6 +51,7 @@ class EpisodeJob:
     compounding: bool = False
     answer_seconds: float = ANSWER_SECONDS
     benchmark: str = ""
+    paired: bool = False
 
     def __str__(self) -> str:
         spec = self.case.spec
@@ -64,6 +67,8 @@ class EpisodeJob:
             options.append(f"{seconds:g} s")
         if self.benchmark:
             options.append(f"benchmark {self.benchmark}")
+        if self.paired:
+            options.append("paired")
         names = (self.code, self.policy.label, self.clock.name)
         return (*names, case.spec.to_json(), case.digest, options)
 
@@ -84,6 +89,39 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
+    """As `play_arm`; a paired job's row has the numbers of the arm without events in `control`, and
+    in `same_prefix` whether both arms were the same until the first event."""
+    if not job.paired:
+        return play_arm(job)
+    tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)
+    control, other = play_arm(replace(job, case=replace(job.case, spec=spec)), tape)
+    trial, row = play_arm(job, tape)
+    names = ("success", "route_completion", "manipulation_score", "ending", "periods")
+    row["control"] = {name: other[name] for name in names}
+    row["same_prefix"] = _same_prefix(control, trial)
+    return trial, row
+
+
+def _same_prefix(control: Trial, trial: Trial) -> bool:
+    """Whether two arms have the same bodies, joints and actions up to the first event."""
+    ends = [_first(arm) for arm in (control, trial)]
+    one, two = control.log(), trial.log()
+    frames = int((one.times <= ends[1] + 1e-9).sum())
+    kept = (one.poses, two.poses), (one.qpos, two.qpos)
+    return (
+        ends[0] == ends[1]
+        and all(a[:frames].tobytes() == b[:frames].tobytes() for a, b in kept)
+        and one.action[: frames - 1].tobytes() == two.action[: frames - 1].tobytes()
+    )
+
+
+def _first(trial: Trial) -> float:
+    """The time (s) of the first event of a trial, inf for none."""
+    script = trial.simulation.script
+    return script.first.fired if script and script.first else np.inf
+
+
+def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial, dict[str, Any]]:
     """The trial of one episode as it ended, and its row, JSON values only, of which only
     `seconds_spent` (wall times) differ between runs. A policy without a valid answer ends its
     episode; `fault` says why.
@@ -96,13 +134,13 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
         scene = job.case.scene(job.setup)
         trial = Trial(scene, job.clock.motion(job.case.target_motion), job.setup)
         eyes = Eyes(scene, job.setup) if job.setup.cameras else None
-    same = start_hash(trial.simulation.poses(), trial.simulation.qpos()[0]) == job.case.start
+    same = start_of_trial(trial.simulation) == job.case.start
     fault = ""
     try:
         with spent("policy"):
             asked = AskedPolicy(job.policy, job.answer_seconds)
         try:
-            _drive(job, trial, eyes, asked, spent)
+            _drive(job, trial, Asking(eyes, asked, tape), spent)
         except ActionError as error:
             fault = str(error)
             trial.end(INVALID_ACTION)
@@ -116,7 +154,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
             eyes.close()
     with spent("score"):
         result = asdict(score(trial, job.compounding))
-    cell = {k: v for k, v in asdict(spec).items() if k not in ("slot", "slot_seed")}
+    cell = {k: v for k, v in spec.values().items() if k not in ("slot", "slot_seed", "arm")}
     row = {
         "policy": job.policy.label,
         "probe": job.policy.probe,
@@ -140,13 +178,35 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
         row["benchmark"] = job.benchmark
     if asked.unreachable is not None:
         row["unreachable"] = asked.unreachable
+    if (script := trial.simulation.script) is not None:
+        row["event"] = "+".join(event.kind for event in scene.events)
+        row["phase"] = script.first.phase if script.first else "none"
+        row["events"] = [
+            {"name": event.drawn.name, "time": event.fired, "phase": event.phase}
+            for event in script.events
+            if event.phase
+        ]
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 
-def _drive(
-    job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: AskedPolicy, spent: "_Spent"
-) -> None:
+Answer = tuple[NDArray[np.float64], float]
+"""A chunk (H,A), and the time (s) that its inference took."""
+
+
+@dataclass(eq=False)
+class Asking:
+    """How a policy is asked: what it sees through, and the `tape` of the answers of the arm without
+    events, which is filled by it, and read by the other arm."""
+
+    eyes: Eyes | None
+    policy: AskedPolicy
+    tape: list[Answer] | None
+
+
+def _drive(job: EpisodeJob, trial: Trial, asking: Asking, spent: "_Spent") -> None:
     """Ask the policy and execute its answers until the trial ends. Raises as `AskedPolicy`."""
+    eyes, asked, script = asking.eyes, asking.policy, trial.simulation.script
+    records = job.case.spec.arm == CONTROL
     words = instruction_of(trial.scene, job.split)
     rng = job.case.spec.rng("evaluate/latency")
     with spent("policy"):
@@ -162,7 +222,14 @@ def _drive(
             chunk = asked.answer(observation, trial.length)
         inferred = asked.inferences > number
         took = spent.seconds["policy"] - before
-        return chunk, job.clock.delay(number, took, rng) if inferred else 0.0
+        delay = job.clock.delay(number, took, rng) if inferred else 0.0
+        if script is not None and inferred:
+            delay += script.active("latency", trial.time)
+        if asking.tape is not None and records:
+            asking.tape.append((chunk.copy(), delay))
+        elif asking.tape and script is not None and script.first is None:
+            chunk, delay = asking.tape[asked.count - 1]
+        return chunk, delay
 
     with spent("physics"):
         if job.clock.join is None:

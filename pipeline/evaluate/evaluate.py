@@ -49,7 +49,8 @@ BASELINES = ("static", "still")
 class Evaluation:
     """What is to be evaluated. `code` is the version of this program: results of another one do not
     count. The first `films` episodes of every cell are filmed. With `baselines`, BASELINES try the
-    same scenes. Those of a `benchmark` are taken from it."""
+    same scenes. Those of a `benchmark` are taken from it. `paired` runs every scene with and
+    without its events."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -63,6 +64,7 @@ class Evaluation:
     films: int = 0
     answer_seconds: float = ANSWER_SECONDS
     baselines: bool = False
+    paired: bool = False
     made_by: Mapping[str, Any] = field(default_factory=dict)
     benchmark: Benchmark | None = None
 
@@ -116,7 +118,7 @@ def evaluate(
     """
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
-    seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup, apart)
+    seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup.calm, apart)
     for place in (out, seeds.root):
         check_directory(place)
         if place.exists():
@@ -257,7 +259,7 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
 
 
 def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
-    names = ("policy", "clock", "code", "setup", "split", "compounding", "answer_seconds")
+    names = ("policy", "clock", "code", "setup", "split", "compounding", "answer_seconds", "paired")
     label = evaluation.benchmark.label if evaluation.benchmark else ""
     given = {name: getattr(evaluation, name) for name in names}
     return EpisodeJob(case, **given, benchmark=label)

@@ -215,11 +215,23 @@ class Actor:
     def log(self) -> StateLog:
         return replace(self.recorder.log(), skills=self.skills)
 
-    def play(self, commands: Floats, velocities: Floats, skills: Sequence[SkillRun]) -> None:
-        """Execute recorded rows (N,A) from the start of the episode; `skills` are their runs."""
-        for command, velocity in zip(commands, velocities, strict=True):
+    def play(
+        self,
+        commands: Floats,
+        velocities: Floats,
+        skills: Sequence[SkillRun],
+        until: Callable[[int], bool] = lambda row: False,
+    ) -> bool:
+        """Execute recorded rows (N,A) from the start of the episode; `skills` are their runs. It
+        ends before a row for which `until` holds, and returns whether there was one."""
+        for row, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
+            if until(row):
+                cut = (replace(run, end=min(run.end, row)) for run in skills if run.start < row)
+                self._runs += cut
+                return True
             self.advance(command, velocity)
         self._runs += skills
+        return False
 
     # --- acting
 

@@ -22,7 +22,7 @@ from pipeline.evaluate.bundle import (
     unpack,
 )
 from pipeline.evaluate.scenes.benchmark import Benchmark, read_benchmark, shipped_benchmarks
-from pipeline.evaluate.scenes.case import BenchmarkError, Case, start_hash
+from pipeline.evaluate.scenes.case import BenchmarkError, Case, start_of_trial
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.evaluate.scoring.clock import Clock, parse_clock
@@ -126,7 +126,7 @@ def _cases(
             )
         admitted = benchmark.cases(cells, result.episodes)
     else:
-        seeds = Manifests(manifests, result.seed, result.read_setup(), result.apart)
+        seeds = Manifests(manifests, result.seed, result.read_setup().calm, result.apart)
         admitted = {cell: seeds.read(cell).cases[: result.episodes] for cell in cells}
     return {
         (case.spec.to_json(), case.digest): case for cases in admitted.values() for case in cases
@@ -209,7 +209,7 @@ def carry_out_again(job: ReplayJob) -> dict[str, Any]:
     setup = job.result.read_setup()
     scene = job.case.scene(setup)
     trial = Trial(scene, job.clock.motion(job.case.target_motion), setup)
-    start = start_hash(trial.simulation.poses(), trial.simulation.qpos()[0])
+    start = start_of_trial(trial.simulation)
     try:
         trial.repeat(job.commands)
     except ActionError as error:

@@ -138,6 +138,8 @@ def attempt(
         drawn, meeting = motion.features(), dry.meeting
         with phases("replay"):
             scene = scene.furnished(motion)
+            if spec.arm:  # a pair is kept if both of its arms succeed
+                steps += demonstrator.show(scene.twin(), dry, motion, setup.fps).steps
             done = demonstrator.show(scene, dry, motion, setup.fps)
     except Failure as failure:
         failure.steps += steps
@@ -146,4 +148,5 @@ def attempt(
     except Exception as error:
         raise_own(error, type(TASKS[spec.task]), f"task {spec.task}")
         raise
-    return Rollout(scene, motion, dry.meeting, done, steps + done.steps, demonstrator)
+    went = done.motion or motion
+    return Rollout(scene, went, dry.meeting, done, steps + done.steps, demonstrator)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import Floats
@@ -34,7 +35,8 @@ class DryRun:
     """What the replay needs: the commands of the first half (M,A), when the meeting happened (s),
     what was in which hand then, and the sweep: poses (S,B,7) of all bodies at 60 Hz, in the order
     of `names`. `approach` is the direction (3,) from which the hand grasped the target, None for no
-    grasp; `skills` counts those of `meet`, whose `runs` are on the clock of the commands."""
+    grasp; `skills` counts those of `meet`, whose `runs` are on the clock of the commands; the last
+    one begins in row `last`."""
 
     commands: Floats
     velocities: Floats
@@ -45,6 +47,7 @@ class DryRun:
     steps: int
     approach: Floats | None
     skills: int = 0
+    last: int = 0
     runs: Sequence[SkillRun] = ()
 
 
@@ -93,4 +96,5 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         (commands[:half], velocities[:half], meeting, held, sweep),
         actor.simulation.names,
     )
-    return DryRun(*first, names, actor.steps, approach, skills, runs)
+    last = round(last_began * PHYSICS_HZ)
+    return DryRun(*first, names, actor.steps, approach, skills, last, runs)

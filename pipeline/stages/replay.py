@@ -11,6 +11,7 @@ from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.tracking import TRACK, carried_along
+from pipeline.motion.changed import Changed
 from pipeline.motion.contract import TargetMotion
 from pipeline.poses import Floats
 from pipeline.stages.dry_run import DryRun
@@ -23,10 +24,12 @@ REPLAY, REACT = "replay", "react"
 
 @dataclass(eq=False)
 class Replay:
-    """The accepted rollout: its state log (events included) and the physics steps it took."""
+    """The accepted rollout: its state log (events included), the physics steps it took, and the
+    motion of the target as events have changed it, None for the one that was drawn."""
 
     log: StateLog
     steps: int
+    motion: TargetMotion | None = None
 
 
 class Demonstrator(Protocol):
@@ -74,21 +77,39 @@ def expert_of(setup: Setup) -> Demonstrator:
 
 
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
-    """Play the first half back while the target moves, then finish the script live. Raises as
-    `Demonstrator.show`."""
-    actor = scene.start(motion, fps, REPLAY)
+    """Play the first half back while the target moves, then finish the script live.
+
+    The plan knows of no event. If one changes the target's motion before the meeting, the reactive
+    expert takes over, at the beginning of the last skill before the meeting if that has not begun.
+    Raises as `Demonstrator.show`."""
+    actor = scene.start(motion, fps, REPLAY, ReactiveActor if scene.events else Actor)
     actor.recorder.watched = SIDES
     with failing_as(REPLAY, actor):
+        if isinstance(actor, ReactiveActor):
+            actor.attend(Sight(), scene.task.workspace, scene.spec.rng("sight"))
         rows, velocities = commands(actor, dry, motion)
         runs = [
             replace(run, end=len(rows)) if run.end == len(dry.commands) else run for run in dry.runs
         ]
-        actor.play(rows, velocities, runs)
+        changed = actor.play(
+            rows, velocities, runs, until=lambda row: row >= dry.last and is_changed(actor)
+        )
+        if changed and isinstance(actor, ReactiveActor):
+            target = scene.task.target
+            actor.held = {side: name for side, name in dry.held.items() if name != target}
+            actor.meet(scene.task.meet, rest=True)
+            return finish(scene, actor, REPLAY)
         if not actor.simulation.touched_by:
             why = f"nothing touched the {scene.task.target} at the meeting"
             raise Failure(REPLAY, "missed", why)
         actor.held = dict(dry.held)
         return finish(scene, actor, REPLAY)
+
+
+def is_changed(actor: Actor) -> bool:
+    """Whether an event has changed the motion of a target that nothing has touched yet."""
+    simulation = actor.simulation
+    return isinstance(simulation.motion, Changed) and not simulation.touched_by
 
 
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
@@ -127,4 +148,5 @@ def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
     if touched := scene.touched_distractor(actor.recorder.log()):
         raise Failure(stage, "clutter_touched", f"something touched {touched}")
     actor.recorder.extra.append(Event("success", since))
-    return Replay(actor.log(), actor.steps)
+    motion = actor.simulation.motion
+    return Replay(actor.log(), actor.steps, motion if isinstance(motion, Changed) else None)

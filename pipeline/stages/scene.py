@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
+from pipeline.data.episode.events import DrawnEvent, draw_events
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.episode.visuals import Visuals
 from pipeline.data.setup.rules import STRICT, Rules
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.spec import CONTROL, EVENTFUL, EpisodeSpec
 from pipeline.expert.actor import Actor
 from pipeline.motion.scenery import Prop
 from pipeline.planning.failure import PlanFailure
@@ -25,6 +27,7 @@ from pipeline.tasks.outcome import Outcome, failed
 from pipeline.world.cameras import cameras_of
 from pipeline.world.physics.body import Body
 from pipeline.world.physics.drive import Hold, ImperfectDrives
+from pipeline.world.physics.events import EventScript
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import PHYSICS_HZ, Motion, Simulation
 from pipeline.world.robots.contract import Embodiment
@@ -71,7 +74,34 @@ class Scene:
     sentences: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def furnished(self, motion: Motion) -> "Scene":
-        return replace(self, scenery=motion.scenery())
+        script = self._script(motion)
+        return replace(self, scenery=(*motion.scenery(), *(script.props if script else ())))
+
+    def twin(self) -> "Scene":
+        """The other arm of a pair."""
+        arm = EVENTFUL if self.spec.arm == CONTROL else CONTROL
+        return replace(self, spec=replace(self.spec, arm=arm))
+
+    @cached_property
+    def events(self) -> tuple[DrawnEvent, ...]:
+        """The events of the rules with all numbers drawn, from streams of their own."""
+        spec = self.spec
+        return draw_events(self.rules.events, spec.rng("events"), spec.slot_rng("events"))
+
+    def _script(self, motion: Motion) -> EventScript | None:
+        if not self.rules.events:
+            return None
+        meeting = float(getattr(motion, "duration", np.inf))
+        eye, withheld = self.embodiment.head_camera, self.spec.arm == CONTROL
+        return EventScript(self.events, eye, meeting, goal=self.goal, withheld=withheld)
+
+    @property
+    def goal(self) -> str:
+        """The body that an event moves as the goal: the first one that is neither the target, nor
+        handled, nor in another; "" for none."""
+        own = (self.task.target, self.task.manipulated, *self.clutter)
+        bodies = (name for name, body in self.bodies.items() if name not in own)
+        return next((name for name in bodies if not self.bodies[name].inside), "")
 
     def start[A: Actor](self, motion: Motion, fps: int, purpose: str, expert: type[A] = Actor) -> A:
         """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies
@@ -87,6 +117,7 @@ class Scene:
             after_touch=after,
             clutter=self.clutter,
             imperfect=self._imperfect(purpose),
+            script=None if purpose == "dry_run" else self._script(motion),
         )
         if not simulation.settle():
             raise Failure(

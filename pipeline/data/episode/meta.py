@@ -19,6 +19,7 @@ from pydantic import (
 
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.episode.events import DrawnEvent
 from pipeline.data.episode.visuals import FIRST_LOOK, Visuals
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import RETIRED, is_name
@@ -237,6 +238,7 @@ class EpisodeMeta(_Record):
     contact: str = "stop"
     layout: str = "ours"
     drive: DriveErrors | None = None
+    events: tuple[DrawnEvent, ...] = ()
     expert: Literal["planned", "reactive"] = "planned"
     corrects: str = ""
     physics_hz: Annotated[int, Field(gt=0)] = PHYSICS_HZ
@@ -259,6 +261,8 @@ class EpisodeMeta(_Record):
             values.pop("clutter_wanted", None)
         if self.drive is None:
             values.pop("drive", None)
+        if not self.events:
+            values.pop("events", None)
         if not self.objects_wanted:
             values.pop("objects_wanted", None)
         if self.expert == "planned":

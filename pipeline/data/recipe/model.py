@@ -15,7 +15,7 @@ from pipeline.data.parsing import line, show_value
 from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.setup import RecipeError, Seed, Setup
 from pipeline.data.setup.rules import Corrections, Expert, Perturbation, Sight, Takeover
-from pipeline.data.spec import HIGHEST_LEVEL, EpisodeSpec, attempt_seed
+from pipeline.data.spec import CONTROL, EVENTFUL, HIGHEST_LEVEL, EpisodeSpec, attempt_seed
 
 MOST_SLOTS = 10_000_000
 """Episodes of one dataset: its index has a row for each."""
@@ -91,9 +91,9 @@ class Recipe(Setup):
     total: Annotated[int, Field(ge=1, le=MOST_SLOTS, strict=True)] | None = None
     """Exact number of episodes of all cells, spread evenly over them; `episodes` are then the
     weights of the domains."""
-    paired: tuple[Literal["levels", "domains", "alpha"], ...] = ()
+    paired: tuple[Literal["levels", "domains", "alpha", "events"], ...] = ()
     """Cells that differ only in these keys try the same scenes slot by slot: same layout, objects
-    and looks."""
+    and looks. With `events`, slots 2k and 2k + 1 are one scene with and without its events."""
     attempts: _Thousand = 30
     """Seeds tried for one slot before it is given up."""
     floor: Floor | None = None
@@ -157,7 +157,7 @@ class Recipe(Setup):
     @classmethod
     def _in_order(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         """In one order, whatever the order in which they are written."""
-        return tuple(key for key in ("levels", "domains", "alpha") if key in value)
+        return tuple(key for key in ("levels", "domains", "alpha", "events") if key in value)
 
     @field_validator("alpha")
     @classmethod
@@ -260,13 +260,13 @@ class Recipe(Setup):
         The first half of the attempts share the drawn shape and speed of the target's motion: a
         fast motion, which fits more seldom, is not replaced by a slow one. Paired cells have the
         same seeds."""
-        cell = slot.cell
+        cell, index, arm = slot.cell, slot.index, ""
+        if "events" in self.paired:
+            index, arm = index // 2, (EVENTFUL, CONTROL)[index % 2]
         scenes = cell.scenes(self.paired)
-        seed = attempt_seed(self.seed, scenes, slot.index, attempt)
+        seed = attempt_seed(self.seed, scenes, index, attempt)
         shared = (
-            attempt_seed(self.seed, scenes, slot.index, -1)
-            if attempt <= self.attempts // 2
-            else None
+            attempt_seed(self.seed, scenes, index, -1) if attempt <= self.attempts // 2 else None
         )
         return EpisodeSpec(
             cell.task,
@@ -277,12 +277,17 @@ class Recipe(Setup):
             slot.index,
             seed,
             shared,
+            arm,
         )
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""
         values = self.model_dump(mode="json")
-        return yaml.safe_dump({key: values[key] for key in KEYS}, sort_keys=False)
+        values["events"] = [
+            event.model_dump(mode="json", exclude_defaults=True) for event in self.events
+        ]
+        keys = [key for key in KEYS if key != "events" or self.events]
+        return yaml.safe_dump({key: values[key] for key in keys}, sort_keys=False)
 
 
 KEYS = (*(key for key in Recipe.model_fields if key not in Setup.model_fields), *Setup.model_fields)
@@ -308,6 +313,12 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
         raise RecipeError(
             f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer"
             " tasks, robots or alphas"
+        )
+    if "events" in recipe.paired and (
+        not recipe.events or any(count % 2 for count in recipe.counts().values())
+    ):
+        raise RecipeError(
+            f"{source}: paired: events needs events, and an even number of episodes in every cell"
         )
     episodes = recipe.variants * sum(recipe.counts().values())
     if not 0 < episodes <= MOST_SLOTS:

@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.episode.events import Events
 from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced
 from pipeline.data.errors import DominoError
 from pipeline.data.imperfections import DriveErrors, Sensors
@@ -128,6 +129,9 @@ class Setup(BaseModel):
     )
     """Textures of randomized looks: those of training (seen), or those kept for evaluation
     (unseen); or a directory of your images, for every look."""
+    events: Events = ()
+    """What happens while the robot acts, none by default: KIND@WHEN, as in stop@0.8 or
+    occluder@share=0.6; in a file also {kind: stop, when: {time: 0.8}}."""
     environment: Annotated[Brought | None, BeforeValidator(read_light)] = None
     """An equirectangular image (.hdr) whose light replaces the lights of every look."""
 
@@ -184,6 +188,11 @@ class Setup(BaseModel):
         )
 
     @property
+    def calm(self) -> "Setup":
+        """The physics without events: what the scenes of an evaluation are admitted by."""
+        return self.physics.model_copy(update={"events": ()})
+
+    @property
     def brought(self) -> tuple[str, str]:
         """Textures and light: a split, or the content of what is brought; "" for no light."""
         own = (self.textures, self.environment or "")
@@ -206,7 +215,8 @@ class Setup(BaseModel):
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
         objects = tuple(sorted(self.objects.items()))
-        return Rules(self.rules, self.contact, self.layout, self.clutter, objects, self.drive)
+        given = (self.rules, self.contact, self.layout, self.clutter, objects, self.drive)
+        return Rules(*given, self.events)
 
     @property
     def label(self) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from pipeline.data.episode.events import EventSpec
 from pipeline.data.episode.meta import CLUTTER, Category, EpisodeMeta
 from pipeline.data.imperfections import DriveErrors
 from pipeline.data.keys import digest
@@ -78,7 +79,8 @@ class Rules:
     "continue".
 
     `layout` says where the robot's bases stand, `clutter` the fewest and most distractors.
-    `objects` names objects from files by family or `task.family`. `drive`: errors of joints."""
+    `objects` names objects from files by family or `task.family`. `drive`: errors of joints.
+    `events`: what happens while the robot acts."""
 
     name: RuleSet = "strict"
     contact: Contact | None = None
@@ -86,6 +88,7 @@ class Rules:
     clutter: tuple[int, int] = CLUTTER
     objects: tuple[tuple[str, tuple[str, ...]], ...] = ()
     drive: DriveErrors | None = None
+    events: tuple[EventSpec, ...] = ()
 
     def standing_for(self, family: str) -> tuple[str, ...]:
         """The objects that a layout gets where it asks for a family; the family itself where there
@@ -113,7 +116,8 @@ class Rules:
         clutter = None if self.clutter == CLUTTER else "clutter{}to{}".format(*self.clutter)
         objects = f"objects{digest(self.objects)[:6]}" if self.objects else None
         drive = self.drive and self.drive.label
-        words = (self.name, self.contact, layout, clutter, objects, drive)
+        events = "+".join(event.label for event in self.events)
+        words = (self.name, self.contact, layout, clutter, objects, drive, events)
         return "-".join(word for word in words if word)
 
 

@@ -52,7 +52,7 @@ def _kinds_of(record: type) -> dict[str, type]:
 
 COLUMNS: dict[str, type] = {
     **_kinds_of(EpisodeSpec),
-    **{"T_meet": float, "split": str, "length": int},
+    **{"pair": str, "T_meet": float, "split": str, "length": int},
     **_RECORDED,
     **_TIMED,
     **_kinds_of(EpisodeMeta),
@@ -123,9 +123,10 @@ def columns_of(
     failure = meta.failure.model_dump() if meta.failure else {}
     return {
         **asdict(spec),
+        "pair": spec.pair,
         **{name: getattr(meta, name) for name in EpisodeMeta.model_fields if name in COLUMNS},
         "T_meet": meta.meeting_time,
-        "split": split_of(meta.physics_id or spec.to_json(), validation),
+        "split": split_of(spec.pair or meta.physics_id or spec.to_json(), validation),
         "length": len(file),
         **{"outcome": "failed" if meta.failure else "accepted", **failure},
         **attempts.get(place, {}),

@@ -226,7 +226,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     def _draw_case(self, seed: int | None) -> Case:
         if self._scenes:
-            known = training_scenes(self._cell, self._scenes, self.setup.physics, self._manifests)
+            known = training_scenes(self._cell, self._scenes, self.setup.calm, self._manifests)
             return known[int(self.np_random.integers(len(known)))]
         drawn = int(self.np_random.integers(1 << 31)) if seed is None else seed
         return case_of_seed(self._cell, drawn, self.setup)

@@ -181,7 +181,8 @@ class Benchmark:
                     f"benchmark {self.head.benchmark} has {key} {getattr(own, key)}, not"
                     f" {getattr(setup, key)}"
                 )
-        kept = {key: getattr(own, key) for key in Setup.model_fields if key not in IMAGES}
+        others = (*IMAGES, "events")
+        kept = {key: getattr(own, key) for key in Setup.model_fields if key not in others}
         return setup.override(kept)
 
     def record(self, scenes: int) -> RecordedBenchmark:
@@ -205,7 +206,7 @@ class Benchmark:
         return {cell: self._cases(cell, places[cell] * self.head.scenes, scenes) for cell in cells}
 
     def _cases(self, cell: Cell, first: int, scenes: int) -> list[Case]:
-        out, setup = list[Case](), self.setup.physics
+        out, setup = list[Case](), self.setup.calm
         for number, line in enumerate(self.lines[first : first + scenes], first + 2):
             try:
                 out.append(FrozenCase.model_validate_json(line).case(cell, setup))
@@ -240,7 +241,7 @@ def pack(
         "benchmark": name,
         "schema_version": 1,
         "physics_hz": PHYSICS_HZ,
-        "setup": setup.physics.given(),
+        "setup": setup.calm.given(),
         "parts": {part: [*tasks] for part, tasks in parts.items()},
         "made_by": dict(made_by),
         "scenes": scenes,

@@ -21,6 +21,8 @@ from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.frozen import FrozenScene
 from pipeline.stages.scene import Scene, build_scene
+from pipeline.world.physics.events import PROP
+from pipeline.world.physics.simulation import Simulation
 
 UNSEEN = Setup(textures="unseen")
 """The default setup of an environment: the robot's cameras, and textures that training never
@@ -96,7 +98,7 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """For a manifest: JSON values only; the motion is an object."""
-        values = asdict(replace(self, state=None))
+        values = asdict(replace(self, state=None)) | {"spec": self.spec.values()}
         del values["state"]
         return values | {"motion": json.loads(self.motion), "setup": self.setup.given()}
 
@@ -110,6 +112,12 @@ class Case:
         motion = motion_from_json(json.dumps(values["motion"])).to_json()
         spec, setup = EpisodeSpec(**values["spec"]), Setup.model_validate(values["setup"]).physics
         return cls(**(values | {"spec": spec, "motion": motion, "setup": setup}))
+
+
+def start_of_trial(simulation: Simulation) -> str:
+    """The hash of the first frame of a simulation, without the scenery of its events."""
+    own = [not name.startswith(PROP) for name in simulation.names]
+    return start_hash(simulation.poses()[own], simulation.qpos()[0])
 
 
 def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:

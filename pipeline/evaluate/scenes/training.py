@@ -36,7 +36,7 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
     NoCase after TRIES seeds."""
     reason = ""
     for number in range(TRIES):
-        case = remembered(SeedJob(cell, derived_seed(seed, number), setup.physics))
+        case = remembered(SeedJob(cell, derived_seed(seed, number), setup.calm))
         if isinstance(case, Case):
             return case
         reason = case
@@ -68,7 +68,7 @@ def check_case(case: object, cell: Cell, setup: Setup) -> None:
         has, needed = getattr(case.spec, name), getattr(cell, name)
         if has != needed:
             raise OtherCase(f"the case is of the {name} {has}, the environment of {needed}")
-    if case.setup != setup.physics:
+    if case.setup != setup.calm:
         raise OtherCase(
             f"the case is of the setup {case.setup.label}, the environment of {setup.label}"
         )

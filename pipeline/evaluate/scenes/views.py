@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.episode.events import spans
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
-from pipeline.stages.drawing.render import appearance_of, photograph, renderer
+from pipeline.stages.drawing.render import Lapses, appearance_of, photograph, renderer
 from pipeline.stages.scene import Scene
 from pipeline.tasks.language.sentences import instructions
 from pipeline.world.cameras import check_links
@@ -33,13 +34,15 @@ class Eyes:
         appearance = appearance_of(scene, setup)
         check_links(appearance.cameras, [*appearance.bodies, "table"])
         self._renderer, self._setup, self._sensing = renderer(appearance), setup, appearance.sensing
+        self._events = appearance.events
 
     def look(self, recorder: Recorder) -> CameraViews:
         """The view of the running simulation now."""
         setup, past = self._setup, recorder.past
         poses = {name: past[:, i] for i, name in enumerate(recorder.simulation.names)}
         sensors = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
-        views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, **sensors)
+        lapses = Lapses(spans(self._events, recorder.simulation.events), setup.fps)
+        views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, lapses, **sensors)
         seen = CameraViews({view.camera.name: view.rgb[0] for view in views})
         for view in views:
             if setup.depth and view.depth is not None:

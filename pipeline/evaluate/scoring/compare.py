@@ -46,9 +46,31 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
     return out
 
 
+def event_effects(runs: Sequence[str], effect: float) -> list[dict[str, Any]]:
+    """What events cost each policy of paired evaluations: its scenes with them against the same
+    ones without, also by event and by the phase in which the first one happened."""
+    out = list[dict[str, Any]]()
+    for arm in _arms(runs):
+        paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
+        calm = tuple(row | row["control"] for row in paired)
+        if paired:
+            without = ComparedPolicy(f"{arm.name}, no events", calm, arm.networks)
+            out += compare(without, replace(arm, rows=tuple(paired)), effect)
+    return out
+
+
 def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
     """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold
     the networks of one arm. Only rows of the version that wrote last count. Raises CompareError."""
+    out = _arms(runs)
+    if len(out) < 2:
+        raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
+    if len({arm.name for arm in out}) == len(out):
+        return out
+    return [replace(arm, name=f"{arm.name} #{n}") for n, arm in enumerate(out, 1)]
+
+
+def _arms(runs: Sequence[str]) -> list[ComparedPolicy]:
     out = list[ComparedPolicy]()
     for run in runs:
         rows = [row for part in run.split(",") for row in newest(Path(part))]
@@ -59,11 +81,7 @@ def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
         else:
             out += [ComparedPolicy(policy, tuple(rows)) for policy, rows in policies.items()]
     check_one_benchmark([row for arm in out for row in arm.rows])
-    if len(out) < 2:
-        raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
-    if len({arm.name for arm in out}) == len(out):
-        return out
-    return [replace(arm, name=f"{arm.name} #{n}") for n, arm in enumerate(out, 1)]
+    return out
 
 
 def check_one_benchmark(rows: Sequence[Row]) -> str:
@@ -202,8 +220,8 @@ def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
     """Names of groups of rows, and which rows are in each: all of them, and the parts that are not
     all."""
     yield "all", [True] * len(rows)
-    for key in ("level", "alpha", "domain", "category", "task"):
-        values = sorted({row[key] for row in rows})
+    for key in ("level", "alpha", "domain", "category", "task", "event", "phase"):
+        values = sorted({row.get(key, "") for row in rows})
         for value in values if len(values) > 1 else ():
             name = f"{key} {value:g}" if key in ("level", "alpha") else value
-            yield name, [row[key] == value for row in rows]
+            yield name, [row.get(key, "") == value for row in rows]

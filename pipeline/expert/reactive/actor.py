@@ -81,8 +81,11 @@ class ReactiveActor(Actor):
 
     def _look(self) -> None:
         now, seen = self.simulation.time, self.simulation.pose(self.simulation.target)
+        script = self.simulation.script
+        hidden = script is not None and script.hides(seen[:3], now)
         seen[:3] += self._sight_rng.normal(0.0, 1.0, 3) * self.sight.noise
-        self._late.append((now, seen))
+        if not hidden:
+            self._late.append((now, seen))
         while self._late and self._late[0][0] <= now - self.sight.delay + 1e-9:
             self.track.see(*self._late.pop(0))
 
@@ -93,11 +96,12 @@ class ReactiveActor(Actor):
 
     # --- the first half of a script
 
-    def meet(self, script: Script) -> None:
-        """Carry out the first half of a task's script until the target is touched. Raises
-        PlanFailure: early_meeting, step_limit, missed, or why nothing could be planned."""
+    def meet(self, script: Script, *, rest: bool = False) -> None:
+        """Carry out the first half of a task's script until the target is touched; with `rest`, all
+        its skills but the last are done. Raises PlanFailure: early_meeting, step_limit, missed, or
+        why nothing could be planned."""
         self._hold(max(0.0, self.watched_for - self.simulation.time))
-        plan = self.plan(script, rest=False)
+        plan = self.plan(script, rest=rest)
         expert: ReactiveExpert | None = None
         for _ in range(TRIES):
             if plan.last:

@@ -120,7 +120,7 @@ def _plan(
     }
     return Plan(
         *(reference.fps, cameras, names, sensors, joined),
-        *(reference.corrected, reference.spins, actions, options.labels),
+        *(reference.corrected, reference.spins, actions, options.labels, reference.eventful),
     )
 
 

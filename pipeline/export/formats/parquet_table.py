@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.shared.annotations import Joined, annotation_columns
-from pipeline.export.shared.derived import contact_flags, interception, trace_of
+from pipeline.export.shared.derived import contact_flags, event_columns, interception, trace_of
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
 from pipeline.export.shared.labels import label_names, label_values, labelled
 from pipeline.export.shared.script import script_of
@@ -43,7 +43,8 @@ CONSTANTS = {
 class Plan:
     """What the columns follow from: fps, cameras, joint names by embodiment, sensors of any
     episode, annotations, corrections, angular velocity. `actions` are names of an action's numbers
-    by embodiment, if not the joints; `labels` those of all objects."""
+    by embodiment, if not the joints; `labels` those of all objects; `eventful` whether there are
+    events."""
 
     fps: int
     cameras: Mapping[str, str]
@@ -54,6 +55,7 @@ class Plan:
     spins: bool = False
     actions: Mapping[str, list[str]] = field(default_factory=dict[str, list[str]])
     labels: Sequence[str] = ()
+    eventful: bool = False
 
     @property
     def images(self) -> dict[str, str]:
@@ -88,6 +90,8 @@ class Plan:
             columns |= dict.fromkeys(label_names(self.labels), pa.list_(pa.float32()))
         if self.corrected:
             columns |= {"intervention": pa.bool_(), "expert_action": pa.list_(pa.float32())}
+        if self.eventful:
+            columns |= {"event_kind": pa.string(), "event_active": pa.bool_(), "pair": pa.string()}
         columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
         for name in self.cameras.values():
             columns |= {
@@ -181,6 +185,10 @@ def episode_table(
             log.intervention,
             _lists(facts.written(np.array(log.expert_action), facts.representation)),
         )
+    if plan.eventful:
+        columns["event_kind"], active = event_columns(facts)
+        columns["event_active"] = active > 0
+        columns["pair"] = [facts.spec.pair] * frames
     columns["sim_step"] = derived.steps
     touched = (contact_flags(facts, body) for body in (facts.meta.target, facts.meta.manipulated))
     for name, value in zip(FLAGS, (*touched, derived.held), strict=True):

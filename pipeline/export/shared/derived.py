@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.episode.events import spans
 from pipeline.data.names import SIDES
 from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.motion.models import motion_from_json
@@ -17,6 +18,17 @@ def interception(facts: Facts) -> Interception:
     except ValueError as error:
         raise ExportError(f"{facts.source}: {error}") from error
     return Interception(facts.meta, facts.log, motion, facts.target)
+
+
+def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
+    """Kinds (T,) of the events that have happened and not ended at each frame, joined by +, and
+    whether there are any (T,)."""
+    active = [
+        (span.event.kind, span.holds(facts.log.times))
+        for span in spans(facts.meta.events, facts.log.events)
+    ]
+    kinds = ["+".join(kind for kind, holds in active if holds[t]) for t in range(len(facts))]
+    return kinds, np.array([kind != "" for kind in kinds], np.float32)
 
 
 def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:

@@ -135,6 +135,11 @@ class Facts:
         """Whether a policy acts before the expert does."""
         return self.log.intervention is not None
 
+    @property
+    def eventful(self) -> bool:
+        """Whether events were to happen, in either arm of a pair."""
+        return bool(self.meta.events)
+
 
 def described_action(facts: Facts) -> dict[str, Any]:
     """What a file states about its actions: nothing for joint targets."""
@@ -260,6 +265,7 @@ def same(first: Facts, facts: Facts) -> None:
             "joint names": one.log.vector_names,
             "failed": one.meta.failure is not None,
             "corrected": one.corrected,
+            "events": one.eventful,
             "target's angular velocity": one.spins,
         }
         for one in (first, facts)

@@ -49,7 +49,7 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
         "maximum_speed": meta.maximum_speed,
         "physics_id": meta.physics_id,
         "variant": meta.variant,
-        "split": split_of(meta.physics_id or spec.to_json(), validation),
+        "split": split_of(spec.pair or meta.physics_id or spec.to_json(), validation),
         "target": meta.target,
         "arms": "+".join(sorted(set(arms.values()))),
         "physics_key": meta.physics_key,

@@ -11,6 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
+from pipeline.motion.changed import Changed, changes_of
 from pipeline.motion.contract import (
     Features,
     Level,
@@ -141,6 +142,8 @@ def motion_from_json(text: str) -> TargetMotion:
     values: Any = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("this is not a target motion: it is no JSON object")
+    if changes := values.pop("changes", None):
+        return Changed(motion_from_json(json.dumps(values)), changes_of(changes))
     name = values.get("model", PLANAR)
     if name not in MODELS:
         raise UnknownMotion(

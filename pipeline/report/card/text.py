@@ -235,7 +235,8 @@ def _splits(seen: Sequence[Seen], validation: float) -> str:
         ["sentences in both", len(seen_sentences & unseen)],
     ]
     counts = Counter(
-        split_of(one.meta.physics_id or one.spec.to_json(), validation) for one in seen
+        split_of(one.spec.pair or one.meta.physics_id or one.spec.to_json(), validation)
+        for one in seen
     )
     shares = [[split, counts[split]] for split in ("train", "validation", "test")]
     percent = ", ".join(f"{100 * share:g}" for share in (1 - validation - TEST, validation))

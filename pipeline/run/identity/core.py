@@ -17,7 +17,7 @@ OF_DRAWING = ("stages/drawing", "world/drawing", "world/looks")
 CORE = (
     *("stages", "tasks", "expert", "planning", "motion", "world", "poses.py"),
     *("data/cameras.py", "data/clock.py", "data/setup/rules.py", "data/spec.py"),
-    "data/episode/state_log.py",
+    *("data/episode/events.py", "data/episode/state_log.py"),
 )
 NOT_CORE = (*REGISTERED, *LANGUAGE, *OF_DRAWING)
 PHYSICS_PACKAGES = ("manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")

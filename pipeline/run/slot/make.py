@@ -62,6 +62,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         contact=scene.rules.after_touch(task.category),
         layout=scene.rules.layout,
         drive=scene.rules.drive,
+        events=scene.events,
         **rollout.demonstrator.describe(),
         physics_hz=PHYSICS_HZ,
         step_limit=at_rate(task.step_limit, recipe.fps),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import Camera, View
+from pipeline.data.episode.events import DrawnEvent, Span, spans
 from pipeline.data.episode.file import Episode
 from pipeline.data.episode.meta import CameraInfo, Drawing
 from pipeline.data.episode.state_log import StateLog
@@ -39,7 +40,56 @@ def sensing_of(
     return sensors and Sensing(sensors, int(spec.rng(f"sensors/{variant}").integers(2**63)), fps)
 
 
+@dataclass(frozen=True)
+class Lapses:
+    """What events do to the images of `fps` frames a second: a light goes out, a camera freezes."""
+
+    spans: Sequence[Span]
+    fps: int
+
+    def apply(
+        self,
+        views: Sequence[View],
+        frames: Sequence[int],
+        again: Callable[[Sequence[int]], Sequence[View]],
+    ) -> None:
+        """Change the images of `frames`; `again` takes those of others."""
+        times = np.asarray(frames, float) / self.fps
+        for span in self.spans:
+            rows = np.flatnonzero(span.holds(times))
+            if span.event.kind == "light":
+                for view in (v for v in views if span.event.shows(v.camera.name)):
+                    view.rgb[rows] = _dimmed(view.rgb[rows], span.event.amount)
+            if span.event.kind == "freeze" and len(rows):
+                last = int(np.floor(span.start * self.fps + 1e-9))
+                for view, old in zip(views, again([last]), strict=True):
+                    if not span.event.shows(view.camera.name):
+                        continue
+                    for of in ("rgb", "depth", "segmentation"):
+                        if (images := getattr(view, of)) is not None:
+                            images[rows] = getattr(old, of)[0]
+
+
+def _dimmed(images: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:
+    """sRGB images with a share of their light."""
+    return np.rint(images * share ** (1 / 2.2)).clip(0, 255).astype(np.uint8)
+
+
 def photograph(
+    drawing: Renderer,
+    poses: Mapping[str, Floats],
+    frames: Sequence[int],
+    sensing: Sensing | None,
+    lapses: Lapses,
+    **wanted: bool,
+) -> list[View]:
+    """As `exposed`, with what events do to the images. `wanted`: depth, segmentation."""
+    views = exposed(drawing, poses, frames, sensing, **wanted)
+    lapses.apply(views, frames, lambda f: exposed(drawing, poses, f, sensing, **wanted))
+    return views
+
+
+def exposed(
     drawing: Renderer,
     poses: Mapping[str, Floats],
     frames: Sequence[int],
@@ -91,6 +141,7 @@ class Appearance:
     preset: str = "raster"
     sensing: Sensing | None = None
     images: Mapping[str, Rgba] = field(default_factory=dict)
+    events: tuple[DrawnEvent, ...] = ()
 
     def seen_by(self, *names: str) -> "Appearance":
         return replace(self, cameras=tuple(c for c in self.cameras if c.name in names))
@@ -146,7 +197,8 @@ def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
     sensing = sensing_of(scene.spec, setup.sensors, setup.fps)
     visuals = visuals_of(scene.spec, setup, frozen=scene.looks)
     images = images_of(visuals, setup)
-    return Appearance(bodies, robot.furniture, cameras, visuals, setup.render, sensing, images)
+    looks = visuals, setup.render, sensing, images
+    return Appearance(bodies, robot.furniture, cameras, *looks, scene.events)
 
 
 def with_setup(
@@ -219,7 +271,8 @@ def stored_appearance(
         for _, m in parts
         if (pixels := m.texture) is not None
     }
-    return Appearance(bodies, furniture, cameras, drawing.visuals, drawing.preset, sensing, images)
+    looks = drawing.visuals, drawing.preset, sensing, images
+    return Appearance(bodies, furniture, cameras, *looks, episode.meta.events)
 
 
 def renderer(appearance: Appearance) -> Renderer:
@@ -263,9 +316,16 @@ def capture(
     camera."""
     check_links(appearance.cameras, log.bodies)
     wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
+    lapses = Lapses(spans(appearance.events, log.events), setup.fps)
+    frames = frames or range(len(log))
     with renderer(appearance) as drawing:
         views = photograph(
-            drawing, body_poses(log), frames or range(len(log)), appearance.sensing, **wanted
+            drawing,
+            body_poses(log),
+            frames or range(len(log)),
+            appearance.sensing,
+            lapses,
+            **wanted,
         )
     if not setup.pointcloud:
         return Capture(views)

@@ -18,7 +18,7 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, Pose, compose, frame, inverse
 from pipeline.world.physics.arms import add_arm, to_sapien
-from pipeline.world.physics.body import TABLE_COLLISION, TABLE_TOP, Body
+from pipeline.world.physics.body import TABLE_COLLISION, TABLE_TOP, Body, colliders_of
 from pipeline.world.physics.contacts import Pair, touching_pairs
 from pipeline.world.robots.contract import (
     Embodiment,
@@ -61,6 +61,30 @@ def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
     entity.set_pose(to_sapien(pose))
     scene.add_entity(entity)
     return entity
+
+
+def add_solid(scene: sapien.Scene, prop: Prop) -> sapien.Entity:
+    """A prop as a kinematic body, which `move_solid` moves."""
+    component = PhysxRigidDynamicComponent()
+    material = PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
+    for piece in _pieces(colliders_of(prop), material, 1.0):
+        component.attach(piece)
+    component.set_kinematic(True)
+    entity = sapien.Entity()
+    entity.name = prop.name
+    entity.add_component(component)
+    entity.set_pose(to_sapien(prop.pose(0.0)))
+    scene.add_entity(entity)
+    return entity
+
+
+def move_solid(entity: sapien.Entity, to: Pose) -> None:
+    """Move a kinematic body in the next step; a long way at once, without pushing anything."""
+    body = rigid_of(entity)
+    if body is None or np.linalg.norm(to[:3] - as_pose(entity.pose)[:3]) > 0.05:
+        entity.set_pose(to_sapien(to))
+    else:
+        body.set_kinematic_target(to_sapien(to))
 
 
 def add_slide(
@@ -135,7 +159,8 @@ def as_pose(p: sapien.Pose) -> Pose:
 
 
 class PhysicsScene:
-    """Table, bodies and arms of one physics scene, and what is measured of them."""
+    """Table, bodies and arms of one physics scene, and what is measured of them. `scenery` stops
+    when the target is released, `props` do not."""
 
     def __init__(
         self,
@@ -143,8 +168,10 @@ class PhysicsScene:
         bodies: Sequence[Body],
         poses: Iterable[Pose],
         scenery: tuple[Prop, ...],
+        props: tuple[Prop, ...] = (),
     ) -> None:
-        self.embodiment, self.bodies, self.scenery = embodiment, tuple(bodies), scenery
+        self.embodiment, self.bodies = embodiment, tuple(bodies)
+        self.scenery, self._props = scenery, props
         self.steps, self._stood = 0, math.inf
         self._before: tuple[sapien.Pose, list[NDArray[np.float32]]] | None = None
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
@@ -154,6 +181,7 @@ class PhysicsScene:
             b.name: add_body(self._scene, b, pose)
             for b, pose in zip(self.bodies, poses, strict=True)
         }
+        self._solid = [(prop, add_solid(self._scene, prop)) for prop in props if prop.solid]
         self._rigid = {name: rigid_of(entity) for name, entity in self._entities.items()}
         by_name = {b.name: b for b in self.bodies}
         for b in self.bodies:
@@ -169,7 +197,8 @@ class PhysicsScene:
             side: next(x.entity for x in arm.robot.links if x.name == arms[side].hand)
             for side, arm in self._arms.items()
         }
-        self.names = (*by_name, *self._link_names, *(prop.name for prop in scenery), "table")
+        seen = (prop.name for prop in (*scenery, *props))
+        self.names = (*by_name, *self._link_names, *seen, "table")
         solids = [*map(physical, self._entities.values()), *self._side_of]
         self._index: dict[Any, int] = {component: i for i, component in enumerate(solids)}
         self._index[self._table] = len(self.names) - 1
@@ -190,6 +219,11 @@ class PhysicsScene:
             self._jaws.append((len(places), jaws, closed, opened - closed))
             places.append(0)
         self._vector_from = np.array(places)
+
+    @property
+    def grippers(self) -> tuple[int, ...]:
+        """The entries of the grippers in a command."""
+        return tuple(place for place, *_ in self._jaws)
 
     def home_vector(self) -> Floats:
         """The command with all arms at home and grippers open."""
@@ -220,6 +254,7 @@ class PhysicsScene:
         """World poses (B, 7) of all bodies, links, scenery and table, in the order of `names`."""
         rows = [entity.pose.__getstate__() for entity in self._posed]  # see _array
         rows += [prop.pose(min(self.time, self._stood)) for prop in self.scenery]
+        rows += [prop.pose(self.time) for prop in self._props]
         return np.array([*rows, (0.0, 0.0, TABLE_TOP, 1.0, 0.0, 0.0, 0.0)])
 
     def qpos(self) -> tuple[Floats, Floats]:

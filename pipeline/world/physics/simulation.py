@@ -2,7 +2,7 @@
 its own until it is touched. Equal commands give equal bytes."""
 
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import sapien
@@ -10,6 +10,8 @@ import sapien
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
+from pipeline.motion.changed import Change, changed
+from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import others_of
 from pipeline.poses import (
     Floats,
@@ -30,7 +32,8 @@ from pipeline.world.physics.contacts import (
     pushes,
 )
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold, ImperfectDrives
-from pipeline.world.physics.scene_building import PhysicsScene, as_pose
+from pipeline.world.physics.events import EventScript
+from pipeline.world.physics.scene_building import PhysicsScene, as_pose, move_solid
 from pipeline.world.robots.contract import Embodiment
 
 _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock starts
@@ -44,9 +47,9 @@ class Simulation(PhysicsScene):
     The target is kinematic on `motion` until its first impulse with a robot link or a free body;
     `after_touch` decides what follows, and `release` ends its motion at the latest. It is then
     dynamic with the velocity it had. Bodies that move beside it are released with it, or by a touch
-    of their own. `events` holds "meeting", "release" and the first "clutter_touched" of each body
-    of `clutter` by anything but the table and the clutter. `touched_by` and `touched_at` (step)
-    describe the meeting."""
+    of their own. A `script` lets events happen. `events` holds these, "meeting", "release" and the
+    first "clutter_touched" of each body of `clutter` by anything but the table and the clutter.
+    `touched_by` and `touched_at` (step) describe the meeting."""
 
     def __init__(
         self,
@@ -58,11 +61,13 @@ class Simulation(PhysicsScene):
         after_touch: AfterTouch = "stop",
         clutter: Collection[str] = (),
         imperfect: ImperfectDrives | None = None,
+        script: EventScript | None = None,
     ) -> None:
         self.target, self.motion, self._imperfect = target, motion, imperfect
-        self._after_touch, self._drive = after_touch, None
+        self._after_touch, self._drive, self.script = after_touch, None, script
         self._beside = dict(others_of(motion))
-        super().__init__(embodiment, bodies, self._first_poses(bodies), motion.scenery())
+        props = script.props if script else ()
+        super().__init__(embodiment, bodies, self._first_poses(bodies), motion.scenery(), props)
         self.settle_steps, self.events = 0, list[Event]()
         self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming_from, self._upcoming, self._waiting = 0, np.empty((0, 7)), False
@@ -105,9 +110,15 @@ class Simulation(PhysicsScene):
     def step(self, command: Floats, velocity: Floats) -> None:
         """Advance one physics step with drive targets `command` and `velocity` (vector layout;
         gripper entries 0-1 and 1/s)."""
+        if self.script is not None and not self._waiting:
+            self.script.before_step(self)
+        for prop, entity in self._solid:
+            move_solid(entity, np.asarray(prop.pose((self.steps + 1) / PHYSICS_HZ), float))
         first, (target, rate) = 0, (command, velocity)
         if self._imperfect is not None and not self._waiting:
             target, rate = self._imperfect.apply(command, velocity, self.time)
+        if self.script is not None:
+            target = self.script.commanded(target, self.time, self.grippers)
         for arm in self._arms.values():
             end = first + len(arm.joints) + 1
             arm.drive(target[first:end], rate[first:end])
@@ -143,6 +154,22 @@ class Simulation(PhysicsScene):
             self._upcoming_from, times = step, (step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ
             self._upcoming, self._twists = self.motion.pose(times), self.motion.twist(times)
         return self._upcoming[step - self._upcoming_from]
+
+    def change(self, change: Change) -> None:
+        """Change the target's own motion from now on, and the scenery with it."""
+        self.motion = changed(cast(TargetMotion, self.motion), change)
+        self.scenery, self._upcoming = self.motion.scenery(), self._upcoming[:0]
+
+    def shift(self, name: str, velocity: Floats) -> None:
+        """Move a body by a velocity (3,) m/s in the next step; a fixed one is put there."""
+        body, entity = self._rigid[name], self._entities[name]
+        if body is None:
+            to = self.pose(name)
+            to[:3] += velocity / PHYSICS_HZ
+            entity.set_pose(to_sapien(to))
+        else:
+            body.set_linear_velocity(velocity.astype(np.float32))
+            body.wake_up()
 
     def settle(self) -> bool:
         """Let free bodies come to rest before the clock starts, in 12 to 240 steps; returns whether

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.actions import JOINTS, Representation
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
-from pipeline.export.shared.derived import contact_flags, trace_of
+from pipeline.export.shared.derived import contact_flags, event_columns, trace_of
 from pipeline.export.shared.episodes import FAILURES, PAD, Facts
 from pipeline.export.shared.labels import label_names, label_values
 from pipeline.export.shared.provenance import SCALAR_TYPES
@@ -24,8 +24,9 @@ from pipeline.motion.paths import path_ahead
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-TEXT_FEATURES = ("subtask", "skill", "stage")
-"""One text a frame: script.Script has them."""
+EVENT = "event.kind"
+TEXT_FEATURES = ("subtask", "skill", "stage", EVENT)
+"""One text a frame: script.Script has the first three, EVENT is there if events are."""
 
 CLOCK_FEATURES = {
     "timestamp": "float32",
@@ -48,7 +49,11 @@ def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[st
         shape = {"shape": [*facts.size, 3], "names": ["height", "width", "channels"]}
         video = {"dtype": "video", **shape, "info": _video_info(facts, codec)}
         features[image_key(names[camera])] = video
-    features |= {name: {"dtype": "string", "shape": [1], "names": [name]} for name in TEXT_FEATURES}
+    features |= {
+        name: {"dtype": "string", "shape": [1], "names": [name]}
+        for name in TEXT_FEATURES
+        if facts.eventful or name != EVENT
+    }
     return features | {
         name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()
     }
@@ -100,6 +105,7 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
             for camera in facts.cameras
         },
         **({"intervention": ["expert"], "expert_action": actions} if facts.corrected else {}),
+        **({"event.active": ["any"]} if facts.eventful else {}),
         **label_names(facts.labels, "."),
     }
 
@@ -172,7 +178,12 @@ def data_columns(
         }
     vectors |= label_values(facts, facts.labels, ".")
     script = script_of(facts)
-    texts = {name: np.array(getattr(script, name), object) for name in TEXT_FEATURES}
+    texts = {
+        name: np.array(getattr(script, name), object) for name in TEXT_FEATURES if name != EVENT
+    }
+    if facts.eventful:
+        kinds, vectors["event.active"] = event_columns(facts)
+        texts[EVENT] = np.array(kinds, object)
     numbers = {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()}
     clock = {
         "timestamp": (np.arange(length) / facts.fps).astype(np.float32),

@@ -1,0 +1,226 @@
+"""Events of an episode: what happens, when, and what a file states of it. World and cameras act on
+them (world/physics/events.py, stages/drawing/render.py)."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+
+from pipeline.data.episode.state_log import Event
+from pipeline.data.names import CAMERAS
+
+EventKind = Literal[
+    "stop",
+    "reverse",
+    "speed",
+    "push",
+    "second",
+    "goal",
+    "occluder",
+    "light",
+    "freeze",
+    "slip",
+    "latency",
+]
+Phase = Literal["approach", "near", "after"]
+Trigger = Literal["time", "share", "distance", "phase", "meeting", "after"]
+
+NEAR = 0.15
+"""Distance (m) of a tool from the target at which the phase `near` begins."""
+
+FIRED, ENDED, WITHHELD = "event", "event_end", "event_withheld"
+"""Names in a state log (`by` is the event's) of what happens, ends, or would have happened."""
+
+AMOUNTS = {
+    "speed": 2.0,
+    "push": 0.3,
+    "second": 0.15,
+    "goal": 0.06,
+    "occluder": 0.12,
+    "light": 0.15,
+    "latency": 0.3,
+}
+"""By kind, if nothing is said: factor; m/s; m/s; m; m that are covered around the target; share of
+the light that stays; s."""
+
+LASTING = {"slip": 0.2}
+"""Seconds of a kind that ends by itself, if nothing is said."""
+
+CHANGES = ("stop", "reverse", "speed", "push")
+"""Kinds that change the motion of the target."""
+
+_Seconds = Annotated[float, Field(ge=0, le=60)]
+_Drawn = Annotated[tuple[float, float], Field(min_length=2, max_length=2)]
+_SHORT = re.compile(
+    r"(?P<kind>[a-z]+)(@((?P<trigger>[a-z]+)(=(?P<named>[\d.]+))?|(?P<time>[\d.]+)))?"
+)
+_TRIGGERS = ("time", "share", "distance", "phase", "meeting", "after")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class When(_Strict):
+    """When an event happens: at a `time` (s), a `share` of the time until the planned meeting, a
+    `distance` (m) of a tool from the target, at the begin of a `phase`, or so many s after the
+    `meeting` or `after` the event before. A pair of numbers is a range to draw from."""
+
+    time: _Seconds | _Drawn | None = None
+    share: Annotated[float, Field(ge=0, le=10)] | _Drawn | None = None
+    distance: Annotated[float, Field(gt=0, le=2)] | _Drawn | None = None
+    phase: Phase | None = None
+    meeting: _Seconds | _Drawn | None = None
+    after: _Seconds | _Drawn | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, value: Any) -> Any:
+        """ "meeting" stands for {meeting: 0}."""
+        return {"meeting": 0.0} if value == "meeting" else value
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if sum(getattr(self, name) is not None for name in _TRIGGERS) != 1:
+            raise ValueError(f"when: give one of {', '.join(_TRIGGERS)}")
+        for name in _TRIGGERS:
+            value = getattr(self, name)
+            if isinstance(value, tuple) and not 0 <= value[0] <= value[1] <= 60:
+                raise ValueError(f"when: {name} is not a range such as [0.5, 1.0]")
+        return self
+
+    @property
+    def trigger(self) -> Trigger:
+        return next(name for name in _TRIGGERS if getattr(self, name) is not None)
+
+
+class EventSpec(_Strict):
+    """An event of a recipe or of an evaluation; of several kinds one is drawn. `lasts` (s) ends it,
+    None never; `amount` is in the unit of its kind (AMOUNTS); `cameras` are those that freeze or
+    darken, all if none is named."""
+
+    kind: EventKind | Annotated[tuple[EventKind, ...], Field(min_length=1)]
+    when: When = When(share=0.6)
+    lasts: _Seconds | _Drawn | None = None
+    amount: Annotated[float, Field(ge=0, le=100)] | _Drawn | None = None
+    cameras: tuple[str, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, value: Any) -> Any:
+        """ "stop@0.8", "stop@share=0.6", "stop@meeting" and "stop@near" in one word."""
+        if not isinstance(value, str):
+            return value
+        if not (found := _SHORT.fullmatch(value)):
+            raise ValueError("is not written as KIND@WHEN, such as stop@0.8 or stop@share=0.6")
+        trigger, number = found["trigger"], found["named"]
+        if found["time"]:
+            when: Any = {"time": float(found["time"])}
+        elif trigger and number:
+            when = {trigger: float(number)}
+        elif trigger:
+            when = "meeting" if trigger == "meeting" else {"phase": trigger}
+        else:
+            return {"kind": found["kind"]}
+        return {"kind": found["kind"], "when": when}
+
+    @field_validator("cameras")
+    @classmethod
+    def _full_names(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(CAMERAS.get(name, name) for name in value)
+
+    @property
+    def label(self) -> str:
+        """One word for tables and paths."""
+        value = getattr(self.when, self.when.trigger)
+        number = "-".join(f"{v:g}" for v in value) if isinstance(value, tuple) else value
+        kind = self.kind if isinstance(self.kind, str) else "-".join(self.kind)
+        return f"{kind}@{self.when.trigger}{number}"
+
+
+Events = Annotated[
+    tuple[EventSpec, ...],
+    BeforeValidator(lambda value: [value] if isinstance(value, str | Mapping) else value),
+]
+"""Events of a setup; one may stand for a list of it."""
+
+
+class DrawnEvent(_Strict):
+    """An event of one episode, all its numbers drawn: it happens when its `trigger` reaches `value`
+    (a phase by its name), ends `lasts` s later, never for None; `turn` (rad) is its direction."""
+
+    name: str
+    kind: EventKind
+    trigger: Trigger
+    value: float | str
+    lasts: float | None = None
+    amount: float = 0.0
+    turn: float = 0.0
+    cameras: tuple[str, ...] = ()
+
+    def shows(self, camera: str) -> bool:
+        """Whether it changes the images of a camera, given by its name in a file."""
+        return not self.cameras or camera in self.cameras
+
+
+def draw_events(
+    specs: Sequence[EventSpec], rng: np.random.Generator, kinds: np.random.Generator
+) -> tuple[DrawnEvent, ...]:
+    """The events of an episode from two random streams, of their numbers and of their `kinds`.
+    Every event takes as many draws, whatever its kind; a second one of a kind is named with its
+    number."""
+    seen, drawn = Counter[str](), list[DrawnEvent]()
+    for spec in specs:
+        choice = (spec.kind,) if isinstance(spec.kind, str) else spec.kind
+        kind = choice[int(kinds.random() * len(choice))]
+        seen[kind] += 1
+        numbers = rng.random(4)
+        name = kind if seen[kind] == 1 else f"{kind}{seen[kind]}"
+        value = getattr(spec.when, spec.when.trigger)
+        lasts = LASTING.get(kind) if spec.lasts is None else _number(spec.lasts, numbers[1])
+        amount = AMOUNTS.get(kind, 0.0) if spec.amount is None else spec.amount
+        drawn.append(
+            DrawnEvent(
+                name=name,
+                kind=kind,
+                trigger=spec.when.trigger,
+                value=value if isinstance(value, str) else _number(value, numbers[0]),
+                lasts=lasts,
+                amount=_number(amount, numbers[2]),
+                turn=float(2 * np.pi * numbers[3]),
+                cameras=spec.cameras,
+            )
+        )
+    return tuple(drawn)
+
+
+def _number(value: float | tuple[float, float], share: float) -> float:
+    low, high = value if isinstance(value, tuple) else (value, value)
+    return float(low + share * (high - low))
+
+
+class Span(NamedTuple):
+    """An event that happened, from its `start` to its `end` (s), inf for none."""
+
+    event: DrawnEvent
+    start: float
+    end: float
+
+    def holds(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """At which times (T,) it has happened and not ended; a frame at its start is before it."""
+        return (times > self.start + 1e-9) & (times <= self.end + 1e-9)
+
+
+def spans(drawn: Sequence[DrawnEvent], log: Sequence[Event]) -> list[Span]:
+    """The events of `drawn` that a log says happened, in the order of their names in it."""
+    starts = {event.by: event.time for event in log if event.name == FIRED}
+    ends = {event.by: event.time for event in log if event.name == ENDED}
+    return [
+        Span(event, starts[event.name], ends.get(event.name, np.inf))
+        for event in drawn
+        if event.name in starts
+    ]
