@@ -89,8 +89,8 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """As `play_arm`; a paired job's row has the numbers of the arm without events in `control`, and
-    in `same_prefix` whether both arms were the same until the first event."""
+    """As `play_arm`. The row of a paired job has the numbers of the arm without events in `control`;
+    `same_prefix` says whether both arms were the same until the first event."""
     if not job.paired:
         return play_arm(job)
     tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)
@@ -195,8 +195,8 @@ Answer = tuple[NDArray[np.float64], float]
 
 @dataclass(eq=False)
 class Asking:
-    """How a policy is asked: what it sees through, and the `tape` of the answers of the arm without
-    events, which is filled by it, and read by the other arm."""
+    """How a policy is asked, and what it sees through. The arm without events fills the `tape` with
+    answers, which the other arm reads."""
 
     eyes: Eyes | None
     policy: AskedPolicy

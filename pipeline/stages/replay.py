@@ -24,8 +24,8 @@ REPLAY, REACT = "replay", "react"
 
 @dataclass(eq=False)
 class Replay:
-    """The accepted rollout: its state log (events included), the physics steps it took, and the
-    motion of the target as events have changed it, None for the one that was drawn."""
+    """The accepted rollout: its state log (events included) and the physics steps it took. `motion`
+    is that of the target as events have changed it, None for the one that was drawn."""
 
     log: StateLog
     steps: int
