@@ -89,7 +89,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """As `play_arm`. The row of a paired job has the numbers of the arm without events in `control`;
+    """As `play_arm`. The row of a paired job has those of the arm without events in `control`, and
     `same_prefix` says whether both arms were the same until the first event."""
     if not job.paired:
         return play_arm(job)
