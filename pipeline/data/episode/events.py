@@ -67,8 +67,8 @@ class _Strict(BaseModel):
 
 class When(_Strict):
     """When an event happens: at a `time` (s), or a `share` of the time until the planned meeting.
-    Or at a `distance` (m) of a tool from the target, or at the begin of a `phase`. Or so many s after
-    the `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
+    Or at a `distance` (m) of a tool from the target, or at the begin of a `phase`. Or so many s
+    after the `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
 
     time: _Seconds | _Drawn | None = None
     share: Annotated[float, Field(ge=0, le=10)] | _Drawn | None = None
