@@ -1,6 +1,6 @@
 """Long tables of pages as CSV: `python -m benchmarks.long_tables PAGE.md ...`.
 
-The first ten rows of each and its sums stay; all rows go into `tables` beside the page.
+The first rows of each and its sums stay; all rows go into `tables` beside the page.
 """
 
 import argparse
@@ -8,9 +8,10 @@ import csv
 import io
 import re
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 
-LONGEST, SHOWN = 14, 10  # rows of a table that stays whole, and of the head of a longer one
+LONGEST, SHOWN = 6, 3  # rows of a table that stays whole, and of the head of a longer one
 TABLE = re.compile(r"^\|.*\n\|[-:| ]+\|\n(?:\|.*(?:\n|\Z))+", re.MULTILINE)
 SUMMARY = re.compile(r"\| (\*\*|level |all |95 % |slots |original)")  # a row that stays
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
@@ -18,7 +19,7 @@ HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 def shortened(text: str, stem: str) -> tuple[str, Mapping[str, str]]:
     """A page's text with the heads of its long tables, and the CSV files by name."""
-    files = dict[str, str]()
+    files, linked = dict[str, str](), set(re.findall(r"\(tables/(\w+\.csv)\)", text))
 
     def head(match: re.Match[str]) -> str:
         lines = match[0].rstrip("\n").splitlines()
@@ -27,8 +28,8 @@ def shortened(text: str, stem: str) -> tuple[str, Mapping[str, str]]:
             return match[0]
         headings = HEADING.findall(text, 0, match.start())
         base = f"{stem}_{slug(headings[-1] if headings else stem)}"
-        earlier = sum(name.startswith(base) for name in files)
-        name = f"{base}_{earlier + 1}" if earlier else base
+        free = (f"{base}_{k}" if k > 1 else base for k in count(1))
+        name = next(name for name in free if f"{name}.csv" not in files.keys() | linked)
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows(rows)
         files[f"{name}.csv"] = out.getvalue()
