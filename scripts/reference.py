@@ -5,7 +5,9 @@ A page marks where a table goes by a line `<!-- generated: NAME -->`; it ends at
 -->`.
 """
 
+import csv
 import inspect
+import io
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from benchmarks.long_tables import cells
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.expert import scripts, skills
 from pipeline.expert.candidates import GraspOptions
@@ -24,13 +27,15 @@ from pipeline.tasks.contract import Draw, Placement, Region, Task
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
 
+CSV = Path(__file__).parents[1] / "docs" / "measurements" / "tables"
+
 
 def with_tables(page: str) -> str:
     """The text of a page with every table as it follows from the code now. Raises KeyError for a
     table that does not exist."""
 
     def again(found: re.Match[str]) -> str:
-        return f"{found[1]}{TABLES[found[2]]()}\n{found[3]}"
+        return f"{found[1]}{shown(found[2])}\n{found[3]}"
 
     return re.sub(
         r"(^<!-- generated: (\w+) -->\n).*?(^<!-- end -->$)",
@@ -38,6 +43,25 @@ def with_tables(page: str) -> str:
         page,
         flags=re.MULTILINE | re.DOTALL,
     )
+
+
+def shown(name: str) -> str:
+    """A table as its page has it: of a LONG one the first rows."""
+    table = TABLES[name]()
+    if name not in LONG:
+        return table
+    head, count = table.splitlines()[: 2 + SHOWN], len(table.splitlines()) - 2
+    note = f"The first {SHOWN} of {count} rows: [all](measurements/tables/{name}.csv)."
+    return "\n".join([*head, "", note])
+
+
+def as_csv(name: str) -> str:
+    """All rows of a table as CSV, code and escapes as plain text."""
+    lines = [line for line in TABLES[name]().splitlines() if not line.startswith("|---")]
+    out = io.StringIO()
+    plain_rows = ([c.replace("`", "").replace("\\|", "|") for c in cells(line)] for line in lines)
+    csv.writer(out, lineterminator="\n").writerows(plain_rows)
+    return out.getvalue()
 
 
 def rows(headers: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
@@ -215,6 +239,10 @@ def _describe_values(schema: Mapping[str, Any]) -> str:
     )
 
 
+SHOWN = 5
+LONG = ("outcome_questions", "reasons", "families")
+"""Tables of which a page has the first SHOWN rows, and docs/measurements/tables all."""
+
 MAKERS = (
     skill_functions,
     outcome_questions,
@@ -229,6 +257,8 @@ TABLES: dict[str, Callable[[], str]] = {make.__name__: make for make in MAKERS}
 
 def main(paths: Sequence[str]) -> None:
     """Update the generated tables of these pages."""
+    for name in LONG:
+        (CSV / f"{name}.csv").write_text(as_csv(name))
     for path in map(Path, paths):
         path.write_text(with_tables(path.read_text()))
 

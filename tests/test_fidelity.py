@@ -48,11 +48,14 @@ def test_the_page_is_up_to_date():
 
 def test_every_task_is_there():
     assert set(original()) == set(PAPER)
-    tables = sorted((PAGE.parent / "tables").glob("fidelity_*.csv"))
-    assert len(tables) == 5
-    for table in tables:
+    full = 0
+    for table in (PAGE.parent / "tables").glob("fidelity_*.csv"):
         with table.open() as file:
-            assert [row[0] for row in csv.reader(file)][1:] == list(PAPER), table.name
+            header, *rows = csv.reader(file)
+        if header[0] == "task":
+            full += 1
+            assert [row[0] for row in rows] == list(PAPER), table.name
+    assert full == 5
 
 
 def test_regions_that_differ_have_a_reason_and_no_other_does():
