@@ -77,7 +77,7 @@ def verify(
     Raises DatasetError if there is no dataset, and if making episodes again would run a policy that
     its recipe names (`corrections`), unless `trust`.
     """
-    from pipeline.run.verify import verify as run_verify
+    from pipeline.run.checks.verify import verify as run_verify
 
     return run_verify(open_dataset(dataset), _crew(workers), again=again, trust=trust)
 

@@ -17,8 +17,7 @@ from pipeline.crew.contract import SINGLE_THREAD
 for _name, _value in SINGLE_THREAD.items():
     os.environ.setdefault(_name, _value)
 
-from pipeline.commands.command import Verb, run_app
-from pipeline.commands.lazy import LazyGroup
+from pipeline.commands.command import LazyGroup, Verb, run_app
 
 ANNOUNCED = "domino_data.commands"
 """Entry points that name functions, each a command of its own."""
@@ -26,7 +25,7 @@ ANNOUNCED = "domino_data.commands"
 MODULES = {
     "demo": ("demo",),
     "build": ("build", "plan", "render"),
-    "inspect": ("status", "verify", "doctor"),
+    "inspect": ("status", "verify", "doctor", "diff", "merge", "gc"),
     "view": ("view",),
     "export": ("export", "publish"),
     "annotate": ("annotate",),
@@ -34,7 +33,6 @@ MODULES = {
     "freeze": ("freeze",),
     "compare": ("compare", "check_result", "results", "paper_table"),
     "serve": ("serve_policy",),
-    "manage": ("diff", "merge", "gc"),
     "stores": ("pull", "push"),
     "catalogue": (
         "tasks",

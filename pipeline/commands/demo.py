@@ -31,7 +31,7 @@ def demo(
     from pipeline.data.recipe.model import parse_recipe
     from pipeline.report.viewer import write_viewer
     from pipeline.run.build import build
-    from pipeline.run.doctor import DRIVER
+    from pipeline.run.checks.doctor import DRIVER
     from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 
     try:

@@ -18,15 +18,13 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.records import SlotRecord
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
+from pipeline.run.beside.early_stop import stopped_cells
+from pipeline.run.beside.watch import BuildWatch, watching
 from pipeline.run.drawing import draw_variants
-from pipeline.run.early_stop import stopped_cells
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.provenance import provenance
-from pipeline.run.slot.demonstrator import demonstrator_of
-from pipeline.run.slot.fill import FillJob, slot_jobs, slot_worker
-from pipeline.run.slot.node_check import NodeCheck
+from pipeline.run.slot.fill import FillJob, NodeCheck, demonstrator_of, slot_jobs, slot_worker
 from pipeline.run.state import SlotState, missing
-from pipeline.run.watch import BuildWatch, watching
 from pipeline.world.drawing.vulkan import ensure_renderer
 
 ATTEMPT_SECONDS = 600.0

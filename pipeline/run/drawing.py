@@ -15,7 +15,7 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.records import SlotRecord
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.node_check import NodeCheck
+from pipeline.run.slot.fill import NodeCheck
 from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
 
 

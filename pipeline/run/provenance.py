@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup.brought import Brought
-from pipeline.run.doctor import installed_version
+from pipeline.run.checks.doctor import installed_version
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.objects.contract import FAMILIES, directory_of
 from pipeline.world.robots.pairs import MODELS

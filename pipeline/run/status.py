@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import pairs_in
 from pipeline.data.slots.files import Listing, Rows
-from pipeline.run.early_stop import stopped_cells
+from pipeline.run.beside.early_stop import stopped_cells
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import redo_rows, redone
 from pipeline.stages.reasons import reasons_in

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.run.doctor import CheckResult
+from pipeline.run.checks.doctor import CheckResult
 
 GOOD = CheckResult("python", "PASS", "Python 3.12.1")
 WEAK = CheckResult("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")
@@ -17,7 +17,7 @@ BAD = CheckResult("vulkan", "FAIL", "no device", "make setup")
     ("results", "code"), [((GOOD,), 0), ((GOOD, WEAK), 0), ((GOOD, WEAK, BAD), 1)]
 )
 def test_only_what_keeps_from_building_is_an_exit_code(monkeypatch, results, code):
-    monkeypatch.setattr("pipeline.run.doctor.diagnose", lambda place: iter(results))
+    monkeypatch.setattr("pipeline.run.checks.doctor.diagnose", lambda place: iter(results))
     text = CliRunner().invoke(app, ["doctor"])
     assert text.exit_code == code and "examining" in text.stderr
     for result in results:

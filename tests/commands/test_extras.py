@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from pipeline.commands.command import run_app
-from pipeline.commands.extras import EXTRAS, describe_missing
+from pipeline.commands.command import EXTRAS, describe_missing, run_app
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 

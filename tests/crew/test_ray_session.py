@@ -15,7 +15,7 @@ import pytest
 
 from pipeline.crew.contract import Crew
 from pipeline.crew.ray_session import session
-from pipeline.run.doctor import RAY, judge_ray
+from pipeline.run.checks.doctor import RAY, judge_ray
 from tests.run.processes import below, listening, of_session, title, wait_for, workers
 
 ROOT = Path(__file__).parents[2]

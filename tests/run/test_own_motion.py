@@ -14,9 +14,9 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS, motion_from_json, register
 from pipeline.report.viewer import write_viewer
+from pipeline.run.checks.regenerate import regenerate
 from pipeline.run.export import Request, export
 from pipeline.run.names import recipe_from
-from pipeline.run.regenerate import regenerate
 from pipeline.run.status import status
 from tests.motion.sway import SwayModel
 

@@ -25,11 +25,11 @@ from pipeline.data.keys import SEAL, file_hash, seal_yaml
 from pipeline.data.setup.brought import _held_textures
 from pipeline.run import drawing
 from pipeline.run.build import build
+from pipeline.run.checks.verify import verify
 from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.status import status
-from pipeline.run.verify import verify
 from pipeline.stages.drawing.redraw import facing
 from tests.export.running import run as run_export
 from tests.recording import record_all

@@ -18,17 +18,18 @@ from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.files import remove_given_up, write_given_up
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
+from pipeline.data.store.place import place_of
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
-from pipeline.run.slot.demonstrator import demonstrator_of
 from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
-from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
-from pipeline.run.slot.send import send_slot
+from pipeline.run.slot.make import draw, episode_of, read_facts, renew, send_slot, write
 from pipeline.run.slot.worker_log import worker_log
 from pipeline.run.state import IMAGES, SENTENCES, SlotState
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
+from pipeline.stages.replay import Demonstrator, expert_of
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 RENEWAL = -1
 """Stands for the number of an attempt when only images or sentences are made."""
@@ -71,6 +72,38 @@ class FillJob:
                 raise CrewError(f"{self.slot.path}: workers die of it before they try any seed")
             attempt = untried[0]
         return replace(self, lost=(*self.lost, LostAttempt(attempt, died.reason, died.seconds)))
+
+
+@dataclass(frozen=True)
+class NodeCheck:
+    """A check of a worker's machine: whether it reaches the dataset, and runs this code version."""
+
+    root: str
+    code: str
+
+    def __call__(self) -> dict[str, str]:
+        """What must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        manifest = Dataset(Path(self.root)).manifest
+        place = place_of(manifest)
+        if not (place.store.read(place.name(manifest)) if place else manifest.exists()):
+            raise DatasetError(
+                f"{self.root} is not there: --out must be where all nodes of the cluster reach it"
+            )
+        if code_version() != self.code:
+            raise DatasetError(
+                f"runs code {code_version()}, the driver {self.code}: install the same version on"
+                " all nodes"
+            )
+        return {"renderer": ensure_renderer()}
+
+
+def demonstrator_of(recipe: Recipe) -> Demonstrator:
+    """The recipe's expert, or a policy that the expert corrects."""
+    if recipe.corrections is None:
+        return expert_of(recipe)
+    from pipeline.evaluate.correct import Correction  # policies take a second to import
+
+    return Correction(recipe)
 
 
 def slot_jobs(dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState]) -> deque[FillJob]:

@@ -20,8 +20,10 @@ from pipeline.data.keys import SlotKeys, file_hash
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
+from pipeline.data.store.place import place_of
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, physics_arrays
+from pipeline.report.page import failed_folder
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.drawing.render import Appearance, appearance_of, capture, keep
 from pipeline.stages.drawing.tracks import track_arrays
@@ -198,3 +200,22 @@ def renew(
     episode = replace(old, instructions=spoken, meta=meta, attempts=tried)
     sha = write(dataset.episode(slot), episode, images, phases)
     return replace(old_entry, keys=keys, sha256=sha, file=read_facts(dataset, slot))
+
+
+def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> None:
+    """Put a slot's files to the store, if any: first what they were drawn from. The episode does
+    not stay here. Raises StoreError."""
+    place = place_of(dataset.root)
+    if place is None:
+        return
+    assets, path = AssetStore(dataset.bodies), dataset.episode(slot)
+    kept = [dataset.failure(slot, row["attempt"]) for row in record.attempts if row.get("kept")]
+    drawn = assets.root.glob("*/*.npz") if kept else map(assets.path, record.file.assets)
+    place.put(path for path in drawn if path.exists())  # another worker may have put it
+    failed = failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg")
+    place.put(path for path in (*kept, *failed, dataset.log(slot)) if path.exists())
+    if record.accepted:
+        place.put([path])
+        path.unlink()
+    else:
+        place.delete([path])

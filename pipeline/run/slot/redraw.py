@@ -18,8 +18,7 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.make import images_of, read_facts, write
-from pipeline.run.slot.send import send_slot
+from pipeline.run.slot.make import images_of, read_facts, send_slot, write
 from pipeline.stages.attempt import Phases
 from pipeline.stages.drawing.render import (
     SURFACE,

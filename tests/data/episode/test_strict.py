@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.slots.annotations import CorruptAnnotation, read_entry
-from pipeline.run.file_checks import FileJob, judge
+from pipeline.run.checks.file_checks import FileJob, judge
 from tests.synthetic import make_episode
 
 SECRET = b"canary, not of this file"

@@ -9,8 +9,8 @@ from pipeline.data.process.machine import CACHE
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.store.files import Store
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.slot import node_check
-from pipeline.run.slot.node_check import NodeCheck
+from pipeline.run.slot import fill
+from pipeline.run.slot.fill import NodeCheck
 from pipeline.world.drawing.vulkan import NoRenderer
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
@@ -19,7 +19,7 @@ RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
 @pytest.fixture(autouse=True)
 def renderer(monkeypatch):
     """A machine with a renderer, which is not started here."""
-    monkeypatch.setattr(node_check, "ensure_renderer", lambda: "a renderer, 1.0")
+    monkeypatch.setattr(fill, "ensure_renderer", lambda: "a renderer, 1.0")
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_a_machine_without_a_renderer_is_refused(root, monkeypatch):
     def none():
         raise NoRenderer("no Vulkan driver")
 
-    monkeypatch.setattr(node_check, "ensure_renderer", none)
+    monkeypatch.setattr(fill, "ensure_renderer", none)
     with pytest.raises(NoRenderer, match="no Vulkan driver"):
         NodeCheck(str(root), code_version())()
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Cell, Floor, RecipeError, Slot, parse_recipe
-from pipeline.run.early_stop import EarlyStop, judge, stopped_cells
+from pipeline.run.beside.early_stop import EarlyStop, judge, stopped_cells
 from pipeline.run.slot.fill import FillJob
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.recording import finish

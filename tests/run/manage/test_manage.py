@@ -12,9 +12,9 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.intact import intact_failures, named_slot
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.run.diff import diff
-from pipeline.run.gc import collect
-from pipeline.run.merge import merge
+from pipeline.run.manage.diff import diff
+from pipeline.run.manage.gc import collect
+from pipeline.run.manage.merge import merge
 from tests.recording import record_file
 from tests.run.command import inside
 from tests.synthetic import make_episode

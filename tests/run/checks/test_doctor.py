@@ -4,8 +4,8 @@ from collections import namedtuple
 
 import pytest
 
-from pipeline.run import doctor
-from pipeline.run.doctor import attempt, judge_frame, judge_ray, judge_video
+from pipeline.run.checks import doctor
+from pipeline.run.checks.doctor import attempt, judge_frame, judge_ray, judge_video
 
 DRAWN = {"device": "NVIDIA L4", "seconds": 0.5, "spread": 40.0}
 Usage = namedtuple("Usage", "total used free")

@@ -15,8 +15,8 @@ from pipeline.data.episode.hdf5 import content_hashes
 from pipeline.data.keys import canonical
 from pipeline.run.annotate import annotate
 from pipeline.run.build import build
+from pipeline.run.checks.verify import verify
 from pipeline.run.identity import code, core
-from pipeline.run.verify import verify
 from tests.run.command import inside
 from tests.synthetic import make_episode
 

@@ -14,8 +14,8 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.slots.records import SlotRecord
 from pipeline.data.store.place import with_urls
 from pipeline.planning.warm import warm_up
+from pipeline.run.beside.early_stop import EarlyStop
 from pipeline.run.compile_ahead import compiling_ahead, is_compiled
-from pipeline.run.early_stop import EarlyStop
 from pipeline.run.plan import cost_of
 from pipeline.run.slot.fill import FillJob
 

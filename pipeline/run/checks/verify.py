@@ -20,9 +20,9 @@ from pipeline.data.intact import kept_failures, named_slot
 from pipeline.data.reading import printable
 from pipeline.data.slots.files import EPISODE
 from pipeline.data.store.place import place_of
-from pipeline.run.file_checks import AGAIN, FileJob, judge
+from pipeline.run.checks.file_checks import AGAIN, FileJob, judge
+from pipeline.run.checks.regenerate import is_image, other_device, regenerate
 from pipeline.run.names import check_trust
-from pipeline.run.regenerate import is_image, other_device, regenerate
 from pipeline.run.state import DONE, OPEN, states
 
 # what one file, or all attempts at a slot, may take before the worker counts as hung

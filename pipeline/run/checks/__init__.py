@@ -1,0 +1,1 @@
+"""Whether a dataset and a machine are sound."""

@@ -1,0 +1,1 @@
+"""Datasets joined, compared and cleaned."""
