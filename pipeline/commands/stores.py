@@ -13,7 +13,7 @@ from pipeline.commands.common import AsJson, UsageError, at_terminal, print_resu
 from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_tree
 from pipeline.data.store import place
-from pipeline.data.store.place import url_of
+from pipeline.data.store.files import url_of
 
 READS, DRAWN, WHOLE = (place.SMALL, False), (place.ALL, False), (place.ALL, True)
 MADE = (place.REPORT, True)

@@ -279,16 +279,10 @@ def _unit(values: NDArray[Any]) -> Floats:
 def _quaternions(m: NDArray[Any]) -> Floats:
     """Quaternions wxyz (...,4), w >= 0, of rotation matrices (...,3,3), by Shepperd's method."""
     a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    x, y, z = (
-        m[..., 2, 1] - m[..., 1, 2],
-        m[..., 0, 2] - m[..., 2, 0],
-        m[..., 1, 0] - m[..., 0, 1],
-    )
-    xy, yz, zx = (
-        m[..., 0, 1] + m[..., 1, 0],
-        m[..., 1, 2] + m[..., 2, 1],
-        m[..., 2, 0] + m[..., 0, 2],
-    )
+    turned = np.swapaxes(m, -1, -2)
+    skew, even = m - turned, m + turned
+    x, y, z = skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]
+    xy, yz, zx = even[..., 0, 1], even[..., 1, 2], even[..., 2, 0]
     candidates = np.stack(
         [
             np.stack([1 + a + b + c, x, y, z], -1),

@@ -24,13 +24,7 @@ from pipeline.data.episode.hdf5 import (
 )
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, stated_size
 from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.episode.state_log import (
-    Event,
-    SkillRun,
-    StateLog,
-    Touch,
-    as_contacts,
-)
+from pipeline.data.episode.state_log import Event, SkillRun, StateLog, Touch, as_contacts
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
@@ -81,10 +75,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             schema = None
         if not isinstance(schema, np.integer) or schema != SCHEMA:
             self._file.close()
-            raise EpisodeError(
-                f"{self.path}: its schema is not {SCHEMA}; it was written by another version of"
-                " domino-data"
-            )
+            fix = "it was written by another version of domino-data"
+            raise EpisodeError(f"{self.path}: its schema is not {SCHEMA}; {fix}")
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
@@ -135,9 +127,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             raise EpisodeError(f"{self.path}: {key} is of another type or rank than an episode's")
         size = found.get_space().get_simple_extent_npoints() * found.get_type().get_size()
         if size > INFLATION * self._bytes:
-            raise EpisodeError(
-                f"{self.path}: {key} claims {size} bytes, more than the file can hold"
-            )
+            raise EpisodeError(f"{self.path}: {key} claims {size} bytes, more than the file holds")
         return found
 
     def _group(self, key: str) -> h5py.Group:
@@ -158,9 +148,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         with self._reading("observation cannot be read"):
             names = tuple(self._group("observation"))
         if wrong := [name for name in names if not is_name(name)]:
-            raise EpisodeError(
-                f"{self.path}: observation/{wrong[0][:LONGEST]} is not the name of a camera"
-            )
+            name = f"observation/{wrong[0][:LONGEST]}"
+            raise EpisodeError(f"{self.path}: {name} is not the name of a camera")
         return names
 
     @property
@@ -178,10 +167,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             return EpisodeMeta.model_validate_json(text)
         except ValidationError as error:
             first = error.errors()[0]
-            where = ".".join(map(str, first["loc"]))
-            raise EpisodeError(
-                f"{self.path}: its meta attribute cannot be used: {where}: {first['msg']}"
-            ) from error
+            what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+            raise EpisodeError(f"{self.path}: its meta attribute cannot be used: {what}") from error
 
     @property
     def fps(self) -> int:

@@ -23,17 +23,8 @@ MOST_SLOTS = 10_000_000
 SLOWEST = 1e-3  # m/s
 
 CHOOSING = (
-    "name",
-    "tasks",
-    "embodiments",
-    "levels",
-    "domains",
-    "alpha",
-    "episodes",
-    "total",
-    "variants",
-    "floor",
-    "assets",
+    *("name", "tasks", "embodiments", "levels", "domains", "alpha"),
+    *("episodes", "total", "variants", "floor", "assets"),
 )
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
@@ -140,13 +131,10 @@ class Recipe(Setup):
         """The label of the setup, followed by the expert unless it is the planned one."""
         if self.reactive is None:
             return super().label
-        corrected = (
-            f"-takeover-{self.takeover}-{digest([self.corrections.label])[:8]}"
-            if self.corrections
-            else ""
-        )
-        corrected += f"-{self.perturb}" if self.perturb else ""
-        return f"{super().label}-reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}{corrected}"  # noqa: E501
+        words = [super().label, f"reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}"]
+        if self.corrections:
+            words.append(f"takeover-{self.takeover}-{digest([self.corrections.label])[:8]}")
+        return "-".join([*words, *([self.perturb] if self.perturb else [])])
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", "paired", mode="before")
     @classmethod
@@ -164,14 +152,10 @@ class Recipe(Setup):
     def _apart(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         """Speeds that have directories of their own, and that are speeds."""
         if any(0 < alpha < SLOWEST for alpha in value):
-            raise ValueError(
-                f"holds a speed below {SLOWEST} m/s, which is no motion; level 0 is a target that"
-                " stands still"
-            )
+            fix = "level 0 is a target that stands still"
+            raise ValueError(f"holds a speed below {SLOWEST} m/s, which is no motion; {fix}")
         if len({f"{alpha:g}" for alpha in value}) < len(value):
-            raise ValueError(
-                "holds two speeds that are the same to six digits, which name directories"
-            )
+            raise ValueError("holds two speeds that are equal to six digits: they name directories")
         return value
 
     @field_validator("episodes", mode="before")
@@ -209,13 +193,9 @@ class Recipe(Setup):
 
     def counts(self) -> Mapping[Cell, int]:
         """Episodes wanted of every cell, in a fixed order: physics, each drawn `variants` times."""
-        of, lists = (
-            self.episodes,
-            (self.tasks, self.embodiments, self.levels, self.alpha, self.domains),
-        )
-        each = tuple(
-            (domain, of if isinstance(of, int) else of.get(domain, 0)) for domain in self.domains
-        )
+        of = self.episodes
+        lists = (self.tasks, self.embodiments, self.levels, self.alpha, self.domains)
+        each = tuple((d, of if isinstance(of, int) else of.get(d, 0)) for d in self.domains)
         return episodes_by_cell(Choice(*lists, each, self.total))
 
     def cells(self) -> list[Cell]:
@@ -225,14 +205,7 @@ class Recipe(Setup):
 
     def robots(self) -> list[str]:
         """The single robots of the embodiments, sorted: both of a mixed pair."""
-        return sorted(
-            {
-                name
-                for embodiment in self.embodiments
-                for name in embodiment.split("+")
-                if name != NONE
-            }
-        )
+        return sorted({name for pair in self.embodiments for name in pair.split("+")} - {NONE})
 
     def wanted(self, cell: Cell) -> int:
         """Episodes wanted of a cell; 0 of one that is not the recipe's."""
@@ -268,17 +241,8 @@ class Recipe(Setup):
         shared = (
             attempt_seed(self.seed, scenes, index, -1) if attempt <= self.attempts // 2 else None
         )
-        return EpisodeSpec(
-            cell.task,
-            cell.embodiment,
-            cell.level,
-            cell.alpha,
-            cell.domain,
-            slot.index,
-            seed,
-            shared,
-            arm,
-        )
+        drawn = {"slot": slot.index, "seed": seed, "slot_seed": shared, "arm": arm}
+        return EpisodeSpec(**vars(cell), **drawn)
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""
@@ -297,8 +261,8 @@ KEYS = (*(key for key in Recipe.model_fields if key not in Setup.model_fields), 
 def parse_recipe(
     values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
-    """A recipe whose keys and values have the right form; `run.names` checks its tasks and robots.
-    Raises RecipeError in one line that names `source` and the key, or its option (`flags`)."""
+    """As `Recipe.parse`, of a size that `check_size` allows; `run.names` checks tasks and
+    robots."""
     recipe = Recipe.parse(values, source, flags)
     check_size(recipe, source)
     return recipe
@@ -310,22 +274,17 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
         recipe = recipe.model_copy(update={"tasks": ("all",)})
     lists = (recipe.tasks, recipe.embodiments, recipe.levels, recipe.alpha, recipe.domains)
     if (cells := math.prod(map(len, lists))) > MOST_SLOTS:
-        raise RecipeError(
-            f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer"
-            " tasks, robots or alphas"
-        )
-    if "events" in recipe.paired and (
-        not recipe.events or any(count % 2 for count in recipe.counts().values())
-    ):
+        many, fix = f"has {cells} cells", "name fewer tasks, robots or alphas"
+        raise RecipeError(f"{source}: {many}: a dataset has 1 to {MOST_SLOTS} episodes; {fix}")
+    odd = any(count % 2 for count in recipe.counts().values())
+    if "events" in recipe.paired and (not recipe.events or odd):
         raise RecipeError(
             f"{source}: paired: events needs events, and an even number of episodes in every cell"
         )
     episodes = recipe.variants * sum(recipe.counts().values())
     if not 0 < episodes <= MOST_SLOTS:
-        raise RecipeError(
-            f"{source}: wants {episodes} episodes: a dataset has 1 to {MOST_SLOTS}; change"
-            " episodes, alpha or variants"
-        )
+        many, fix = f"wants {episodes} episodes", "change episodes, alpha or variants"
+        raise RecipeError(f"{source}: {many}: a dataset has 1 to {MOST_SLOTS}; {fix}")
 
 
 def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
@@ -336,8 +295,6 @@ def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
         raise ValueError("is not a list of names or numbers")
     if not items and key not in ("tasks", "paired"):
         raise ValueError("is empty")
-    if any(isinstance(item, float) and math.isnan(item) for item in items):
-        raise ValueError("is not a number")
     checks = {"tasks": (is_name, "a name"), "embodiments": (is_embodiment, "NAME or LEFT+RIGHT")}
     if key in checks:
         holds, form = checks[key]

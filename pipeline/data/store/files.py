@@ -38,6 +38,27 @@ class StoreError(DominoError):
     """An object store that does not do what is asked: one line with the URL and the fix."""
 
 
+SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "memory")  # of stores
+
+_URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(/.*)?|(s3|gs|hf):.*", re.DOTALL)
+
+
+def url_of(text: str | Path) -> str | None:
+    """The URL that a text is, also one that was taken for a path, None for a path. Raises
+    StoreError for what looks like a URL and is none that a store can have."""
+    match = _URL.fullmatch(str(text).rstrip("/"))
+    if match and not set("?#*[]") & {*match[2]} and ".." not in match[2].split("/"):
+        return f"{match[1]}://{match[2]}"
+    if match or _SCHEME.fullmatch(str(text)):
+        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+        fix = "mount what is none of these; or begin with / for a directory of that name"
+        raise StoreError(
+            f"{text}: is no URL that can be used: choose {known}, without ? # * [ ] or ..; {fix}"
+        )
+    return None
+
+
 @dataclass(frozen=True)
 class Listed:
     """An object: its length in bytes, and the MD5 of its bytes (hex) if the store states it."""

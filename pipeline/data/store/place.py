@@ -203,13 +203,11 @@ def pull(url: str, folder: Path) -> tuple[int, int]:
     """Fetch what is below a URL into a directory, as far as it differs; the number of files, and of
     those fetched. Raises StoreError."""
     store = Store(url)
-    there = {folder / name: each for name, each in _objects(store).items()}
+    there = {folder / name: (name, each) for name, each in _objects(store).items()}
     if not there:
         raise StoreError(f"{url}: there is nothing: name the URL of a dataset or an export")
-    new = [path for path, each in there.items() if not _is_same(path, each)]
-    _on_threads(
-        lambda path: _get(store, path.relative_to(folder).as_posix(), path, there[path].size), new
-    )
+    new = [path for path, (_, each) in there.items() if not _is_same(path, each)]
+    _on_threads(lambda path: _get(store, there[path][0], path, there[path][1].size), new)
     return len(there), len(new)
 
 
@@ -232,13 +230,12 @@ def push(folder: Path, url: str) -> tuple[int, int]:
 
 def _objects(store: Store) -> dict[str, Listed]:
     """The objects that can be files below a directory, by name."""
-    return {
-        name: each
-        for name, each in store.list().items()
-        if name != LEASE
-        and str(PurePosixPath("/", name)) == f"/{name}"
-        and not {"..", "."} & {*name.split("/")}
-    }
+    names = store.list()
+    for name in [*names]:
+        plain = str(PurePosixPath("/", name)) == f"/{name}" and not {"..", "."} & {*name.split("/")}
+        if name == LEASE or not plain:
+            del names[name]
+    return names
 
 
 def _in_order(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -281,28 +278,6 @@ def _is_same(path: Path, there: Listed | None) -> bool:
 def _state(path: Path) -> tuple[int, int]:
     state = path.stat()
     return state.st_size, state.st_mtime_ns
-
-
-SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "memory")
-"""URLs that name a store; file systems of other machines can be mounted."""
-
-_URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
-_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(/.*)?|(s3|gs|hf):.*", re.DOTALL)
-
-
-def url_of(text: str | Path) -> str | None:
-    """The URL that a text is, also one that was taken for a path, None for a path. Raises
-    StoreError for what looks like a URL and is none that a store can have."""
-    match = _URL.fullmatch(str(text).rstrip("/"))
-    if match and not set("?#*[]") & {*match[2]} and ".." not in match[2].split("/"):
-        return f"{match[1]}://{match[2]}"
-    if match or _SCHEME.fullmatch(str(text)):
-        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
-        raise StoreError(
-            f"{text}: is no URL that can be used: choose {known}, without ? # * [ ] or ..; mount"
-            " what is none of these; or begin with / for a directory of that name"
-        )
-    return None
 
 
 def with_urls(text: str) -> str:

@@ -214,9 +214,7 @@ def read_facts(
     seen, unseen = list(episode.instructions["seen"]), list(episode.instructions["unseen"])
     if not seen:
         raise ExportError(f"{path}: has no instruction")
-    frames = len(log)
-    if frames == 0:
-        raise ExportError(f"{path}: has no frames")
+    frames = len(file)
     if np.abs(log.times - log.times[0] - np.arange(frames) / file.fps).max() > CLOCK_TOLERANCE:
         raise ExportError(f"{path}: frames are not {file.fps} per second")
     target = file.array("target/pose")
@@ -227,15 +225,12 @@ def read_facts(
     for name, value in arrays.items():
         if len(value) != frames:
             raise ExportError(f"{path}: {name} has {len(value)} rows for {frames} frames")
-        if not np.isfinite(value).all():
-            raise ExportError(f"{path}: {name} holds values that are not finite")
     if not episode.cameras:
         raise ExportError(f"{path}: has no cameras")
     sizes, camera_poses = set(), {}
     for camera in episode.cameras:
         camera_poses[camera] = file.array(f"observation/{camera}/pose")
-        count = len(camera_poses[camera])
-        if count != frames:
+        if (count := len(camera_poses[camera])) != frames:
             raise ExportError(f"{path}: {camera} has {count} images for {frames} frames")
         sizes.add(file.size(camera))
     if len(sizes) > 1:
@@ -257,25 +252,19 @@ def source_of(path: Path, dataset: Path) -> str:
 
 def same(first: Facts, facts: Facts) -> None:
     """Raise ExportError unless two episodes fit into one dataset."""
-    of_first, of_other = (
-        {
-            "fps": one.fps,
-            "cameras": one.cameras,
-            "image size": one.size,
-            "joint names": one.log.vector_names,
-            "failed": one.meta.failure is not None,
-            "corrected": one.corrected,
-            "events": one.eventful,
-            "target's angular velocity": one.spins,
-        }
-        for one in (first, facts)
-    )
-    for name, want in of_first.items():
-        if want != (got := of_other[name]):
-            raise ExportError(
-                f"{facts.source}: {name} {got} differs from {want} of {first.source}; export them"
-                " separately"
-            )
+    for name, want, got in (
+        ("fps", first.fps, facts.fps),
+        ("cameras", first.cameras, facts.cameras),
+        ("image size", first.size, facts.size),
+        ("joint names", first.log.vector_names, facts.log.vector_names),
+        ("failed", first.meta.failure is not None, facts.meta.failure is not None),
+        ("corrected", first.corrected, facts.corrected),
+        ("events", first.eventful, facts.eventful),
+        ("target's angular velocity", first.spins, facts.spins),
+    ):
+        if want != got:
+            what = f"{name} {got} differs from {want} of {first.source}"
+            raise ExportError(f"{facts.source}: {what}; export them separately")
 
 
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:

@@ -13,8 +13,8 @@ from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store import place
-from pipeline.data.store.files import Store, StoreError
-from pipeline.data.store.place import Place, open_place, place_of, pull, push, url_of, with_urls
+from pipeline.data.store.files import Store, StoreError, url_of
+from pipeline.data.store.place import Place, open_place, place_of, pull, push, with_urls
 from tests.synthetic import make_episode
 
 KEYS = SlotKeys(Key({"core": "1"}), Key({"renderer": "2"}), Key({"phrases": "3"}))
