@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from pipeline.report.film_strip import BETWEEN, MEETING_COLOR, Film, encode, film, subtitle, title
 
-# text is drawn this many times larger and averaged down: cv2's stroke font is coarse at small sizes
-SUPER = 4
-
 
 @dataclass(frozen=True)
 class Style:
@@ -91,14 +88,9 @@ def _stamp(image: NDArray[np.uint8], text: str, meeting: bool) -> None:
     corner[:] = (0.3 * corner + 0.7 * box[:, :wide]).astype(np.uint8)
 
 
-def _wide(text: str, size: float) -> float:
+def _wide(text: str, size: float) -> int:
     """Pixels that a text of a size takes."""
-    return (
-        cv2.getTextSize(
-            text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, max(1, round(2.6 * size * SUPER))
-        )[0][0]
-        / SUPER
-    )
+    return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0]
 
 
 def _text(
@@ -110,20 +102,5 @@ def _text(
 ) -> int:
     """Draw text with its baseline at `origin` (column, row), in place; returns the column where it
     ends."""
-    height, width = image.shape[:2]
-    mask = np.zeros((height * SUPER, width * SUPER), np.uint8)
-    thick = max(1, round(2.6 * size * SUPER))
-    (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, thick)
-    cv2.putText(
-        mask,
-        text,
-        (origin[0] * SUPER, origin[1] * SUPER),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        size * SUPER,
-        255,
-        thick,
-        cv2.LINE_AA,
-    )
-    cover = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)[..., None] / 255.0
-    image[:] = np.rint(image * (1 - cover) + np.array(color) * cover).astype(np.uint8)
-    return origin[0] + wide // SUPER + 1
+    cv2.putText(image, text, origin, cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
+    return origin[0] + _wide(text, size) + 1

@@ -11,10 +11,10 @@ from pipeline.report.card.markdown import bullets
 LEROBOT = """
 from lerobot.datasets import LeRobotDataset
 
-# without video_backend lerobot reads with torchcodec, which needs FFmpeg's libraries (apt install ffmpeg)
+# by default lerobot reads with torchcodec, which needs FFmpeg's libraries (apt install ffmpeg)
 data = LeRobotDataset("local", root="ROOT", video_backend="pyav")
 frame = data[0]  # observation.images.cam_high (3, H, W) in 0..1, observation.state, action, task
-"""  # noqa: E501
+"""
 LEROBOT_SPLIT = """
 import pandas as pd
 from lerobot.datasets import LeRobotDataset
@@ -95,9 +95,10 @@ from pathlib import Path
 import h5py
 
 with h5py.File(sorted(Path("DIR").rglob("episode_*.hdf5"))[0]) as f:
-    print(f["state/left_arm_joint_states"].shape, f["action/left_arm_joint_states"].shape, list(f["vision"]))
+    print(f["state/left_arm_joint_states"].shape, f["action/left_arm_joint_states"].shape)
+    print(list(f["vision"]))
     print(json.loads(f["instructions"].asstr()[()]))
-"""  # noqa: E501
+"""
 DEMOS = """
 from pathlib import Path
 import h5py

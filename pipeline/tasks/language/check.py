@@ -48,8 +48,14 @@ _VERB = re.compile(
     re.IGNORECASE,
 )
 _MANY = "balls|ends|arms|hands|grippers|fingers|fingertips|contents|sides"
-_BARE = "are|were|have|do|be|stand|lie|rest|hang|face|point|sit|slide|move|travel|go|take|hold|put|lift|lay|carry|place|reach|open"  # noqa: E501
-_WITH_S = "is|was|has|does|stands|lies|rests|hangs|faces|points|sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"  # noqa: E501
+_BARE = (
+    "are|were|have|do|be|stand|lie|rest|hang|face|point|sit|"
+    "slide|move|travel|go|take|hold|put|lift|lay|carry|place|reach|open"
+)
+_WITH_S = (
+    "is|was|has|does|stands|lies|rests|hangs|faces|points|"
+    "sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"
+)
 _CAUSE = ("let", "make", "have", "see", "watch")
 _WHEN = (
     "while",
