@@ -50,10 +50,17 @@ class Published:
 PUBLISHED = (
     Published("ACT, trained per task on level 0", 6.5, None, "the DOMINO paper"),
     Published("ACT, trained per task on level 1", 9.4, None, "the DOMINO paper"),
-    Published("PUMA", 17.2, None, "the DOMINO paper"),
+    Published("pi0.5", 9.6, 26.2, "the DOMINO paper"),
+    Published("OpenVLA-OFT (Qwen3-VL)", 10.9, 30.5, "the DOMINO paper"),
+    Published("PUMA", 17.2, 35.0, "the DOMINO paper"),
+    Published("VLAct", 18.5, 34.2, "its authors"),
+    Published("Fast-WAM", 19.9, 33.3, "its authors"),
     Published("Qwen-VLA, zero-shot", 26.6, None, "its authors"),
     Published("InternVLA-A1.5, zero-shot", 27.7, 39.8, "its authors"),
     Published("InternVLA-A1.5", 29.3, 42.5, "its authors"),
+    Published("D2-VLA", 29.3, 40.6, "arXiv:2609.34792"),
     Published("DynamicWAM without flow and motion", 22.7, None, "its authors"),
+    Published("DynamicWAM", 32.9, None, "one of its users"),
+    Published("Long-WAM", 34.9, 45.1, "arXiv:2610.10528"),
     Published("DynamicWAM", 38.2, 53.2, "its authors"),
 )

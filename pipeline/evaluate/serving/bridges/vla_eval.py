@@ -2,7 +2,8 @@
 
     benchmarks:
       - benchmark: "pipeline.evaluate.serving.bridges.vla_eval:DominoBenchmark"
-        params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1, episodes: 20}
+        episodes_per_task: 20
+        params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1}
 
 Asking this module for DominoBenchmark imports vla-eval, which this project does not install.
 Episode n of a task is the n-th admitted scene. The harness' real-time mode measures wall time.
@@ -19,7 +20,7 @@ from pipeline.data.clock import at_rate
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.environment.env import DominoEnv
-from pipeline.evaluate.scenes.case import UNSEEN, Case, setup_of
+from pipeline.evaluate.scenes.case import UNSEEN, setup_of
 from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
@@ -55,7 +56,6 @@ class DominoEpisodes:
         alpha: float = 0.1,
         domain: str = "clean",
         *,
-        episodes: int = 100,
         seed: int = 0,
         manifests: str = "out/manifests",
         setup: Setup | Mapping[str, Any] | str = UNSEEN,
@@ -66,8 +66,7 @@ class DominoEpisodes:
         self._cells = {
             TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks
         }
-        self._episodes, self._manifests = episodes, Manifests(Path(manifests), seed, self._setup)
-        self._cases: dict[tuple[str, int], Case] = {}
+        self._manifests = Manifests(Path(manifests), seed, self._setup)
         self._env: DominoEnv | None = None
         self._instruction = ""
 
@@ -78,19 +77,15 @@ class DominoEpisodes:
         return {}
 
     def get_tasks(self) -> list[Message]:
-        """Every episode of every task; missing scenes are admitted now. Raises ProtocolError."""
-        admitted = self._manifests.admitted(list(self._cells.values()), self._episodes, inline)
-        self._cases = {
-            (cell.task, i): case for cell, cases in admitted.items() for i, case in enumerate(cases)
-        }
-        return [{"name": task, "suite": "domino", "episode_idx": i} for task, i in self._cases]
+        """The tasks; the harness adds `episode_idx` to each of its `episodes_per_task`."""
+        return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Start an episode of `get_tasks`; its first observation."""
+        """Start episode `episode_idx` of a task; its first observation. A scene that no manifest
+        has is admitted now. Raises ProtocolError."""
         self.cleanup()
-        if not self._cases:
-            self.get_tasks()
-        case, cell = self._cases[task["name"], task["episode_idx"]], self._cells[task["name"]]
+        cell, index = self._cells[task["name"]], task["episode_idx"]
+        case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
         self._env = DominoEnv(
             cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup
         )
