@@ -40,7 +40,7 @@ HELD = 0.3
 FRESH = ("--seed", "5")
 """Scenes that no choice was made on."""
 
-SPENT = {"data": 1.3, "finder": 0.25, "policy": 0.06, "evaluation": 1.8}
+SPENT = {"data": 1.3, "finder": 0.33, "policy": 0.08, "evaluation": 2.5}
 """Core-seconds of a demonstration, of a step of either training, and of an evaluated episode."""
 
 
@@ -123,17 +123,21 @@ class Many:
         """The levels at which networks are evaluated."""
         return self.levels if condition == UNSEEN else (max(1, min(self.levels)),)
 
+    def scenes_of(self, condition: str) -> int:
+        """Scenes of a task and level: a fifth where a policy is told to do something else."""
+        return max(1, self.scenes // 5) if condition == SWAPPED else self.scenes
+
 
 def estimate(many: Many) -> list[tuple[str, int, float]]:
     """Stages, how often each does its work, and their core-hours on a core that does nothing
     else."""
     finder, policy = many.steps
-    cells = sum(len(many.evaluated(name)) for name in CONDITIONS) * len(many.tasks)
+    cells = [len(many.evaluated(name)) * many.scenes_of(name) for name in CONDITIONS]
     counts = {
         "data": len(many.tasks) * len(many.levels) * len(LOOKS) * many.demonstrations,
         "finder": many.networks * finder,
         "policy": many.networks * policy,
-        "evaluation": many.networks * cells * many.scenes,
+        "evaluation": many.networks * len(many.tasks) * sum(cells),
     }
     return [(name, count, count * SPENT[name] / 3600) for name, count in counts.items()]
 
@@ -192,7 +196,13 @@ def _evaluations(many: Many, network: int, condition: str) -> Iterator[Command]:
             write_atomic(policy, text.encode())
         words = ["evaluate", "--policy", str(policy), "--like", str(held), "--tasks", task]
         words += ["--embodiment", ROBOT, "--levels", ",".join(map(str, many.evaluated(condition)))]
-        words += ["--episodes", str(many.scenes), *FRESH, *CONDITIONS[condition], "--quiet"]
+        words += [
+            "--episodes",
+            str(many.scenes_of(condition)),
+            *FRESH,
+            *CONDITIONS[condition],
+            "--quiet",
+        ]
         # the same scenes for all networks
         words += ["--manifests", str(many.out / "manifests"), "--out", str(out / task)]
         yield Command("domino-data", tuple(words))
@@ -207,13 +217,14 @@ def _sentences(many: Many, task: str) -> list[str]:
 
 def results(many: Many) -> list[dict[str, Any]]:
     """What has been evaluated: a row an episode, with network, condition, task, level, seed of the
-    scene, and success."""
+    scene, success, and whether the target was met."""
     found = list[dict[str, Any]]()
     for network, condition, task in product(range(many.networks), CONDITIONS, many.tasks):
         path = many.evaluation(network, condition) / task / EPISODES
         found += [
             {"network": network, "condition": condition, "task": task}
             | {name: row[name] for name in ("level", "seed", "success")}
+            | {"met": row.get("meeting") is not None}
             for row in (Results(path, check_episode).rows() if path.exists() else ())
         ]
     return found
@@ -222,14 +233,20 @@ def results(many: Many) -> list[dict[str, Any]]:
 def table(many: Many) -> str:
     """Success rates by condition, task and level, networks together, with 95 % intervals that are
     clustered by scene."""
-    cells = defaultdict[tuple[str, str, int], dict[int, list[bool]]](lambda: defaultdict(list))
+    cells = defaultdict[tuple[str, str, int], list[dict[str, Any]]](list)
     for row in results(many):
-        cells[row["condition"], row["task"], row["level"]][row["seed"]].append(row["success"])
-    lines = ["| condition | task | level | solved | SR % (95 %) |", "|---|---|---:|---:|---|"]
-    for (condition, task, level), scenes in cells.items():
-        each = [(sum(won), len(won)) for won in scenes.values()]
-        solved, tried = (sum(counts) for counts in zip(*each, strict=True))
-        low, high = (100 * share for share in clustered(each))
-        rate = f"{100 * solved / tried:.0f} ({low:.0f}-{high:.0f})"
-        lines.append(f"| {condition} | {task} | {level} | {solved} of {tried} | {rate} |")
+        cells[row["condition"], row["task"], row["level"]].append(row)
+    lines = [
+        "| condition | task | level | met | solved | SR % (95 %) |",
+        "|---|---|---:|---:|---:|---|",
+    ]
+    for (condition, task, level), tried in cells.items():
+        scenes = defaultdict[int, list[bool]](list)
+        for row in tried:
+            scenes[row["seed"]].append(row["success"])
+        low, high = clustered([(sum(won), len(won)) for won in scenes.values()])
+        met, solved = (sum(row[name] for row in tried) for name in ("met", "success"))
+        rate = f"{100 * solved / len(tried):.0f} ({100 * low:.0f}-{100 * high:.0f})"
+        head = f"| {condition} | {task} | {level} | {met} | {solved} of {len(tried)} | {rate} |"
+        lines.append(head)
     return "\n".join(lines)

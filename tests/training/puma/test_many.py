@@ -171,8 +171,8 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
     builds = [line for line in first if " build " in line]
     assert len(builds) == 4 and sum("randomized" in line for line in builds) == 2
     assert "puma train" in first[-1] and "after_success" in first[-1]
-    # levels 0 and 1 by unseen sentences, level 1 in three other ways
-    assert {name: count for name, count, _ in estimate(many)}["evaluation"] == 2 * 5 * 4
+    # levels 0 and 1 by unseen sentences, level 1 in three other ways, one of them on a scene
+    assert {name: count for name, count, _ in estimate(many)}["evaluation"] == 2 * (4 * 4 + 1)
     out = many.evaluation(0, "unseen sentences") / "click_bell"
     out.mkdir(parents=True)
     rows = [
@@ -180,6 +180,7 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
             **{"key": json.dumps(["a", "b", "c", "d", "e", seed]), "policy": "p", "clock": "sim"},
             **{"rules": "strict", "task": "click_bell", "embodiment": "aloha", "domain": "clean"},
             **{"category": "interception", "failure": "", "success": seed < 3, "level": 1},
+            **{"meeting": 2.5 if seed < 2 else None},
             **{"same_start": True, "sees_truth": False, "alpha": 0.1, "seed": seed, "failed": []},
             **{"route_completion": 1, "manipulation_score": 1, "penalties": []},
         }
@@ -187,4 +188,4 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
     ]
     (out / "episodes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     [line] = [line for line in table(many).splitlines() if "click_bell" in line]
-    assert line.startswith("| unseen sentences | click_bell | 1 | 3 of 4 | 75 (")
+    assert line.startswith("| unseen sentences | click_bell | 1 | 2 | 3 of 4 | 75 (")
