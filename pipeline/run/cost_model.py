@@ -5,7 +5,6 @@ Fitted to eight datasets of 64x48 to 960x720: bytes within a factor of 1.6, proc
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from pipeline.data.cameras import CAMERA_TYPES
 from pipeline.data.clock import DEFAULT_FPS
@@ -28,35 +27,15 @@ SENSORS = 1.5  # times as many seconds of drawing with depth, segmentation or po
 # times as many seconds of drawing by preset
 SLOWER = {"raster": 1.0, "raster-fast": 0.7, "rt": 100.0}
 WRITTEN = 15e6  # bytes that are compressed and written in a second
-# seconds that the driver spends on a slot: a job sent, its record read and committed
-DRIVER = 3.9e-3
-DISK = 1e9  # bytes that the file system of the dataset is taken to write in a second
 UNSURE = 1.7  # factor within which the estimates of time lie
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """How long episodes take: `hours` undisturbed, at most about `most` with what runs beside them
-    now. `bound` names what is slowest, "" for the workers."""
-
-    hours: float
-    most: float
-    bound: str
-
-
-def estimate(episodes: int, seconds: float, size: float, workers: int) -> Estimate:
-    """The estimate for episodes of so many core seconds and bytes each. Workers that are no more
-    than this machine's cores share them with its load."""
-    work = {
-        "": episodes * seconds / workers,
-        f"the driver, {1000 * DRIVER:g} ms a slot": episodes * DRIVER,
-        f"a disk of {DISK / 1e9:g} GB/s": episodes * size / DISK,
-    }
-    bound = max(work, key=lambda name: work[name])
-    cores = os.cpu_count() or 1
+def estimate(episodes: int, seconds: float, workers: int) -> tuple[float, float]:
+    """Hours for episodes of so many core seconds each: undisturbed, and at most. Workers that are
+    no more than this machine's cores share them with its load."""
+    hours, cores = episodes * seconds / workers / 3600, os.cpu_count() or 1
     shared = max(1.0, (os.getloadavg()[0] + workers) / cores) if workers <= cores else 1.0
-    most = max(work[bound], UNSURE * shared * work[""])
-    return Estimate(work[bound] / 3600, most / 3600, bound)
+    return hours, UNSURE * shared * hours
 
 
 def frames(recipe: Recipe, cell: Cell) -> float:

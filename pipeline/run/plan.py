@@ -20,7 +20,7 @@ from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.data.slots.files import Listing
 from pipeline.data.slots.records import sum_phases
 from pipeline.planning.warm import warm_up
-from pipeline.run.cost_model import Estimate, bytes_of, estimate, seconds_of
+from pipeline.run.cost_model import bytes_of, estimate, seconds_of
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
@@ -97,19 +97,14 @@ class EpisodeCost:
         """Processor time of so many episodes."""
         return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
 
-    def estimate(self, episodes: int, workers: int) -> Estimate:
-        """How long so many workers take."""
-        return estimate(episodes, self.seconds, self.size, workers)
-
     def describe(self, episodes: int, workers: int) -> str:
         """About how long and how much, in words."""
         if not episodes:
             return "nothing is left to make"
-        time = self.estimate(episodes, workers)
-        bound = f" (limited by {time.bound})" if time.bound else ""
+        hours, most = estimate(episodes, self.seconds, workers)
         return (
-            f"{format_hours(time.hours)} to {format_hours(time.most)} on {workers}"
-            f" worker{'' if workers == 1 else 's'}{bound} and {format_size(episodes * self.size)}"
+            f"{format_hours(hours)} to {format_hours(most)} on {workers}"
+            f" worker{'' if workers == 1 else 's'} and {format_size(episodes * self.size)}"
             f" (estimated from {self.source})"
         )
 
@@ -241,16 +236,15 @@ def plan(
     ]
     slots = sum(c["episodes"] for c in cells)
     left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
-    time = cost.estimate(left, workers)
+    hours, most = estimate(left, cost.seconds, workers)
     return {
         "cells": cells,
         "slots": slots,
         "finished": done.total(),
         "redo": redo_rows(redo),
         "workers": workers,
-        "estimated_hours": time.hours,
-        "estimated_hours_most": time.most,
-        "bound": time.bound,
+        "estimated_hours": hours,
+        "estimated_hours_most": most,
         "estimated_core_hours": cost.core_hours(left),
         "estimated_cost": None if price is None else cost.core_hours(left) * price,
         "estimated_bytes": int(left * cost.size),

@@ -13,7 +13,7 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.slots.records import FileFacts, SlotRecord
-from pipeline.run.cost_model import DISK, DRIVER, estimate, mean_frames
+from pipeline.run.cost_model import estimate, mean_frames
 from pipeline.run.plan import (
     BOUNDS,
     EpisodeCost,
@@ -186,17 +186,9 @@ def test_an_estimate_widens_with_the_load(monkeypatch):
     times = []
     for load in (0.0, 20.0):
         monkeypatch.setattr(os, "getloadavg", lambda load=load: (load, load, load))
-        times.append(estimate(10, 60.0, 1e6, workers=2))
-    assert times[0].hours == times[1].hours == 10 * 60 / 2 / 3600
-    assert times[1].most == pytest.approx(11 * times[0].most)
-
-
-def test_many_workers_are_bounded_by_the_driver_and_the_disk():
-    driver = estimate(117_600, 3.0, 1e6, workers=3200)
-    assert 60 * driver.hours == pytest.approx(117_600 * DRIVER / 60) and "driver" in driver.bound
-    disk = estimate(117_600, 3.0, 7e6, workers=3200)
-    assert 3600 * disk.hours == pytest.approx(117_600 * 7e6 / DISK) and "disk" in disk.bound
-    assert estimate(117_600, 3.0, 1e6, workers=8).bound == ""
+        times.append(estimate(10, 60.0, workers=2))
+    assert times[0][0] == times[1][0] == 10 * 60 / 2 / 3600
+    assert times[1][1] == pytest.approx(11 * times[0][1])
 
 
 def test_progress_as_json_lines_counts_what_changed():
