@@ -1,5 +1,6 @@
 """One table of several evaluations: a line for a policy, a column for a clock."""
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -67,11 +68,30 @@ def board(rows: Sequence[Row]) -> Board:
     lines.sort(key=lambda line: -max(score["success_rate"] for score in line.scores.values()))
     return Board(
         lines,
-        sorted({row["clock"] for row in rows}, key=lambda clock: (clock != "sim", clock)),
+        sorted({row["clock"] for row in rows}, key=_clock_order),
         sorted({row["level"] for row in rows}),
         sorted({row["domain"] for row in rows}),
         [ALL, *sorted({row["task"] for row in rows})],
     )
+
+
+def _clock_order(clock: str) -> tuple[int, float, str]:
+    """Paused first, then latencies by their milliseconds, then asynchronous clocks."""
+    kind, _, rest = clock.partition(":")
+    number = re.search(r"\d+(\.\d+)?", rest)
+    rank = {"sim": 0, "latency": 2, "async": 3}.get(kind, 1)
+    return rank, float(number[0]) if number else 0.0, clock
+
+
+def clock_title(clock: str) -> str:
+    """The heading of a clock's column: paused, 100 ms, async 100 ms, else its name."""
+    kind, _, rest = clock.partition(":")
+    if clock == "sim":
+        return "paused"
+    if kind in ("latency", "async") and re.fullmatch(r"\d+(\.\d+)?(:[a-z]+)?", rest):
+        time, _, join = rest.partition(":")
+        return " ".join(filter(None, ("async" if kind == "async" else "", f"{time} ms", join)))
+    return clock
 
 
 def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tuple[Row, bytes]]]]:
@@ -111,4 +131,5 @@ def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequ
         checks=checks,
         episodes=len(rows),
         published=PUBLISHED,
+        clock_title=clock_title,
     )

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.evaluate.board import ALL, board, board_page
+from pipeline.evaluate.board import ALL, board, board_page, clock_title
 from pipeline.evaluate.scoring.compare import newest
 from tests.evaluate.scoring.test_compare import write
 
@@ -36,3 +36,12 @@ def test_the_page_marks_up_no_name_and_has_no_script(rows, tmp_path):
     assert "&lt;b&gt;bad" in page and "<b>bad" not in page
     assert "&lt;i&gt;edited" in page and "<script" not in page
     assert page.count("<tr data-level") == 12
+
+
+def test_columns_go_from_paused_over_latencies_to_asynchronous_clocks(tmp_path):
+    clocks = ["async:100", "latency:300", "late:50", "latency:100", "async:100:rtc", "sim"]
+    for clock in clocks:
+        write(tmp_path, "p", [1], clock=clock)
+    titles = [clock_title(clock) for clock in board(newest(tmp_path)).clocks]
+    assert titles == ["paused", "late:50", "100 ms", "300 ms", "async 100 ms", "async 100 ms rtc"]
+    assert clock_title("latency:normal:100:20") == "latency:normal:100:20"
