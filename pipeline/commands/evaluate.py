@@ -189,7 +189,7 @@ def evaluate(
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     cameras = ("cameras",) if given.values.get("cameras") == [] else ()
     frozen = None if benchmark is None else read_benchmark(benchmark)
-    recipe = given.recipe(without=(*DEMONSTRATING, *cameras), levels=[1])
+    recipe = given.recipe(without=(*DEMONSTRATING, "paired", *cameras), levels=[1])
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)

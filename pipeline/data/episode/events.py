@@ -142,11 +142,16 @@ class EventSpec(_Strict):
         return f"{kind}@{self.when.trigger}{number}"
 
 
+def _listed(value: Any) -> Any:
+    events = [value] if isinstance(value, str | Mapping) else value
+    return [] if isinstance(events, list | tuple) and [*events] == ["none"] else events
+
+
 Events = Annotated[
     tuple[EventSpec, ...],
-    BeforeValidator(lambda value: [value] if isinstance(value, str | Mapping) else value),
+    BeforeValidator(_listed),
 ]
-"""Events of a setup; one may stand for a list of it."""
+"""Events of a setup; one may stand for a list of it, and none for no event."""
 
 
 class DrawnEvent(_Strict):

@@ -25,7 +25,7 @@ def test_one_word_is_an_event(text, when):
     assert EventSpec.model_validate(text) == EventSpec(kind="stop", when=when)
     setup = Setup.parse({"events": text})
     assert Setup.parse(setup.given()) == setup
-    assert setup.calm == Setup()
+    assert setup.calm == Setup() == Setup.parse({"events": ["none"]})
 
 
 @pytest.mark.parametrize(
