@@ -20,7 +20,7 @@ from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
 
 MARGIN = 1e-3  # m, far above the rounding of single precision
 SAME_VIEW = 4  # frames that share a set of visible bodies
-STILL = 2.0**-27  # m, and of a quaternion: single precision tells no less apart half a metre away
+STILL = 2.0**-50  # m, and of a quaternion in single precision: nothing beside what it adds to
 TAPS = 4  # texels around a point of a surface that its shadow may be looked up from
 NEAR_PLANE = 0.01  # m off table and floor, up to which a point may be theirs
 
@@ -59,7 +59,10 @@ class Seen:
         boxes: tuple[Floats, Floats],
         sun: ArrayLike,
     ) -> None:
-        self._kind, self._camera, self._bodies, self._sun = kind, camera, bodies, sun
+        self._kind, self._sun = kind, sun
+        # as the engine takes them: images must be the same to the last bit
+        self._camera = camera.astype(np.float32).astype(float)
+        self._bodies = bodies.astype(np.float32).astype(float)
         frames = np.arange(len(camera)) // SAME_VIEW
         alone = in_view(kind, camera, bodies, *boxes)
         self.visible = np.logical_or.reduceat(alone, np.arange(0, len(camera), SAME_VIEW))[frames]

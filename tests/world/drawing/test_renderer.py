@@ -419,7 +419,7 @@ def test_a_camera_that_sees_nothing_move_takes_no_other_image(
     poses = {name: np.repeat(at, frames, 0) for name, at in POSES.items()}
     poses["box"][:, 0] = np.linspace(-0.5, 0.05, frames)
     poses["box"][:, 2] = 0.95
-    poses["ball"] += np.random.default_rng(0).uniform(-1e-9, 1e-9, (frames, 7))
+    poses["ball"] += np.random.default_rng(0).uniform(-1e-17, 1e-17, (frames, 7))
     taken = list[str]()
     take = Renderer._take
     monkeypatch.setattr(
