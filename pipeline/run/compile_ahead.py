@@ -23,10 +23,10 @@ LAST = draw
 
 
 def is_compiled() -> bool:
-    """Whether numba's cache has the kernels, no older than their source."""
-    source, folder = Path(LAST.py_func.__code__.co_filename), LAST.stats.cache_path
-    cached = Path(folder).glob(f"{source.stem}.{LAST.__name__}-*.nbi") if folder else ()
-    return any(index.stat().st_mtime >= source.stat().st_mtime for index in cached)
+    """Whether numba's cache has the kernels."""
+    code, folder = LAST.py_func.__code__, LAST.stats.cache_path
+    name = f"{Path(code.co_filename).stem}.{LAST.__name__}-{code.co_firstlineno}.*.nbi"
+    return bool(folder) and any(Path(folder).glob(name))
 
 
 @contextmanager

@@ -7,12 +7,12 @@ import time
 
 from pipeline.run import compile_ahead
 from pipeline.run.compile_ahead import compiling_ahead, is_compiled
-from pipeline.world.drawing import edges, shadows, silhouettes, surfaces
+from pipeline.world.drawing import edges, masks, silhouettes, surfaces
 from tests.run.command import ROOT, inside
 
 KERNELS = {
     f"{module.__name__}.{name}": kernel
-    for module in (edges, shadows, silhouettes, surfaces)
+    for module in (edges, masks, silhouettes, surfaces)
     for name, kernel in vars(module).items()
     if hasattr(kernel, "signatures")
 }
@@ -38,7 +38,7 @@ def test_the_kernels_compiled_ahead_are_those_that_an_episode_calls(tmp_path):
         # a kernel that only others call has no signature where those come from the cache
         assert set(ahead[name]) <= called, name
     assert all(ahead[f"{edges.__name__}.{name}"] for name in ("_blend", "through_lens"))
-    assert all(ahead[f"{shadows.__name__}.{name}"] for name in ("_above", "_mix"))
+    assert all(ahead[f"{masks.__name__}.{name}"] for name in ("_above", "_mix"))
     assert all(ahead[f"{surfaces.__name__}.{name}"] for name in ("_fill", "_open"))
     assert ahead[f"{silhouettes.__name__}._track"]
 
