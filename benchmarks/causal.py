@@ -107,7 +107,7 @@ def _kind(inputs: str) -> str:
 
 
 @dataclass(frozen=True)
-class Scenes:
+class CausalScenes:
     """What networks are tried on: admitted scenes a level, their seed, and what the first touch
     does to the target."""
 
@@ -128,7 +128,7 @@ class Study:
             code_version(),
         )
 
-    def rows(self, unit: Unit, scenes: Scenes = Scenes()) -> Iterator[Row]:
+    def rows(self, unit: Unit, scenes: CausalScenes = CausalScenes()) -> Iterator[Row]:
         """A network on the scenes of each level."""
         path = self.network(self.shown(unit), unit)
         recipe = self.recipe(unit.task, scenes.count).model_copy(update={"levels": scenes.levels})

@@ -53,7 +53,7 @@ GIVEN_UP = 3
 
 
 @dataclass(frozen=True)
-class Unit:
+class ImageUnit:
     """One network: the task, the arm whose demonstrations it learns from, what it sees of the past,
     and its seed."""
 
@@ -63,20 +63,20 @@ class Unit:
     seed: int
 
 
-def units() -> Iterator[Unit]:
+def units() -> Iterator[ImageUnit]:
     """All networks in the order of the pre-registration."""
     for task, (sides, seeds) in itertools.product(TASKS, BLOCKS):
         for seed, side in itertools.product(seeds, sides):
-            yield Unit(task, *side, seed)
+            yield ImageUnit(task, *side, seed)
 
 
-class Study:
+class ImageStudy:
     """What is made below a directory; everything is made once."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.absolute()
 
-    def rows(self, unit: Unit) -> Iterator[Row]:
+    def rows(self, unit: ImageUnit) -> Iterator[Row]:
         """A network on the scenes of each level."""
         folder, levels = self.network(unit), ",".join(map(str, LEVELS))
         words = [
@@ -109,7 +109,7 @@ class Study:
                 "solved": cell["solved_seeds"],
             }
 
-    def network(self, unit: Unit) -> Path:
+    def network(self, unit: ImageUnit) -> Path:
         """The directory of a trained network."""
         folder = self.root / "networks" / unit.task / f"{unit.arm}-{unit.inputs}-{unit.seed}"
         if policies(folder):
@@ -138,7 +138,7 @@ class Study:
             if arm == "planned":
                 words += ["--expert", "planned"]
             if arm == "corrected":
-                [policy] = policies(self.network(Unit(task, "reactive", "history", 0)))
+                [policy] = policies(self.network(ImageUnit(task, "reactive", "history", 0)))
                 words += ["--seed", str(CORRECTION_SEED), "--corrections", str(policy)]
             call("pipeline.cli", [*words, "--workers", "1", "--quiet"], (0, GIVEN_UP))
             call("pipeline.cli", ["export", str(folder), "--format", "parquet", "--quiet"])
@@ -251,7 +251,7 @@ def draw(rows: Sequence[Row], tasks: Sequence[str], plot: Path) -> None:
 
 def run(root: Path, rows: Path) -> None:
     """Make the rows that are missing."""
-    add_missing(rows, units(), Study(root).rows)
+    add_missing(rows, units(), ImageStudy(root).rows)
 
 
 if __name__ == "__main__":

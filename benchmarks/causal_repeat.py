@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from benchmarks.causal import Scenes, Study, Unit
+from benchmarks.causal import CausalScenes, Study, Unit
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
 from benchmarks.causal_tables import (
     Rates,
@@ -43,7 +43,7 @@ TASKS = (
     "place_mouse_pad",
 )
 HELD, N, SEED = TASKS[:5], 150, 2
-STOP, HOLD = Scenes((0, *LEVELS), 100, 1), Scenes(LEVELS, 100, 1, "hold")
+STOP, HOLD = CausalScenes((0, *LEVELS), 100, 1), CausalScenes(LEVELS, 100, 1, "hold")
 PAIR, OTHERS = ("planned", "reactive"), ("half", "new scenes", "static")
 
 

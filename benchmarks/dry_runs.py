@@ -33,7 +33,7 @@ from pipeline.world.robots import MODELS, get_embodiment
 
 
 @dataclass(frozen=True)
-class Run:
+class TimedRun:
     """One dry run: empty `failure` when accepted, else stage, reason and detail; seconds of
     processor time."""
 
@@ -42,19 +42,19 @@ class Run:
     seconds: float
 
 
-def one(spec: EpisodeSpec, rules: Rules) -> Run:
+def one(spec: EpisodeSpec, rules: Rules) -> TimedRun:
     """Lay out the scene of a spec and run the expert in it."""
     began, failure = time.process_time(), ""
     try:
         dry_run(build_scene(spec, rules), Recipe().fps)
     except Failure as found:
         failure = str(found)
-    return Run(spec, failure, time.process_time() - began)
+    return TimedRun(spec, failure, time.process_time() - began)
 
 
-def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[Run]:
+def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[TimedRun]:
     """All specs in fresh processes; a bar shows how far and how well it goes."""
-    runs = list[Run]()
+    runs = list[TimedRun]()
     with (
         ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
         tqdm(total=len(specs), unit="run") as bar,
@@ -66,7 +66,7 @@ def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[Run]:
     return runs
 
 
-def rates(runs: Sequence[Run], robots: Sequence[str]) -> str:
+def rates(runs: Sequence[TimedRun], robots: Sequence[str]) -> str:
     """Markdown: tasks down, robots across, per cent of dry runs accepted; below it means with
     intervals and the lowest pairs."""
     tasks = sorted({r.spec.task for r in runs})
@@ -91,20 +91,20 @@ def rates(runs: Sequence[Run], robots: Sequence[str]) -> str:
     return "\n".join(rows)
 
 
-def _per_cent(runs: Sequence[Run]) -> str:
+def _per_cent(runs: Sequence[TimedRun]) -> str:
     return f"{100 * np.mean([not r.failure for r in runs]):.0f}"
 
 
-def _mean_seconds(runs: Sequence[Run]) -> str:
+def _mean_seconds(runs: Sequence[TimedRun]) -> str:
     return f"{np.mean([r.seconds for r in runs]):.1f}"
 
 
-def _interval(runs: Sequence[Run]) -> str:
+def _interval(runs: Sequence[TimedRun]) -> str:
     low, high = wilson(sum(not r.failure for r in runs), len(runs))
     return f"{100 * low:.1f}-{100 * high:.1f}"
 
 
-def failures(runs: Sequence[Run]) -> str:
+def failures(runs: Sequence[TimedRun]) -> str:
     """Markdown: why dry runs failed, per task and robot, with the seeds; numbers in the details are
     left out of the grouping."""
     seeds: dict[tuple[str, str, str], list[int]] = {}
@@ -120,7 +120,7 @@ def failures(runs: Sequence[Run]) -> str:
     return "\n".join(rows)
 
 
-def lowest(runs: Sequence[Run], count: int = 5) -> str:
+def lowest(runs: Sequence[TimedRun], count: int = 5) -> str:
     """One line: the pairs of task and robot with the fewest accepted dry runs."""
     bad, total = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
     for r in runs:

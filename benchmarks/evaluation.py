@@ -22,7 +22,7 @@ from benchmarks.hardware import hardware
 from benchmarks.study import page
 from benchmarks.study.plan import TEN, groups
 from benchmarks.study.resume import compare
-from benchmarks.study.rows import Rows, markdown
+from benchmarks.study.rows import StudyRows, markdown
 from benchmarks.study.run import run
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.names import MOUNTED
@@ -173,7 +173,7 @@ def main() -> None:
         case "run":
             run(args.rows, [group for task in tasks or TEN for group in groups(task)], args.seeds)
         case "page":
-            page.write(Rows.read(args.rows))
+            page.write(StudyRows.read(args.rows))
         case "resume":
             with TemporaryDirectory() as where:
                 print(compare(Path(where), args.episodes), hardware(), sep="\n")

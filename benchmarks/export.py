@@ -147,13 +147,13 @@ def drawn_episode(path: Path, frames: int, slot: int) -> Path:
 
 
 @dataclass
-class Row:
+class ExportRow:
     """Measurements of one row of the table: wall and CPU seconds of every turn, and bytes
     written."""
 
     name: str
     call: Callable[[], object]
-    floor: "Row | None" = None
+    floor: "ExportRow | None" = None
     written: Path | None = None
     wall: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
@@ -190,7 +190,7 @@ def read_pictures(paths: list[Path]) -> list[list[NDArray[np.uint8]]]:
     return out
 
 
-def rows_of(paths: list[Path], root: Path) -> list[Row]:
+def rows_of(paths: list[Path], root: Path) -> list[ExportRow]:
     """Each format, its floor and its check."""
     pictures = read_pictures(paths)
     jpegs = []
@@ -211,10 +211,10 @@ def rows_of(paths: list[Path], root: Path) -> list[Row]:
             (root / "floor").write_bytes(data)
 
     encoding, copying = (
-        Row("floor: PyAV encodes RGB arrays", bare_encode),
-        Row("floor: write the JPEG bytes", write_jpegs),
+        ExportRow("floor: PyAV encodes RGB arrays", bare_encode),
+        ExportRow("floor: write the JPEG bytes", write_jpegs),
     )
-    raw = Row("floor: write raw images", write_raw)
+    raw = ExportRow("floor: write raw images", write_raw)
     floors = {"lerobot": encoding, "lerobot-v2.1": encoding, "aloha": raw}
     rows = [encoding, copying, raw]
     for name, exporter in EXPORTERS.items():
@@ -222,13 +222,13 @@ def rows_of(paths: list[Path], root: Path) -> list[Row]:
         job = Job(root, out, paths, exporter.options(**REQUIRED.get(name, {})))
         # imports and encoder start-up are no cost of an episode
         exporter.export(replace(job, episodes=paths[:1]))
-        row = Row(name, partial(exporter.export, job), floors.get(name, copying), out)
-        rows += [row, Row(f"{name}: check", partial(check_export, root, out, paths))]
+        row = ExportRow(name, partial(exporter.export, job), floors.get(name, copying), out)
+        rows += [row, ExportRow(f"{name}: check", partial(check_export, root, out, paths))]
     compressed = Job(
         root, root / "exports" / "compressed", paths, EXPORTERS["aloha"].options(compress="jpeg")
     )
     rows.append(
-        Row(
+        ExportRow(
             "aloha --compress jpeg",
             partial(EXPORTERS["aloha"].export, compressed),
             copying,
@@ -236,7 +236,7 @@ def rows_of(paths: list[Path], root: Path) -> list[Row]:
         )
     )
     rows.append(
-        Row(
+        ExportRow(
             "by lerobot: add_frame, save_episode",
             partial(by_lerobot, paths, root),
             encoding,

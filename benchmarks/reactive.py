@@ -25,7 +25,7 @@ ATTEMPTS = 8
 
 
 @dataclass(frozen=True)
-class Job:
+class ReactiveJob:
     """A slot with the sight of the expert (s, m)."""
 
     task: str
@@ -36,7 +36,7 @@ class Job:
     noise: float
 
 
-def run(job: Job, motions: Path | None) -> dict[str, Any]:
+def run(job: ReactiveJob, motions: Path | None) -> dict[str, Any]:
     """The row of a slot: "accepted", or the reason with its words. Motions that were found are
     stored in `motions`."""
     from pipeline.motion.models import motion_from_json
@@ -185,9 +185,9 @@ def main() -> None:
         else []
     )
     if not args.table:
-        known = {tuple(row[name] for name in Job.__dataclass_fields__) for row in rows}
+        known = {tuple(row[name] for name in ReactiveJob.__dataclass_fields__) for row in rows}
         every = (
-            Job(task, robot, int(level), slot, args.delay, args.noise)
+            ReactiveJob(task, robot, int(level), slot, args.delay, args.noise)
             for slot in range(args.first, args.first + args.slots)
             for task in expand_tasks(args.tasks.split(","))
             for robot in args.robots.split(",")

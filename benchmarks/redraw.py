@@ -34,7 +34,7 @@ SENSORS = ("depth", "segmentation", "pointcloud")
 
 
 @dataclass(frozen=True)
-class Cost:
+class RedrawCost:
     """Of one episode: camera frames, seconds by phase, and of the whole and of the floor, by the
     clock and of this processor."""
 
@@ -46,7 +46,7 @@ class Cost:
     floor_cpu: float
 
 
-def cost(job: DrawJob) -> Cost:
+def cost(job: DrawJob) -> RedrawCost:
     """Draw one slot as `domino-data render` does, then its frames again with everything at hand."""
     began, worked = time.perf_counter(), time.process_time()
     drawn = draw_slot(job)
@@ -65,13 +65,13 @@ def cost(job: DrawJob) -> Cost:
         drawing.render(poses, depth=depth, segmentation=segmentation)
         floor, floor_cpu = time.perf_counter() - began, time.process_time() - worked
     frames = len(episode.log) * len(episode.meta.drawing.cameras)
-    return Cost(frames, drawn.phases, whole, whole_cpu, floor, floor_cpu)
+    return RedrawCost(frames, drawn.phases, whole, whole_cpu, floor, floor_cpu)
 
 
-def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> list[Cost]:
+def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> list[RedrawCost]:
     """Costs of so many slots, every repeat into a dataset of its own; of each slot the repeat with
     the least of processor time."""
-    best: dict[int, Cost] = {}
+    best: dict[int, RedrawCost] = {}
     for repeat in range(repeats + 1):
         with tempfile.TemporaryDirectory() as folder:
             out = Dataset(Path(folder) / "out")
@@ -83,7 +83,7 @@ def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> lis
     return list(best.values())
 
 
-def table(costs: list[Cost], recipe: Recipe) -> str:
+def table(costs: list[RedrawCost], recipe: Recipe) -> str:
     """A Markdown table of milliseconds per camera frame."""
     frames = sum(c.frames for c in costs)
     phases: dict[str, float] = defaultdict(float)

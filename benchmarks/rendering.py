@@ -35,7 +35,7 @@ from pipeline.stages.drawing.render import (
     Appearance,
     appearance_of,
     body_poses,
-    photograph,
+    exposed,
     renderer,
 )
 from pipeline.stages.failure import Failure
@@ -59,7 +59,7 @@ EFFECTS = {
 
 
 @dataclass(frozen=True)
-class Job:
+class SceneJob:
     """One row of a table: what to draw, and its poses (T,7) by body."""
 
     appearance: Appearance
@@ -76,7 +76,7 @@ class Cost:
     new: float
 
 
-def rolled_out(scene: str) -> Job:
+def rolled_out(scene: str) -> SceneJob:
     """The first accepted attempt at a scene "task[@domain]:embodiment". Raises SystemExit when none
     of 30 is accepted."""
     name, embodiment = scene.split(":")
@@ -96,11 +96,11 @@ def rolled_out(scene: str) -> Job:
             rollout = attempt(recipe.spec(slot, number), recipe, Phases())
         except Failure:
             continue
-        return Job(appearance_of(rollout.scene), body_poses(rollout.replay.log))
+        return SceneJob(appearance_of(rollout.scene), body_poses(rollout.replay.log))
     raise SystemExit(f"no attempt at {scene} was accepted")
 
 
-def size(job: Job) -> str:
+def size(job: SceneJob) -> str:
     """Bodies and triangles of a scene in words."""
     parts = [parts for parts in job.appearance.bodies.values() if parts]
     triangles = sum(
@@ -109,17 +109,17 @@ def size(job: Job) -> str:
     return f"{len(parts)} bodies, {triangles} triangles"
 
 
-def without_bodies(job: Job) -> Job:
+def without_bodies(job: SceneJob) -> SceneJob:
     """The same cameras in the empty room."""
     bodies = dict.fromkeys(job.appearance.bodies, ())
-    return Job(
+    return SceneJob(
         replace(job.appearance, bodies=bodies, furniture=(), preset="raster-fast"), job.poses
     )
 
 
-def in_first_look(job: Job) -> Job:
+def in_first_look(job: SceneJob) -> SceneJob:
     """The same as older episodes are drawn."""
-    return Job(
+    return SceneJob(
         replace(
             job.appearance,
             preset="raster",
@@ -129,7 +129,7 @@ def in_first_look(job: Job) -> Job:
     )
 
 
-def measure(jobs: dict[str, Job], frames: int, repeats: int, truth: bool) -> dict[str, Cost]:
+def measure(jobs: dict[str, SceneJob], frames: int, repeats: int, truth: bool) -> dict[str, Cost]:
     """The cost of every job, drawn in turns."""
     new, times, draw = (
         dict[str, float](),
@@ -140,11 +140,11 @@ def measure(jobs: dict[str, Job], frames: int, repeats: int, truth: bool) -> dic
     for name, job in jobs.items():
         began = time.process_time()
         drawing = renderer(job.appearance)
-        photograph(drawing, job.poses, [0], job.appearance.sensing, depth=truth, segmentation=truth)
+        exposed(drawing, job.poses, [0], job.appearance.sensing, depth=truth, segmentation=truth)
         new[name] = time.process_time() - began
         opened.append(drawing)
         count = min(frames, len(next(iter(job.poses.values()))))
-        draw[name] = lambda d=drawing, j=job, n=count: photograph(
+        draw[name] = lambda d=drawing, j=job, n=count: exposed(
             d, j.poses, range(n), j.appearance.sensing, depth=truth, segmentation=truth
         )
     for _ in range(repeats):
@@ -192,7 +192,7 @@ def main() -> None:
     )
     for scene in options.scenes:
         job = rolled_out(scene)
-        jobs = {name: Job(replace(job.appearance, preset=name), job.poses) for name in presets}
+        jobs = {name: SceneJob(replace(job.appearance, preset=name), job.poses) for name in presets}
         jobs |= {"first look": in_first_look(job), "room": without_bodies(job)}
         cost = measure(jobs, options.frames, options.repeats, options.truth)
         cells = [
@@ -212,7 +212,7 @@ def main() -> None:
                 for name, sensors in EFFECTS.items()
             }
             jobs = {"raster": job} | {
-                name: Job(appearance, job.poses) for name, appearance in flawed.items()
+                name: SceneJob(appearance, job.poses) for name, appearance in flawed.items()
             }
             cost = measure(jobs, options.frames, options.repeats, truth=True)
             added = ", ".join(

@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.long_tables import write_page
 from benchmarks.study.page import DOCS
-from benchmarks.study.plan import Group, interceptor, latency
-from benchmarks.study.rows import Row, Rows, markdown
+from benchmarks.study.plan import StudyGroup, interceptor, latency
+from benchmarks.study.rows import Row, StudyRows, markdown
 from benchmarks.study.run import run
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
@@ -40,13 +40,13 @@ TRIES = {
 """Policy and clock of each row of the table."""
 
 
-def groups(tasks: Sequence[str]) -> Iterator[Group]:
+def groups(tasks: Sequence[str]) -> Iterator[StudyGroup]:
     """The cells of the table; the levels at which the target moves come first."""
     for level in sorted(LEVELS, key=lambda level: (level == 0, level)):
         for task in tasks:
             for contact in CONTACTS:
                 cell = Cell(task, "aloha-agilex", level, 0.1, "clean")
-                yield Group(cell, tuple(TRIES.values()), Setup(contact=contact))
+                yield StudyGroup(cell, tuple(TRIES.values()), Setup(contact=contact))
 
 
 def by_task(rows: Sequence[Row]) -> list[tuple[int, int]]:
@@ -57,7 +57,7 @@ def by_task(rows: Sequence[Row]) -> list[tuple[int, int]]:
     return [(sum(found), len(found)) for _, found in sorted(tasks.items())]
 
 
-def rate(rows: Rows) -> str:
+def rate(rows: StudyRows) -> str:
     """Per cent solved with its 95 % interval, clustered by task."""
     if not rows.rows:
         return "-"
@@ -69,7 +69,7 @@ def rate(rows: Rows) -> str:
     )
 
 
-def gain(rows: Rows, policy: str = "tapper", over: str = "static") -> str:
+def gain(rows: StudyRows, policy: str = "tapper", over: str = "static") -> str:
     """Points by which one policy solves more than another of the scenes that both tried: a mean
     over tasks, with the 95 % interval of a bootstrap over tasks."""
     solved = [
@@ -95,7 +95,7 @@ def pressed() -> set[str]:
     }
 
 
-def table(rows: Rows) -> str:
+def table(rows: StudyRows) -> str:
     """Markdown: policies down, rules and levels across, and what the tap is worth."""
     cells = [
         rows.of(rules=f"strict-{contact}", level=level) for contact in CONTACTS for level in LEVELS
@@ -116,7 +116,7 @@ def table(rows: Rows) -> str:
     )
 
 
-def tasks_table(rows: Rows) -> str:
+def tasks_table(rows: StudyRows) -> str:
     """Markdown: tasks down; solved of tried at levels 1 and 3 together."""
     moving = rows.where(lambda row: row["level"] > 0)
     columns = [(p, clock, contact) for p, clock in TRIES.values() for contact in CONTACTS]
@@ -133,7 +133,7 @@ def tasks_table(rows: Rows) -> str:
     )
 
 
-def scenes(rows: Rows) -> str:
+def scenes(rows: StudyRows) -> str:
     """How many scenes a task has in a column of the table: "2", or "1 to 2"."""
     counts = {
         len(rows.of(task=task, level=level, policy="static", rules=f"strict-{contact}").rows)
@@ -144,7 +144,7 @@ def scenes(rows: Rows) -> str:
     return f"{min(counts)}" if len(counts) == 1 else f"{min(counts)} to {max(counts)}"
 
 
-def page(rows: Rows) -> str:
+def page(rows: StudyRows) -> str:
     """The page as markdown."""
     made, tasks = rows.rows[-1], len(rows.values("task"))
     days = sorted({row["hardware"].rpartition("; ")[2] for row in rows.rows})
@@ -189,7 +189,7 @@ def main() -> None:
     if args.what == "run":
         run(args.rows, list(groups(expand_tasks(args.tasks.split(",")))), args.seeds, step=1)
     else:
-        write_page(DOCS / "measurements" / "rules.md", page(Rows.read(args.rows)))
+        write_page(DOCS / "measurements" / "rules.md", page(StudyRows.read(args.rows)))
 
 
 if __name__ == "__main__":

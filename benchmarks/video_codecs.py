@@ -39,7 +39,7 @@ TRIED = (
 
 
 @dataclass(frozen=True)
-class Row:
+class CodecRow:
     """Measurements of one codec: CPU ms to encode a frame, ms to read one at random, kB a frame,
     errors of 0-255."""
 
@@ -50,13 +50,13 @@ class Row:
     error: float
     moved: float
 
-    def beats(self, other: "Row") -> bool:
+    def beats(self, other: "CodecRow") -> bool:
         """Whether it is as good in time, error and size, and better in one of them."""
         mine, its = (self.encode, self.moved, self.size), (other.encode, other.moved, other.size)
         return all(a <= b for a, b in zip(mine, its, strict=True)) and mine != its
 
 
-def measure(clips: list[list[NDArray[np.uint8]]], codec: Codec, reads: int) -> Row:
+def measure(clips: list[list[NDArray[np.uint8]]], codec: Codec, reads: int) -> CodecRow:
     """Encode each clip, read `reads` frames of each at random, compare all."""
     spent, decoding, size, errors, moved = 0.0, [], 0, [], []
     encode(clips[0][:4], FPS, codec)  # the first call of an encoder sets it up
@@ -75,7 +75,7 @@ def measure(clips: list[list[NDArray[np.uint8]]], codec: Codec, reads: int) -> R
             read_one(mp4, int(t))
             decoding.append(time.process_time() - start)
     count = sum(map(len, clips))
-    return Row(
+    return CodecRow(
         codec,
         1e3 * spent / count,
         1e3 * float(np.mean(decoding)),

@@ -36,7 +36,7 @@ LIMIT_MB, LIMIT_GROWTH = 1000, 0.05
 
 
 @dataclass(frozen=True)
-class Seen:
+class MemorySeen:
     """After one slot: the cell it belongs to, attempts, whether it was accepted, and resident,
     private and peak memory in MB."""
 
@@ -58,13 +58,13 @@ def memory() -> tuple[float, float, float]:
     return kilobytes["Rss"] * 1.024e-3, private * 1.024e-3, kilobytes["VmHWM"] * 1.024e-3
 
 
-def measuring() -> Callable[[FillJob], Seen]:
+def measuring() -> Callable[[FillJob], MemorySeen]:
     """The work of a build's worker, which then looks at its memory."""
     fill = slot_worker()
 
-    def work(job: FillJob) -> Seen:
+    def work(job: FillJob) -> MemorySeen:
         record = result_of(fill(job))
-        return Seen(job.slot.cell.path, len(record.attempts), record.accepted, *memory())
+        return MemorySeen(job.slot.cell.path, len(record.attempts), record.accepted, *memory())
 
     return work
 
@@ -83,7 +83,7 @@ def order(recipe: Recipe) -> Iterator[Slot]:
         number += 1
 
 
-def measure(count: int) -> list[Seen]:
+def measure(count: int) -> list[MemorySeen]:
     """One worker, so many slots."""
     recipe = recipe_from(
         {"embodiments": ROBOTS, "levels": LEVELS, "domains": DOMAINS, "episodes": 1}
@@ -109,7 +109,7 @@ def measure(count: int) -> list[Seen]:
             return found
 
 
-def report(found: list[Seen]) -> str:
+def report(found: list[MemorySeen]) -> str:
     """A Markdown table and the verdict."""
     rows = sorted({n for n in (1, 5, FIRST, 35, 70, 105, 140, 175, len(found)) if n <= len(found)})
     lines = ["| after slots | resident MB | private MB | peak MB |", "|---:|---:|---:|---:|"]

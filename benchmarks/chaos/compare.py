@@ -15,7 +15,7 @@ APART = ("attempts.parquet", "index.sqlite", "report")
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RunComparison:
     """The differences of two datasets: files that only one has, files and entries that differ, and
     the number of equal files.
 
@@ -34,7 +34,7 @@ class Comparison:
         return not (self.lost or self.left_over or self.missing or self.different)
 
 
-def compare(reference: Path, other: Path) -> Comparison:
+def compare(reference: Path, other: Path) -> RunComparison:
     """Compare two finished datasets."""
     first, second = _files(reference), _files(other)
     both = [name for name in first if name in second]
@@ -46,7 +46,7 @@ def compare(reference: Path, other: Path) -> Comparison:
     ]
     if _attempts(reference) != _attempts(other):
         different.append("attempts.parquet")
-    return Comparison(
+    return RunComparison(
         slots=len(entries),
         same=len(plain) - sum(name in plain for name in different),
         lost=[slot for slot in entries if slot not in others],

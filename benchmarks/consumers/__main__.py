@@ -54,7 +54,7 @@ for root in sys.argv[1:]:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ReaderOutcome:
     """A command: what it is called, its seconds, its exit code, and the last line it said."""
 
     name: str
@@ -63,7 +63,7 @@ class Outcome:
     said: str
 
 
-def call(name: str, command: list[str], home: Path) -> Outcome:
+def call(name: str, command: list[str], home: Path) -> ReaderOutcome:
     """Run a command without a network, its caches in `home`."""
     offline = {
         "HF_HUB_OFFLINE": "1",
@@ -76,12 +76,12 @@ def call(name: str, command: list[str], home: Path) -> Outcome:
         command, env=os.environ | offline, capture_output=True, text=True, check=False
     )
     lines = [line for line in (done.stdout + "\n" + done.stderr).splitlines() if line.strip()]
-    return Outcome(
+    return ReaderOutcome(
         name, time.perf_counter() - start, done.returncode, lines[-1][:120] if lines else ""
     )
 
 
-def edit(root: Path, place: Path, home: Path) -> list[Outcome]:
+def edit(root: Path, place: Path, home: Path) -> list[ReaderOutcome]:
     """Delete the first episode, split in two, merge the parts, and read all of it."""
     tool = [str(Path(sys.executable).with_name("lerobot-edit-dataset")), "--push_to_hub", "false"]
     source = ["--repo_id", "local/source", "--root", str(root)]
@@ -124,7 +124,7 @@ def edit(root: Path, place: Path, home: Path) -> list[Outcome]:
     ]
 
 
-def view(root: Path, place: Path, home: Path) -> Outcome:
+def view(root: Path, place: Path, home: Path) -> ReaderOutcome:
     """Write the first episode as a rerun recording with the official viewer."""
     tool = [
         str(Path(sys.executable).with_name("lerobot-dataset-viz")),
@@ -140,7 +140,7 @@ def view(root: Path, place: Path, home: Path) -> Outcome:
     )
 
 
-def older(root: Path, environments: Path, home: Path) -> list[Outcome]:
+def older(root: Path, environments: Path, home: Path) -> list[ReaderOutcome]:
     """Draw batches with older releases, in environments that uv makes where they are not there
     yet."""
     outcomes = []
@@ -159,7 +159,7 @@ def older(root: Path, environments: Path, home: Path) -> list[Outcome]:
     return outcomes
 
 
-def read(dataset: Path, home: Path) -> list[Outcome]:
+def read(dataset: Path, home: Path) -> list[ReaderOutcome]:
     """Read exports with their consumers' own packages, in environments that uv makes."""
     folder, outcomes = Path(__file__).with_name("readers"), []
     for name, (*options, script) in READERS.items():
@@ -169,7 +169,7 @@ def read(dataset: Path, home: Path) -> list[Outcome]:
     return outcomes
 
 
-def train(root: Path, place: Path, home: Path, steps: int, save: bool = False) -> Outcome:
+def train(root: Path, place: Path, home: Path, steps: int, save: bool = False) -> ReaderOutcome:
     """Train ACT, a small one, from our cameras."""
     command = [
         str(Path(sys.executable).with_name("lerobot-train")),

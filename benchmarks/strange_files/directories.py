@@ -2,21 +2,21 @@
 
 import os
 
-from benchmarks.strange_files.making import Case, cone, glb, link, object_directory
+from benchmarks.strange_files.making import Probe, cone, glb, link, object_directory
 from pipeline.intake.objects.add import draft_all
 from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.intake.robots.add import RobotOptions, draft_robot
 
 DIRECTORY_CASES = (
     # directories, textures, light
-    Case(
+    Probe(
         "object.toml of 5,000 levels",
         object_directory(lambda p: p.write_text("a = " + "[" * 5000 + "]" * 5000)),
         "nested too deeply",
     ),
-    Case("object.toml that is /dev/zero", object_directory(link("/dev/zero")), "object.toml"),
-    Case("object.toml that is a pipe", object_directory(os.mkfifo), "object.toml"),
-    Case(
+    Probe("object.toml that is /dev/zero", object_directory(link("/dev/zero")), "object.toml"),
+    Probe("object.toml that is a pipe", object_directory(os.mkfifo), "object.toml"),
+    Probe(
         "config.yml with a tag",
         lambda f: (
             (f / "config.yml").write_text("a: !!python/object/apply:os.system [touch gone]"),
@@ -24,7 +24,7 @@ DIRECTORY_CASES = (
         )[1],
         "config.yml",
     ),
-    Case(
+    Probe(
         "model_data of 100,000 levels",
         lambda f: (
             cone(f / "base0.stl"),

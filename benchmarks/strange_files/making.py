@@ -27,7 +27,7 @@ MJCF = (
 )
 
 
-class Case(NamedTuple):
+class Probe(NamedTuple):
     """What is read, given the folder of the case: its value is judged, or its refusal matched."""
 
     name: str

@@ -10,7 +10,7 @@ from benchmarks.strange_files.making import (
     MESHOPT,
     PNG,
     SQUARE_OBJ,
-    Case,
+    Probe,
     attribute,
     bomb,
     color,
@@ -25,7 +25,7 @@ from tests.world.meshes.files import SQUARE, TWO, UV, dae
 
 MESH_CASES = (
     # glTF
-    Case(
+    Probe(
         "quantized",
         mesh(
             "a.glb",
@@ -33,7 +33,7 @@ MESH_CASES = (
         ),
         judge=lambda p: np.allclose(p.parts[0].points, SQUARE),
     ),
-    Case(
+    Probe(
         "triangle fan",
         mesh(
             "a.glb",
@@ -45,7 +45,7 @@ MESH_CASES = (
         ),
         judge=lambda p: len(p.parts[0].faces) == 2,
     ),
-    Case(
+    Probe(
         "triangle strip",
         mesh(
             "a.glb",
@@ -57,8 +57,8 @@ MESH_CASES = (
         ),
         judge=lambda p: len(p.parts[0].faces) == 2,
     ),
-    Case("texture, left", mesh("a.glb", glb(textured)), judge=lambda p: texel(p) == [255, 0, 0]),
-    Case(
+    Probe("texture, left", mesh("a.glb", glb(textured)), judge=lambda p: texel(p) == [255, 0, 0]),
+    Probe(
         "texture transform",
         mesh(
             "a.glb",
@@ -66,7 +66,7 @@ MESH_CASES = (
         ),
         judge=lambda p: texel(p) == [0, 0, 255],
     ),
-    Case(
+    Probe(
         "texCoord 1",
         mesh(
             "a.glb",
@@ -79,7 +79,7 @@ MESH_CASES = (
         ),
         judge=lambda p: texel(p) == [0, 0, 255],
     ),
-    Case(
+    Probe(
         "factor times texture",
         mesh(
             "a.glb",
@@ -87,12 +87,12 @@ MESH_CASES = (
         ),
         judge=lambda p: abs(texel(p)[0] - 188) < 2,
     ),
-    Case(
+    Probe(
         "linear factor",
         mesh("a.glb", glb(lambda g: g.surface.update(baseColorFactor=[0.5, 0.25, 0, 1]))),
         judge=lambda p: color(p, HALF),
     ),
-    Case(
+    Probe(
         "colors of vertices",
         mesh(
             "a.glb",
@@ -104,15 +104,15 @@ MESH_CASES = (
         ),
         judge=lambda p: color(p, (0, 1, 0)),
     ),
-    Case("Draco", mesh("a.glb", glb(**DRACO)), "Draco.*DracoPy"),
-    Case("meshopt", mesh("a.glb", glb(**MESHOPT)), "meshopt"),
-    Case(
+    Probe("Draco", mesh("a.glb", glb(**DRACO)), "Draco.*DracoPy"),
+    Probe("meshopt", mesh("a.glb", glb(**MESHOPT)), "meshopt"),
+    Probe(
         "unknown extension",
         mesh("a.glb", glb(extensionsRequired=["VENDOR_x"])),
         "requires the extension 'VENDOR_x'",
     ),
-    Case("100,000 nodes", thing("a.glb", glb(nodes=[{"mesh": 0}] * 100_000)), "has 100000 nodes"),
-    Case(
+    Probe("100,000 nodes", thing("a.glb", glb(nodes=[{"mesh": 0}] * 100_000)), "has 100000 nodes"),
+    Probe(
         "400,000 triangles in 300 nodes",
         thing(
             "a.glb",
@@ -124,12 +124,12 @@ MESH_CASES = (
         ),
         "triangles; 500000 at most|values",
     ),
-    Case(
+    Probe(
         "nodes in a circle",
         thing("a.glb", glb(nodes=[{"children": [1]}, {"children": [0]}])),
         "circle|no triangles",
     ),
-    Case(
+    Probe(
         "gltf with a buffer elsewhere",
         thing(
             "a.gltf",
@@ -139,27 +139,27 @@ MESH_CASES = (
         ),
         "is outside of",
     ),
-    Case(
+    Probe(
         "accessor beyond its buffer",
         thing("a.glb", glb(lambda g: g.document["accessors"][0].update(count=10_000))),
         "beyond the end",
     ),
-    Case(
+    Probe(
         "accessor of 10^8",
         thing("a.glb", glb(lambda g: g.document["accessors"][0].update(count=10**8))),
         "100000000|triangles",
     ),
-    Case(
+    Probe(
         "negative offset",
         thing("a.glb", glb(lambda g: g.document["bufferViews"][0].update(byteOffset=-4))),
         "beyond the end",
     ),
-    Case(
+    Probe(
         "JSON of 100,000 levels",
         thing("a.gltf", lambda p: p.write_text('{"asset":' + "[" * 100_000 + "]" * 100_000 + "}")),
         "a.gltf",
     ),
-    Case(
+    Probe(
         "texture of 900 million pixels",
         thing(
             "a.obj",
@@ -169,53 +169,53 @@ MESH_CASES = (
         ),
         "make it smaller",
     ),
-    Case("GLB that is a pipe", thing("a.glb", os.mkfifo), "is no regular file"),
-    Case(
+    Probe("GLB that is a pipe", thing("a.glb", os.mkfifo), "is no regular file"),
+    Probe(
         "zip called GLB",
         thing("a.glb", lambda p: p.write_bytes(b"PK\3\4" + bytes(100))),
         "no header",
     ),
     # OBJ, PLY, OFF, DAE
-    Case(
+    Probe(
         "20,000 groups",
         mesh("a.obj", obj("".join(f"g g{k}\nf 1 2 3\n" for k in range(20_000)))),
         judge=lambda p: len(p.parts) == 1,
     ),
-    Case(
+    Probe(
         "map_Kd with backslashes",
         mesh(
             "a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd C:\\me\\red.png\n", **PNG)
         ),
         judge=lambda p: "takes red.png" in p.notes[0],
     ),
-    Case(
+    Probe(
         "map_Kd with options",
         mesh(
             "a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd -s 2 2 1 red.png\n", **PNG)
         ),
         judge=lambda p: p.parts[0].uv.max() == 2.0 or p.parts[0].uv.min() == -1.0,
     ),
-    Case(
+    Probe(
         "map_Kd that is missing",
         mesh("a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nKd 1 0 0\nmap_Kd gone.png\n")),
         judge=lambda p: color(p, (1, 0, 0)) and "gone.png" in p.notes[0],
     ),
-    Case(
+    Probe(
         "map_Kd elsewhere",
         mesh("a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd ../../secret.png\n")),
         "is outside of",
     ),
-    Case(
+    Probe(
         "mtllib elsewhere",
         mesh("a.obj", lambda p: p.write_text(f"mtllib ../../secret.mtl\n{SQUARE_OBJ}f 1 2 3\n")),
         "is outside of",
     ),
-    Case(
+    Probe(
         "mtllib without usemtl",
         mesh("a.obj", obj("f 1 2 3\n", "newmtl a\nKd 1 0 0\n")),
         judge=lambda p: "uses none of it" in p.notes[0],
     ),
-    Case(
+    Probe(
         "OBJ with colors of vertices",
         mesh(
             "a.obj",
@@ -223,7 +223,7 @@ MESH_CASES = (
         ),
         judge=lambda p: color(p, (1, 0, 0)),
     ),
-    Case(
+    Probe(
         "PLY of 10^10 vertices",
         thing(
             "a.ply",
@@ -233,14 +233,14 @@ MESH_CASES = (
         ),
         "a.ply",
     ),
-    Case(
+    Probe(
         "OFF of 10^9 faces",
         thing(
             "a.off", lambda p: p.write_text("OFF\n3 1000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
         ),
         "a.off",
     ),
-    Case(
+    Probe(
         "DAE with an entity",
         mesh(
             "a.dae",
@@ -250,7 +250,7 @@ MESH_CASES = (
         ),
         "document type",
     ),
-    Case(
+    Probe(
         "DAE with nodes in a ring",
         mesh(
             "a.dae",

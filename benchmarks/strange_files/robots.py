@@ -14,7 +14,7 @@ from benchmarks.strange_files.making import (
     STL_BOMB,
     TINY,
     WITH,
-    Case,
+    Probe,
     color,
     grown,
     link,
@@ -30,18 +30,18 @@ from tests.world.meshes.files import dae
 
 ROBOT_CASES = (
     # right values of a URDF
-    Case(
+    Probe(
         "mirrored scale",
         shape("../meshes/cone.stl", "scale='1 -1 1'", **WITH),
         judge=lambda p: 4e-4 < volume(p) < 6e-4,
     ),
-    Case(
+    Probe(
         "../meshes from urdf/",
         shape("../meshes/cone.stl", **WITH),
         judge=lambda p: 4e-4 < volume(p) < 6e-4,
     ),
-    Case("package by folder", shape("package://pkg/meshes/cone.stl", **WITH)),
-    Case(
+    Probe("package by folder", shape("package://pkg/meshes/cone.stl", **WITH)),
+    Probe(
         "package by package.xml",
         shape(
             "package://arm/meshes/cone.stl",
@@ -49,8 +49,8 @@ ROBOT_CASES = (
             **WITH,
         ),
     ),
-    Case("package beside", shape("package://tool/meshes/cone.stl", given=".", **WITH, **OTHER)),
-    Case(
+    Probe("package beside", shape("package://tool/meshes/cone.stl", given=".", **WITH, **OTHER)),
+    Probe(
         "OBJ in two colors",
         mesh(
             "a.obj",
@@ -60,99 +60,99 @@ ROBOT_CASES = (
         ),
         judge=lambda p: color(p, (1, 0, 0), (0, 0, 1)),
     ),
-    Case(
+    Probe(
         "DAE in two colors",
         mesh("a.dae", lambda p: dae(p, ((1, 0, 0), (0, 1, 0)))),
         judge=lambda p: color(p, (1, 0, 0), (0, 1, 0)),
     ),
-    Case(
+    Probe(
         "DAE in centimetres",
         mesh("a.dae", lambda p: dae(p, unit='<unit meter="0.01"/>')),
         judge=lambda p: np.allclose(np.ptp(p.parts[0].points, axis=0), [0.01, 0.01, 0]),
     ),
-    Case(
+    Probe(
         "floating root beyond the base",
         robot(TINY.replace("</robot>", ROOT.format("floating") + "</robot>"), base="base"),
     ),
     # refusals of a URDF
-    Case(
+    Probe(
         "package that is not here",
         shape("package://gone/meshes/cone.stl", **WITH),
         "package 'gone', which is not here",
     ),
-    Case(
+    Probe(
         "package of another's mesh",
         shape("package://tool/meshes/cone.stl", **WITH, **OTHER),
         "package 'tool', which is not here",
     ),
-    Case("mesh outside", shape("../../secret.stl"), "is outside of"),
-    Case("mesh by an absolute path", shape("/etc/hostname"), "is an absolute path"),
-    Case("mesh by URL", shape("https://example.org/a.stl"), "is a URL"),
-    Case(
+    Probe("mesh outside", shape("../../secret.stl"), "is outside of"),
+    Probe("mesh by an absolute path", shape("/etc/hostname"), "is an absolute path"),
+    Probe("mesh by URL", shape("https://example.org/a.stl"), "is a URL"),
+    Probe(
         "percent signs",
         shape("../meshes/my%20cone.stl", **SPACED),
         "percent signs; write '../meshes/my cone",
     ),
-    Case(
+    Probe(
         "backslashes",
         shape("..\\meshes\\cone.stl", **WITH),
         "backslashes; write '../meshes/cone.stl'",
     ),
-    Case(
+    Probe(
         "wrong case",
         shape("../Meshes/CONE.STL", **WITH),
         "another case; write '../meshes/cone.stl'",
     ),
-    Case(
+    Probe(
         "mesh that is a link away",
         robot(PART, part_DOT_stl=link("/etc/hostname")),
         "is outside of|a link to a file outside",
     ),
-    Case(
+    Probe(
         "mesh that is /dev/zero",
         robot(PART, part_DOT_stl=link("/dev/zero")),
         "a link to a file outside",
     ),
-    Case("mesh that is a pipe", robot(PART, part_DOT_stl=os.mkfifo), "is no regular file"),
-    Case("mesh of 40 GB", robot(PART, part_DOT_stl=grown), "a file has at most"),
-    Case("STL of 2 billion triangles", robot(PART, part_DOT_stl=STL_BOMB), "part.stl: "),
-    Case(
+    Probe("mesh that is a pipe", robot(PART, part_DOT_stl=os.mkfifo), "is no regular file"),
+    Probe("mesh of 40 GB", robot(PART, part_DOT_stl=grown), "a file has at most"),
+    Probe("STL of 2 billion triangles", robot(PART, part_DOT_stl=STL_BOMB), "part.stl: "),
+    Probe(
         "OBJ that is not finite",
         robot(Tiny(mesh="a.obj"), a_DOT_obj=b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         "not finite",
     ),
-    Case(
+    Probe(
         "limits of 0",
         robot(TINY.replace(LIMIT, 'lower="0" upper="0"')),
         "joint 'j3' has limits 0 to 0",
     ),
-    Case(
+    Probe(
         "floating root",
         robot(TINY.replace("</robot>", ROOT.format("floating") + "</robot>")),
         "'free' is floating.*--base base",
     ),
-    Case(
+    Probe(
         "planar root",
         robot(TINY.replace("</robot>", ROOT.format("planar") + "</robot>")),
         "'free' is planar",
     ),
-    Case(
+    Probe(
         "laughs",
         robot('<!DOCTYPE r [<!ENTITY a "b"><!ENTITY c "&a;&a;">]>' + TINY),
         "declares a document type",
     ),
-    Case(
+    Probe(
         "XML of 100,000 levels",
         robot("<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>"),
         "arm.urdf: ",
     ),
-    Case(
+    Probe(
         "100,000 links",
         robot("<robot>" + "<link name='a'/>" * 100_000 + "</robot>"),
         "has 100000 links",
     ),
-    Case("link named as a path", robot(TINY.replace('"upper"', '"../../up"')), "without slashes"),
-    Case(
+    Probe("link named as a path", robot(TINY.replace('"upper"', '"../../up"')), "without slashes"),
+    Probe(
         "URDF that is /dev/zero",
         lambda f: (
             link("/dev/zero")(f / "arm.urdf"),
@@ -160,13 +160,13 @@ ROBOT_CASES = (
         )[1],
         "is no regular file",
     ),
-    Case(
+    Probe(
         "URDF that is a pipe",
         lambda f: (os.mkfifo(f / "arm.urdf"), draft_robot(f / "arm.urdf", RobotOptions("m", f)))[1],
         "arm.urdf",
     ),
     # MJCF
-    Case(
+    Probe(
         "MJCF of 10^8 replicas",
         robot(
             MJCF.format("", '<replicate count="100000000"><geom size=".1"/></replicate>'),
@@ -174,7 +174,7 @@ ROBOT_CASES = (
         ),
         "a.xml",
     ),
-    Case(
+    Probe(
         "MJCF with a field of 200000^2",
         robot(
             MJCF.format(
@@ -184,17 +184,17 @@ ROBOT_CASES = (
         ),
         "a.xml",
     ),
-    Case(
+    Probe(
         "MJCF that includes a pipe",
         robot(MJCF.format('<include file="p.xml"/>', ""), name="a.xml", p_DOT_xml=os.mkfifo),
         "is no regular file",
     ),
-    Case(
+    Probe(
         "MJCF that includes /etc/passwd",
         robot(MJCF.format('<include file="/etc/passwd"/>', ""), name="a.xml"),
         "which is outside of",
     ),
-    Case(
+    Probe(
         "MJCF with a texture elsewhere",
         robot(
             MJCF.format('<asset><texture type="2d" file="../../../../secret.png"/></asset>', ""),
@@ -202,7 +202,7 @@ ROBOT_CASES = (
         ),
         "which is outside of",
     ),
-    Case(
+    Probe(
         "MJCF in a ring",
         robot(MJCF.format('<include file="a.xml"/>', ""), name="a.xml"),
         "twice or in a ring",

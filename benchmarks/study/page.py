@@ -5,13 +5,13 @@ from pathlib import Path
 
 from benchmarks.long_tables import write_page
 from benchmarks.study import plots, tables
-from benchmarks.study.rows import Rows
+from benchmarks.study.rows import StudyRows
 
 DOCS = Path(__file__).parents[2] / "docs"
 BEGIN, END = "<!-- reference policies: begin -->", "<!-- reference policies: end -->"
 
 
-def write(rows: Rows, docs: Path = DOCS) -> None:
+def write(rows: StudyRows, docs: Path = DOCS) -> None:
     """Tables between the marks, pictures beside the page."""
     plots.policies(rows, docs / "evaluation_policies.png")
     plots.timing(rows, docs / "evaluation_timing.png")
@@ -30,7 +30,7 @@ def inserted(page: str, block: str, begin: str, end: str) -> str:
     return f"{head}{begin}\n\n{block}\n\n{end}{tail}"
 
 
-def text(rows: Rows) -> str:
+def text(rows: StudyRows) -> str:
     """The generated part of the page."""
     seeds = sorted(
         {

@@ -34,7 +34,7 @@ GOES_ON = Setup(contact="continue")
 
 
 @dataclass(frozen=True)
-class Group:
+class StudyGroup:
     """Cells under one setup, and what is tried on the scenes of each: names of policies and of
     clocks."""
 
@@ -50,7 +50,7 @@ def cells(task: str) -> Iterator[Cell]:
             yield Cell(task, "aloha-agilex", level, alpha, "clean")
 
 
-def groups(task: str) -> Iterator[Group]:
+def groups(task: str) -> Iterator[StudyGroup]:
     """What is run for one task. Contact rules differ in tracking tasks only: a gripper always stops
     what it holds."""
     for cell in cells(task):
@@ -63,9 +63,9 @@ def groups(task: str) -> Iterator[Group]:
             tries += [("replay", late(ms)) for ms in LATE[1:]]
         if cell.level == 1 and cell.alpha == 0.1:
             tries += [(interceptor(chunk), latency(ms)) for chunk in CHUNKS for ms in LATENCY[1:]]
-        yield Group(cell, tuple(tries))
+        yield StudyGroup(cell, tuple(tries))
         if cell.level == 1 and TASKS[task].category == "tracking":
-            yield Group(cell, tuple(("replay", late(ms)) for ms in LATE), GOES_ON)
+            yield StudyGroup(cell, tuple(("replay", late(ms)) for ms in LATE), GOES_ON)
 
 
 def late(ms: int) -> str:

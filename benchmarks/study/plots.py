@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.study.plan import ALPHAS, CHUNKS, LATE, LATENCY, POLICIES, late
-from benchmarks.study.rows import Rate, Rows, at
+from benchmarks.study.rows import Rate, StudyRows, at
 from benchmarks.study.tables import answers
 
 
-def policies(rows: Rows, path: Path) -> None:
+def policies(rows: StudyRows, path: Path) -> None:
     """Success rate against alpha at levels 1 and 3, a line per policy."""
     rows = rows.of(clock="sim", rules="strict")
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", sharey=True)
@@ -27,7 +27,7 @@ def policies(rows: Rows, path: Path) -> None:
     plt.close(figure)
 
 
-def timing(rows: Rows, path: Path) -> None:
+def timing(rows: StudyRows, path: Path) -> None:
     """Success rate of recorded actions against the target's delay: tasks thin, at all alphas
     together; all tasks thick, an alpha a line; both contact rules."""
     rows = rows.of(policy="replay", level=1)
@@ -54,7 +54,7 @@ def timing(rows: Rows, path: Path) -> None:
     plt.close(figure)
 
 
-def delays(rows: Rows, path: Path) -> None:
+def delays(rows: StudyRows, path: Path) -> None:
     """Success rate of the interceptor against latency, level 1."""
     rows = rows.of(rules="strict", level=1, alpha=0.1)
     figure, axis = plt.subplots(figsize=(5, 3.4), layout="constrained")

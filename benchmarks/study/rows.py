@@ -57,30 +57,30 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Rows:
+class StudyRows:
     """Rows of one version of the code."""
 
     rows: tuple[Row, ...]
 
     @classmethod
-    def read(cls, where: Path) -> "Rows":
+    def read(cls, where: Path) -> "StudyRows":
         """Those of the version that wrote last. Raises ValueError for a file without rows."""
         rows = [json.loads(line) for line in (where / "rows.jsonl").read_text().splitlines()]
         if not rows:
             raise ValueError(f"{where / 'rows.jsonl'} has no rows: run the study first")
         return cls(tuple(row for row in rows if row["version"] == rows[-1]["version"]))
 
-    def of(self, **wanted: Any) -> "Rows":
+    def of(self, **wanted: Any) -> "StudyRows":
         """Rows whose columns have these values."""
-        return Rows(
+        return StudyRows(
             tuple(
                 row for row in self.rows if all(row[key] == value for key, value in wanted.items())
             )
         )
 
-    def where(self, holds: Callable[[Row], bool]) -> "Rows":
+    def where(self, holds: Callable[[Row], bool]) -> "StudyRows":
         """Rows for which something holds."""
-        return Rows(tuple(row for row in self.rows if holds(row)))
+        return StudyRows(tuple(row for row in self.rows if holds(row)))
 
     def values(self, column: str) -> list[Any]:
         """The different values of a column, in order."""
@@ -92,7 +92,7 @@ class Rows:
         return Rate.of(self.rows)
 
 
-def at(rows: Rows, level: int, alpha: float) -> Rows:
+def at(rows: StudyRows, level: int, alpha: float) -> StudyRows:
     """A level and an alpha; alpha 0 is level 0, at which no target moves."""
     return rows.of(level=0) if level == 0 or alpha == 0 else rows.of(level=level, alpha=alpha)
 

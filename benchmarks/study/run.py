@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.hardware import hardware
-from benchmarks.study.plan import Group
+from benchmarks.study.plan import StudyGroup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.case import blind
@@ -15,7 +15,7 @@ from pipeline.evaluate.scoring.results import Results, text_key
 from pipeline.run.evaluation import evaluation_version
 
 
-def run(where: Path, groups: Sequence[Group], seeds: int, step: int = 2) -> None:
+def run(where: Path, groups: Sequence[StudyGroup], seeds: int, step: int = 2) -> None:
     """Run what is missing: `seeds` admitted scenes of every group, `step` of all of them before the
     next ones.
 
@@ -29,7 +29,7 @@ def run(where: Path, groups: Sequence[Group], seeds: int, step: int = 2) -> None
         print(f"{min(upto, seeds)} seeds: {hardware()}", flush=True)
 
 
-def _group(group: Group, seeds: int, where: Path, results: Results, version: str) -> None:
+def _group(group: StudyGroup, seeds: int, where: Path, results: Results, version: str) -> None:
     manifests = Manifests(where / "manifests" / version[:12], setup=group.setup)
     try:
         cases = manifests.admitted([group.cell], seeds, inline)[group.cell]

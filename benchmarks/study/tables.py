@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from benchmarks.study.plan import CHUNKS, LATE, LATENCY, POLICIES, interceptor, late, latency
-from benchmarks.study.rows import Rows, at, markdown
+from benchmarks.study.rows import StudyRows, at, markdown
 
 ENOUGH = 0.8
 """A task whose success rate keeps this share of itself when the target is half a second late
@@ -23,7 +23,7 @@ COLUMNS = (
 )
 
 
-def summary(rows: Rows) -> str:
+def summary(rows: StudyRows) -> str:
     """Policies down, cells across: per cent solved over all tasks, with Wilson's interval."""
     rows = rows.of(clock="sim", rules="strict")
     head = ("policy", "still", *(f"L{level}, {alpha:g}" for level, alpha in COLUMNS[1:]))
@@ -36,7 +36,7 @@ def summary(rows: Rows) -> str:
     )
 
 
-def by_task(rows: Rows, alpha: float = 0.1) -> str:
+def by_task(rows: StudyRows, alpha: float = 0.1) -> str:
     """Tasks down, policies x levels across: solved of tried at one alpha."""
     rows = rows.of(clock="sim", rules="strict")
     columns = [(p, level) for p in POLICIES[:4] for level in (0, 1, 3)]
@@ -48,7 +48,7 @@ def by_task(rows: Rows, alpha: float = 0.1) -> str:
     return markdown(head, body)
 
 
-def timing(rows: Rows) -> str:
+def timing(rows: StudyRows) -> str:
     """Recorded actions against a target that is late: tasks x contact rules x alpha down, delays
     across, per cent solved."""
     rows = rows.of(policy="replay", level=1)
@@ -70,7 +70,7 @@ def timing(rows: Rows) -> str:
     return markdown(head, body)
 
 
-def untimed(rows: Rows, alpha: float = 0.1, ms: int = 400) -> Iterator[tuple[str, str]]:
+def untimed(rows: StudyRows, alpha: float = 0.1, ms: int = 400) -> Iterator[tuple[str, str]]:
     """Tasks, with their contact rule, whose success hardly suffers from a target that is `ms`
     late."""
     rows = rows.of(policy="replay", level=1, alpha=alpha)
@@ -85,7 +85,7 @@ def untimed(rows: Rows, alpha: float = 0.1, ms: int = 400) -> Iterator[tuple[str
                 yield task, contact
 
 
-def delays(rows: Rows) -> str:
+def delays(rows: StudyRows) -> str:
     """The interceptor on a slow machine: actions an answer down, latency across."""
     rows = rows.of(rules="strict", level=1, alpha=0.1)
     head = ("answers", *(f"{ms} ms" for ms in LATENCY))
@@ -96,7 +96,7 @@ def delays(rows: Rows) -> str:
     return markdown(head, body)
 
 
-def answers(rows: Rows, chunk: int, ms: int) -> Rows:
+def answers(rows: StudyRows, chunk: int, ms: int) -> StudyRows:
     """Without latency it makes no difference how many actions an answer holds
     (tests/evaluate/test_evaluate.py)."""
     return rows.of(policy=interceptor(chunk if ms else 1), clock=latency(ms))

@@ -16,12 +16,12 @@ from tqdm import tqdm
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.select import VALIDATION, attempts_of
+from pipeline.data.slots.select import VALIDATION, attempts_of, expression
 from pipeline.data.store.place import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name
-from pipeline.export.shared.episodes import EPISODES, FAILURES, expression, select_episodes
+from pipeline.export.shared.episodes import EPISODES, FAILURES, select_episodes
 from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
 from pipeline.run.identity.core import package_root, shared_physics

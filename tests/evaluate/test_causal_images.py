@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from benchmarks import causal_repeat
-from benchmarks.causal_images import Unit, pairs, units
+from benchmarks.causal_images import ImageUnit, pairs, units
 from benchmarks.causal_tables import add_missing, contrasts, read, redraw_all, spread
 
 
 def test_primary_arms_come_first_and_each_unit_once():
     order = list(units())
     assert order[:3] == [
-        Unit("click_bell", arm, inputs, 1)
+        ImageUnit("click_bell", arm, inputs, 1)
         for arm, inputs in (("reactive", "history"), ("planned", "history"), ("reactive", "none"))
     ]
     assert [unit.seed for unit in order[:18]] == [1] * 3 + [2] * 3 + [1] * 3 + [3] * 3 + [2] * 3 + [
@@ -32,11 +32,11 @@ def test_the_repetition_makes_each_unit_once_and_two_networks_of_everything_firs
 def test_rows_are_added_for_units_that_have_none(tmp_path):
     rows, made = tmp_path / "rows.jsonl", []
 
-    def make(unit: Unit) -> list[dict]:
+    def make(unit: ImageUnit) -> list[dict]:
         made.append(unit)
         return [{**asdict(unit), "level": level, "solved": []} for level in (1, 3)]
 
-    wanted = [Unit("click_bell", arm, "history", 1) for arm in ("planned", "reactive")]
+    wanted = [ImageUnit("click_bell", arm, "history", 1) for arm in ("planned", "reactive")]
     add_missing(rows, wanted[:1], make)
     add_missing(rows, wanted, make)
     assert made == wanted

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.study import page, tables
 from benchmarks.study.plan import GOES_ON, LATE, TEN, groups
-from benchmarks.study.rows import Rate, Rows, at
+from benchmarks.study.rows import Rate, StudyRows, at
 from pipeline.data.setup import DEFAULT
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scoring.clock import parse_clock
@@ -62,7 +62,7 @@ def cell_rows():
     ]
     for chunk, ms in itertools.product(("", ":chunk=15"), (50, 100, 200, 400)):
         out.append(row("click_bell", f"interceptor{chunk}", f"latency:{ms}", success=bool(chunk)))
-    return Rows(tuple(out))
+    return StudyRows(tuple(out))
 
 
 def test_the_study_names_what_exists():

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import tensorflow_datasets as tfds
-from stored import Episode, close
+from stored import StoredEpisode, close
 
 CAMERAS = {
     "cam_high": "head_camera",
@@ -33,7 +33,7 @@ def main() -> None:
         assert named.info.splits["train"].num_examples == builder.info.splits["train"].num_examples
         seen = 0
         for example in tfds.as_numpy(builder.as_dataset(split="train")):
-            episode = Episode(dataset, example["episode_metadata"]["file_path"].decode())
+            episode = StoredEpisode(dataset, example["episode_metadata"]["file_path"].decode())
             steps = list(example["steps"])
             assert len(steps) == len(episode)
             for t, step in enumerate(steps):

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 from PIL import Image
 
 
-class Episode:
+class StoredEpisode:
     """One episode file below a dataset, read with h5py."""
 
     def __init__(self, dataset: Path, source: str) -> None:
@@ -33,9 +33,9 @@ class Episode:
         return self[key] if key in self._file else None
 
 
-def episodes(dataset: Path, table: Path) -> list[Episode]:
+def episodes(dataset: Path, table: Path) -> list[StoredEpisode]:
     """Episodes of an episodes.parquet in its order."""
-    return [Episode(dataset, source) for source in pq.read_table(table)["source"].to_pylist()]
+    return [StoredEpisode(dataset, source) for source in pq.read_table(table)["source"].to_pylist()]
 
 
 def close(a: np.ndarray, b: np.ndarray, most: float) -> bool:

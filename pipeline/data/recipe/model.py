@@ -100,8 +100,7 @@ class Recipe(Setup):
     one sees only the past, follows the target and tries again."""
     sight: Sight = Sight()
     """Delay and error with which the reactive expert sees the target: 100ms,5mm; in a file also
-    {delay: 0.1,
-    noise: 0.005} (s, m)."""
+    {delay: 0.1, noise: 0.005} (s, m)."""
     corrections: Corrections | None = None
     """A policy (as for `evaluate --policy`) that acts first; the reactive expert labels every
     frame, takes over and finishes."""
@@ -131,10 +130,10 @@ class Recipe(Setup):
         """The label of the setup, followed by the expert unless it is the planned one."""
         if self.reactive is None:
             return super().label
-        words = [super().label, f"reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}"]
+        label = f"{super().label}-reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}"
         if self.corrections:
-            words.append(f"takeover-{self.takeover}-{digest([self.corrections.label])[:8]}")
-        return "-".join([*words, *([self.perturb] if self.perturb else [])])
+            label += f"-takeover-{self.takeover}-{digest([self.corrections.label])[:8]}"
+        return f"{label}-{self.perturb}" if self.perturb else label
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", "paired", mode="before")
     @classmethod
@@ -144,7 +143,6 @@ class Recipe(Setup):
     @field_validator("paired")
     @classmethod
     def _in_order(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        """In one order, whatever the order in which they are written."""
         return tuple(key for key in ("levels", "domains", "alpha", "events") if key in value)
 
     @field_validator("alpha")
@@ -161,7 +159,6 @@ class Recipe(Setup):
     @field_validator("episodes", mode="before")
     @classmethod
     def _by_domain(cls, value: Any) -> Any:
-        """One number, or one for each domain."""
         if isinstance(value, Mapping) and (
             unknown := [key for key in value if key not in ("clean", "randomized")]
         ):

@@ -162,6 +162,16 @@ def parse_where(text: str) -> pc.Expression:
         raise WhereError(f"--where {shown!r}: {what} (columns: {', '.join(COLUMNS)})") from error
 
 
+def expression(where: str | None, embodiments: Sequence[str]) -> str:
+    """One expression from `--where` and `--embodiment`. Raises WhereError."""
+    given = (where or "").strip()
+    if given:
+        parse_where(given)
+    robots = ", ".join(f'"{name}"' for name in embodiments)
+    of_robots = f"embodiment in ({robots})" if robots else ""
+    return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
+
+
 def _as_python(text: str) -> tuple[str, Values]:
     """The text with `=` as `==`, the list of an `in` in square brackets, and placeholders for its
     values."""

@@ -47,7 +47,7 @@ class ZarrOptions(ActionOptions):
 
 
 @dataclass(frozen=True)
-class Span:
+class ArraySpan:
     """Rows of an episode that lie in a chunk."""
 
     path: Path
@@ -83,7 +83,7 @@ class Buffer:
             for key, (dtype, shape) in self.kinds.items()
         }
 
-    def spans(self, chunk: int, hashes: Mapping[Path, str]) -> list[Span]:
+    def spans(self, chunk: int, hashes: Mapping[Path, str]) -> list[ArraySpan]:
         """The parts of episodes that make a chunk."""
         low, high = (
             chunk * self.options.chunk_frames,
@@ -94,7 +94,7 @@ class Buffer:
         for number in range(first, last + 1):
             path, start = self.paths[number], int(self.ends[number - 1]) if number else 0
             spans.append(
-                Span(
+                ArraySpan(
                     path,
                     hashes.get(path, ""),
                     max(low - start, 0),
@@ -103,7 +103,7 @@ class Buffer:
             )
         return spans
 
-    def chunk(self, key: str, spans: Sequence[Span]) -> NDArray[Any]:
+    def chunk(self, key: str, spans: Sequence[ArraySpan]) -> NDArray[Any]:
         """The rows of a chunk of an array."""
         return np.concatenate(
             [self.values(span.path)[key][span.start : span.stop] for span in spans]

@@ -275,16 +275,6 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
         raise ExportError(f"--camera-names: {error}") from error
 
 
-def expression(where: str | None, embodiments: Sequence[str]) -> str:
-    """One expression from `--where` and `--embodiment`. Raises WhereError."""
-    given = (where or "").strip()
-    if given:
-        parse_where(given)
-    robots = ", ".join(f'"{name}"' for name in embodiments)
-    of_robots = f"embodiment in ({robots})" if robots else ""
-    return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
-
-
 def select_episodes(
     episodes: Sequence[Path],
     where: str,
@@ -303,7 +293,6 @@ def select_episodes(
     rows = np.flatnonzero(select_rows(columns, wanted))
     chosen = [episodes[row] for row in rows]
     if not chosen:
-        raise ExportError(
-            f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds"
-        )
+        fix = "`domino-data status` lists what the dataset holds"
+        raise ExportError(f"no episode fits --where {where!r}: {fix}")
     return chosen

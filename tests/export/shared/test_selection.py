@@ -18,11 +18,12 @@ from pipeline.data.slots.select import (
     WhereError,
     attempts_of,
     columns_of,
+    expression,
     position_of,
     split_of,
 )
 from pipeline.export import EXPORTERS, ExportError, Job
-from pipeline.export.shared.episodes import expression, select_episodes
+from pipeline.export.shared.episodes import select_episodes
 from pipeline.export.shared.record import read_record
 from tests.synthetic import episode_path, make_episode
 
