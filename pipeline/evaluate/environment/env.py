@@ -179,9 +179,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         """One control period. Raises ActionError for an action of another shape or that is not
         finite."""
         trial, info = self.trial, dict[str, Any]()
-        values = np.asarray(action, np.float64)
+        values = check_action(action, len(self.action_names))
         if self._tools is not None:
-            values = check_action(action, len(self.action_names))
             simulation = trial.simulation
             tcps = [simulation.tcp(side) for side in simulation.embodiment.sides]
             tools = np.stack(tcps) if self._relative else None
