@@ -270,6 +270,7 @@ def many(
     networks: Annotated[int, typer.Option(min=1, max=100, help="Networks, one a seed.")] = 3,
     scenes: Annotated[int, typer.Option(min=1, help="Scenes of a task and level.")] = 50,
     settings: Settings = None,
+    workers: Annotated[int, typer.Option(min=0, help="Of builds and evaluations; 0: cores.")] = 0,
     plan: Annotated[
         bool, typer.Option("--plan", help="Estimate core-hours by stage, and do nothing.")
     ] = False,
@@ -292,6 +293,7 @@ def many(
         networks,
         scenes,
         tuple(settings or ()),
+        ("--workers", str(workers)) if workers else (),
     )
     stages = estimate(wanted)
     for name, count, hours in stages:

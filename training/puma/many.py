@@ -85,7 +85,7 @@ class MisledPolicy(PumaPolicy):
 @dataclass(frozen=True)
 class Many:
     """The size of a run: tasks, levels, demonstrations of a task, level and look, networks, scenes
-    of a task and level, and settings of `puma train`."""
+    of a task and level, settings of `puma train`, and options of what works in parallel."""
 
     out: Path
     tasks: tuple[str, ...]
@@ -94,6 +94,7 @@ class Many:
     networks: int = 3
     scenes: int = 50
     settings: tuple[str, ...] = ()
+    workers: tuple[str, ...] = ()
 
     @classmethod
     def full(cls, out: Path) -> "Many":
@@ -153,7 +154,7 @@ def commands(many: Many) -> Iterator[Command]:
             out = str(many.data(look, task))
             size = ("--levels", levels, "--episodes", str(many.demonstrations))
             words = ("build", "--manifest", str(RECIPE), "--tasks", task, *size, *options)
-            yield Command("domino-data", (*words, "--out", out), (0, 3))
+            yield Command("domino-data", (*words, *many.workers, "--out", out), (0, 3))
             export = ("export", out, "--format", "parquet", "--labels", "poses")
             yield Command("domino-data", export)
     for network in range(many.networks):
@@ -196,13 +197,8 @@ def _evaluations(many: Many, network: int, condition: str) -> Iterator[Command]:
             write_atomic(policy, text.encode())
         words = ["evaluate", "--policy", str(policy), "--like", str(held), "--tasks", task]
         words += ["--embodiment", ROBOT, "--levels", ",".join(map(str, many.evaluated(condition)))]
-        words += [
-            "--episodes",
-            str(many.scenes_of(condition)),
-            *FRESH,
-            *CONDITIONS[condition],
-            "--quiet",
-        ]
+        words += ["--episodes", str(many.scenes_of(condition)), *FRESH, *CONDITIONS[condition]]
+        words += ["--quiet", *many.workers]
         # the same scenes for all networks
         words += ["--manifests", str(many.out / "manifests"), "--out", str(out / task)]
         yield Command("domino-data", tuple(words))
