@@ -84,8 +84,10 @@ class MisledPolicy(PumaPolicy):
 
 @dataclass(frozen=True)
 class Many:
-    """The size of a run: tasks, levels, demonstrations of a task, level and look, networks, scenes
-    of a task and level, settings of `puma train`, and options of what works in parallel."""
+    """The size of a run: tasks, levels, demonstrations of a task, level and look, networks, and
+    scenes of a task and level.
+
+    `settings` are those of `puma train`, `workers` an option of builds and evaluations."""
 
     out: Path
     tasks: tuple[str, ...]
