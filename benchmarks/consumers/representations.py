@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.consumers.__main__ import Outcome, call, train
+from benchmarks.consumers.__main__ import ReaderOutcome, call, train
 
 USUAL = "joints,joints-relative,ee:6d,ee-relative:6d,ee-relative:axis-angle"
 
@@ -26,7 +26,7 @@ def domino(*words: str) -> list[str]:
 
 def try_representation(
     dataset: Path, words: str, steps: int, place: Path, home: Path
-) -> list[Outcome]:
+) -> list[ReaderOutcome]:
     """Export, train and evaluate one representation, up to the first command that fails."""
     actions, _, rotation = words.partition(":")
     options = ["--actions", actions, *(["--rotation", rotation] if rotation else [])]
@@ -50,7 +50,7 @@ def try_representation(
         )
         outcomes.append(call(f"{words}: evaluate", asked, home))
         if "without a valid answer" in outcomes[-1].said:
-            outcomes[-1] = Outcome(outcomes[-1].name, 0.0, 1, outcomes[-1].said)
+            outcomes[-1] = ReaderOutcome(outcomes[-1].name, 0.0, 1, outcomes[-1].said)
     return outcomes
 
 
