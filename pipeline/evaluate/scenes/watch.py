@@ -37,7 +37,7 @@ class StepConditions:
 
     def after_step(self) -> None:
         for name, peak in self._peaks.items():
-            self._peaks[name] = max(peak, self._simulation.height(name))
+            self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
 
     def conditions(self) -> dict[str, bool]:
         """The success conditions of the task now: on the recorded frames and the state of this

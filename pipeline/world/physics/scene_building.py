@@ -238,10 +238,6 @@ class PhysicsScene:
         """World pose (7,) of a body of the scene."""
         return as_pose(self._entities[name].pose)
 
-    def height(self, name: str) -> float:
-        """Height (m) of a body's origin."""
-        return float(self._entities[name].pose.__getstate__()[2])
-
     def speed(self, name: str) -> float:
         """The mass centre's speed (m/s) plus 5 cm times the angular speed (rad/s) of a body."""
         body = self._rigid[name]
