@@ -46,7 +46,7 @@ def test_a_lift_between_two_frames_counts(peak, lifted):
     rise = {
         "conditions": lambda outcome, arms: {"was_lifted": outcome.highest_rise("block") > 0.03}
     }
-    task = SimpleNamespace(manipulated="block", target="block", **rise)
+    task = SimpleNamespace(manipulated="block", target="block", limits={"lift": 0.03}, **rise)
     scene = SimpleNamespace(task=task, bodies={}, embodiment=None, rules=STRICT, arms={})
     now = {"z": 0.74}
     simulation = SimpleNamespace(
