@@ -23,7 +23,7 @@ PAGES = (
     *sorted((ROOT / "docs").rglob("*.md")),
 )
 CLI = typer.main.get_command(app)
-TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
 def command_lines(page: Path) -> list[str]:

@@ -265,12 +265,14 @@ def many(
     ] = "",
     levels: Annotated[str, typer.Option(help="Levels; those of the recipe by default.")] = "",
     demonstrations: Annotated[
-        int, typer.Option(min=0, help="Of a task, level and look; 0 is the number of the recipe.")
+        int, typer.Option(min=0, max=10_000, help="Of a task, level and look; 0: the recipe's.")
     ] = 0,
     networks: Annotated[int, typer.Option(min=1, max=100, help="Networks, one a seed.")] = 3,
-    scenes: Annotated[int, typer.Option(min=1, help="Scenes of a task and level.")] = 50,
+    scenes: Annotated[int, typer.Option(min=1, max=10_000, help="Of a task and level.")] = 50,
     settings: Settings = None,
-    workers: Annotated[int, typer.Option(min=0, help="Of builds and evaluations; 0: cores.")] = 0,
+    workers: Annotated[
+        int, typer.Option(min=0, max=1024, help="Of builds and evaluations; 0: cores.")
+    ] = 0,
     plan: Annotated[
         bool, typer.Option("--plan", help="Estimate core-hours by stage, and do nothing.")
     ] = False,
