@@ -56,7 +56,8 @@ def build(
     from pipeline.run.plan import check_bounded
 
     recipe = given.recipe()
-    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
+    slots = sum(recipe.counts().values())
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env, slots)
     kind = common.kind_of("none" if quiet else progress)
     if not given.from_file and not yes:
         check_bounded(given.values, recipe, Dataset(out), crew.workers)

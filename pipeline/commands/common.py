@@ -142,7 +142,10 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
         ) from error
 
 
-Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
+Executor = Annotated[
+    str,
+    typer.Option(help="inline, ray or auto (inline for one worker, or a build of two episodes)."),
+]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores"),
@@ -189,8 +192,9 @@ def crew_of(
     address: str | None,
     gpus: float | None = None,
     runtime_env: Path | None = None,
+    jobs: int | None = None,
 ) -> Crew:
-    """The workers that the options select; an address selects Ray."""
+    """The workers that the options select for a number of jobs; an address selects Ray."""
     if address is not None and executor == "inline":
         raise UsageError(
             "--address names a Ray cluster and --executor inline uses none: leave one of them out"
@@ -199,7 +203,7 @@ def crew_of(
         raise UsageError(f"--address {show_value(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
     if executor not in EXECUTORS:
         raise UsageError(f"--executor {executor!r} is unknown: choose {', '.join(EXECUTORS)}")
-    name, count = pick_executor("ray" if address else executor, workers)
+    name, count = pick_executor("ray" if address else executor, workers, jobs)
     return Crew(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
 
 

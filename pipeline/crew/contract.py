@@ -108,12 +108,14 @@ def result_of[R](work: R | Steps[R]) -> R:
             return end.value
 
 
-def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
+def pick_executor(name: str, workers: int | None, jobs: int | None = None) -> tuple[str, int]:
     """The executor to use and its number of workers: `auto` is inline for one worker, or without
-    Ray and a number. Raises CrewError for several workers without Ray."""
+    a number of workers where Ray is missing or there are at most two `jobs`, which end before
+    workers would have started. Raises CrewError for several workers without Ray."""
     count, has_ray = workers or usable_cores(), find_spec("ray") is not None
     if name == "auto":
-        name = "ray" if count > 1 and (has_ray or workers) else "inline"
+        worth = has_ray and (jobs is None or jobs > 2)
+        name = "ray" if count > 1 and (worth or workers) else "inline"
     if name == "ray" and not has_ray:
         raise CrewError(
             "several workers need ray: uv pip install 'domino-data[ray]', or use --workers 1"

@@ -71,6 +71,9 @@ def test_inline_ends_come_in_order_and_what_is_appended_is_done_too(tmp_path: Pa
 def test_one_worker_is_inline_unless_ray_is_asked_for():
     assert pick_executor("auto", 1) == ("inline", 1)
     assert pick_executor("auto", 3) == ("ray", 3)
+    assert pick_executor("auto", 3, 2) == ("ray", 3)
+    assert pick_executor("auto", None, 2) == ("inline", 1)
+    assert pick_executor("auto", None, 3) == pick_executor("auto", None)
     assert pick_executor("inline", 3) == ("inline", 1)
     assert pick_executor("ray", 1) == ("ray", 1)
 
