@@ -31,13 +31,8 @@ from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.data.imperfections import Sensors
 from pipeline.run.names import recipe_from
 from pipeline.stages.attempt import Phases, attempt
-from pipeline.stages.drawing.render import (
-    Appearance,
-    appearance_of,
-    body_poses,
-    exposed,
-    renderer,
-)
+from pipeline.stages.drawing.exposure import exposed
+from pipeline.stages.drawing.render import Appearance, appearance_of, body_poses, renderer
 from pipeline.stages.failure import Failure
 from pipeline.world.drawing.sensing import Sensing
 from pipeline.world.drawing.vulkan import ensure_renderer

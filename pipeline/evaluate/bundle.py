@@ -19,7 +19,7 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, play
 from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.scenes.benchmark import RecordedBenchmark
+from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.results import TIMES
 from pipeline.evaluate.scoring.summary import Row

@@ -31,7 +31,8 @@ from pipeline.evaluate.episode import EpisodeJob, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.names import is_built_in
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
-from pipeline.evaluate.scenes.benchmark import Benchmark, RecordedBenchmark
+from pipeline.evaluate.scenes.benchmark import Benchmark
+from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
 from pipeline.evaluate.scenes.case import BLIND, BenchmarkError, Case, blind
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock

@@ -1,5 +1,5 @@
 """Events of an episode: what happens, when, and what a file states of it. World and cameras act on
-them (world/physics/events.py, stages/drawing/render.py)."""
+them (world/physics/events.py, stages/drawing/exposure.py)."""
 
 import re
 from collections import Counter

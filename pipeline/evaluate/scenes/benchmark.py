@@ -11,10 +11,9 @@ import lzma
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import ValidationError
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.reading import read_regular
@@ -22,108 +21,20 @@ from pipeline.data.recipe.file import shipped_folder
 from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.data.setup import IMAGES, Setup
 from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.scenes.benchmark_rows import (
+    BenchmarkHead,
+    FrozenCase,
+    FrozenCell,
+    RecordedBenchmark,
+)
 from pipeline.evaluate.scenes.case import BenchmarkError, Case
-from pipeline.evaluate.scenes.manifests import SeedJob
-from pipeline.motion.models import motion_from_json
-from pipeline.stages.frozen import FrozenScene, freeze
+from pipeline.stages.frozen import freeze
 from pipeline.tasks import TASKS
 
 FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"
 
 LARGEST = 1 << 28
 """Bytes of text that a benchmark has at most."""
-
-_Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")]
-_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
-
-
-class FrozenCell(BaseModel):
-    """A Cell, strictly read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-    task: str
-    embodiment: str
-    level: int
-    alpha: float
-    domain: str
-
-    def cell(self) -> Cell:
-        return Cell(**self.model_dump())
-
-
-class FrozenCase(BaseModel):
-    """A case of a cell: see Case."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-    seed: Annotated[int, Field(ge=0)]
-    motion: dict[str, Any]
-    meeting: Annotated[float, Field(ge=0, le=1e4)]
-    frames: Annotated[int, Field(ge=0, le=1_000_000)]
-    start: _Hash
-    end: _Hash
-    state: FrozenScene
-
-    def case(self, cell: Cell, setup: Setup) -> Case:
-        """Raises ValueError if the target is not where its motion meets."""
-        motion = motion_from_json(json.dumps(self.motion))
-        target = TASKS[cell.task].target
-        at = next((body.pose for body in self.state.bodies if body.name == target), (np.inf,) * 7)
-        if np.abs(motion.pose(motion.duration) - at).max() > 1e-6:
-            raise ValueError(f"the {target} is not where its motion ends")
-        facts = (motion.to_json(), self.meeting, self.frames, self.start, self.end)
-        return Case(SeedJob(cell, self.seed).spec, *facts, setup, self.state)
-
-
-class BenchmarkHead(BaseModel):
-    """The first line. Every cell has as many `scenes`; `parts` are tasks by the name of a part;
-    `made_by` names packages."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-    benchmark: _Name
-    schema_version: Annotated[int, Field(ge=1, le=1)] = 1
-    physics_hz: Annotated[int, Field(ge=PHYSICS_HZ, le=PHYSICS_HZ)]
-    setup: dict[str, Any]
-    parts: dict[_Name, tuple[str, ...]]
-    made_by: dict[str, Any]
-    scenes: Annotated[int, Field(ge=1, le=100_000)]
-    cells: Annotated[tuple[FrozenCell, ...], Field(min_length=1)]
-
-    @field_validator("cells")
-    @classmethod
-    def _each_once(cls, cells: tuple[FrozenCell, ...]) -> tuple[FrozenCell, ...]:
-        if len({each.cell() for each in cells}) < len(cells):
-            raise ValueError("a cell is there twice")
-        for each in cells:
-            SeedJob(each.cell(), 0).spec  # noqa: B018 (its names are checked)
-        return cells
-
-
-class RecordedBenchmark(BaseModel):
-    """What a result states of its benchmark: `scenes` of `of` were tried, all in cells of `part`
-    ("" for no part)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-    name: str
-    sha256: str
-    part: str
-    scenes: int
-    of: int
-
-    @property
-    def label(self) -> str:
-        """Name and short hash, as rows of results state it."""
-        return f"{self.name} {self.sha256[:12]}"
-
-    def __str__(self) -> str:
-        part = f", part {self.part}" if self.part else ""
-        return (
-            f"benchmark {self.name} (sha256 {self.sha256[:12]}){part}: {self.scenes} of"
-            f" {self.of} scenes"
-        )
 
 
 @dataclass(frozen=True)

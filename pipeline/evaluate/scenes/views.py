@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pipeline.data.episode.events import spans
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
-from pipeline.stages.drawing.render import Lapses, appearance_of, photograph, renderer
+from pipeline.stages.drawing.exposure import Lapses, photograph
+from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.scene import Scene
 from pipeline.tasks.language.sentences import instructions
 from pipeline.world.cameras import check_links
