@@ -109,9 +109,9 @@ def result_of[R](work: R | Steps[R]) -> R:
 
 
 def pick_executor(name: str, workers: int | None, jobs: int | None = None) -> tuple[str, int]:
-    """The executor to use and its number of workers: `auto` is inline for one worker, or without
-    a number of workers where Ray is missing or there are at most two `jobs`, which end before
-    workers would have started. Raises CrewError for several workers without Ray."""
+    """The executor to use and its number of workers. `auto` is inline for one worker. Without a
+    number of workers it is inline where Ray is missing, and for at most two `jobs`, which end
+    before workers would have started. Raises CrewError for several workers without Ray."""
     count, has_ray = workers or usable_cores(), find_spec("ray") is not None
     if name == "auto":
         worth = has_ray and (jobs is None or jobs > 2)
