@@ -53,9 +53,11 @@ def build(
 ) -> None:
     """Make a dataset, or resume a build. Exit code 3 if slots were given up."""
     from pipeline.run.build import build as run_build
+    from pipeline.run.names import check_events
     from pipeline.run.plan import check_bounded
 
     recipe = given.recipe()
+    check_events(recipe, recipe.tasks)
     slots = sum(recipe.counts().values())
     crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env, slots)
     kind = common.kind_of("none" if quiet else progress)
@@ -115,9 +117,11 @@ def plan(
 ) -> None:
     """Estimate what `build` would produce: episodes, hours and bytes. Writes no files."""
     from pipeline.run import plan as planning
+    from pipeline.run.names import check_events
     from pipeline.run.state import redo_lines
 
     recipe = given.recipe()
+    check_events(recipe, recipe.tasks)
     count = workers or usable_cores()
     cost = None
     if measure:

@@ -184,6 +184,7 @@ def evaluate(
     from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scoring.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
+    from pipeline.run.names import check_events
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
@@ -222,6 +223,7 @@ def evaluate(
         cells = tuple(frozen.choose(recipe, given.values))
         scenes = episodes or frozen.head.scenes
         evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
+    check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
     if paired and not setup.events:
         raise UsageError("--paired compares scenes with and without --events: name some")
     together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)

@@ -14,13 +14,14 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
+from pipeline.data.setup import Setup
 from pipeline.data.setup.rules import Corrections, Sight
 from pipeline.intake.own_tasks import check_task
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import DOMINO, expand_tasks, suites
-from pipeline.tasks.layout import bodies_of, can_do, families_of
+from pipeline.tasks.layout import bodies_of, can_do, families_of, goals_of
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
@@ -218,6 +219,27 @@ def _check_arms(recipe: Recipe, where: str) -> None:
                 f"{where} {name} has no arm for {', '.join(beyond)}: leave these tasks out, or use"
                 " two arms"
             )
+
+
+def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) -> None:
+    """Raise RecipeError for an event that cannot act: on a camera that there is not, on the goal of
+    a task without one, or on the policy of a build."""
+    kinds = set[str]().union(*(event.kinds for event in setup.events))
+    if "latency" in kinds and not evaluated:
+        raise RecipeError(
+            "events: latency slows down the answers of a policy, which a build does not ask: leave"
+            " it out"
+        )
+    cameras = setup.camera_names
+    for camera in (camera for event in setup.events for camera in event.cameras):
+        if camera not in cameras:
+            known = ", ".join(cameras) or "none"
+            raise RecipeError(f"events: there is no camera {show_value(camera)}; cameras: {known}")
+    if "goal" in kinds and (lacking := [task for task in tasks if not goals_of(TASKS[task])]):
+        raise RecipeError(
+            f"events: goal moves a body that is neither target nor handled, which {lacking[0]}"
+            " does not have: leave the event or the task out"
+        )
 
 
 def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:

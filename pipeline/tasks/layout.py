@@ -60,6 +60,16 @@ def bodies_of(task: Task) -> set[str]:
     return {placement.name for seed in range(NAMED) for placement in task.layout(_Recording(seed))}
 
 
+def goals_of(task: Task) -> set[str]:
+    """The bodies, of which a scene has some, that are neither target nor handled nor in another."""
+    return {
+        placement.name
+        for seed in range(NAMED)
+        for placement in task.layout(_Recording(seed))
+        if placement.name not in (task.target, task.manipulated) and not placement.inside
+    }
+
+
 def lay_out(
     task: Task,
     draw: Draw,

@@ -1,5 +1,7 @@
 """The recipe of pairs, small: what is built is a pair, and what is exported says when."""
 
+import json
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -20,6 +22,26 @@ def pair(tmp_path_factory):
     )
     assert code == 0, err
     return out
+
+
+@pytest.mark.parametrize(
+    ("verb", "event", "said"),
+    [
+        ("build", {"kind": "freeze", "cameras": ["nose"]}, "no camera 'nose'"),
+        ("build", {"kind": ["push", "goal"]}, "click_bell"),
+        ("build", {"kind": "latency"}, "latency"),
+        ("evaluate", {"kind": "goal"}, "click_bell"),
+        ("evaluate", {"kind": "freeze", "cameras": ["nose"]}, "no camera 'nose'"),
+    ],
+)
+def test_events_that_cannot_act_are_refused_before_anything_is_made(tmp_path, verb, event, said):
+    values = {"tasks": ["click_bell"], "levels": [1], "events": [event]}
+    (tmp_path / "recipe.yaml").write_text(json.dumps(values))
+    policy = ("--policy", "chaser", "--cameras", "head") if verb == "evaluate" else ()
+    options = ("--manifest", tmp_path / "recipe.yaml", "--episodes", "1", "--quiet")
+    code, _, err = inside(verb, *options, *policy, "--out", tmp_path / "out")
+    assert code == 2 and said in err and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_both_arms_are_the_same_until_the_event_and_exported_with_it(pair):

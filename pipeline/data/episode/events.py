@@ -1,14 +1,20 @@
 """Events of an episode: what happens, when, and what a file states of it. World and cameras act on
 them (world/physics/events.py, stages/drawing/exposure.py)."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    field_validator,
+    model_validator,
+)
 
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import CAMERAS
@@ -53,12 +59,44 @@ LASTING = {"slip": 0.2}
 CHANGES = ("stop", "reverse", "speed", "push")
 """Kinds that change the motion of the target."""
 
-_Seconds = Annotated[float, Field(ge=0, le=60)]
-_Drawn = Annotated[tuple[float, float], Field(min_length=2, max_length=2)]
-_SHORT = re.compile(
-    r"(?P<kind>[a-z]+)(@((?P<trigger>[a-z]+)(=(?P<named>[\d.]+))?|(?P<time>[\d.]+)))?"
-)
-_TRIGGERS = ("time", "share", "distance", "phase", "meeting", "after")
+TRIGGERS = {
+    "time": (0, 60),
+    "share": (0, 1),
+    "distance": (0.01, 2),
+    "meeting": (0, 60),
+    "after": (0, 60),
+}
+"""Least and most number of each trigger but `phase`."""
+
+OF_CAMERAS = {"light", "freeze"}
+"""Kinds that change images of single cameras."""
+
+
+def _within(low: float, high: float) -> BeforeValidator:
+    """A check for a number, or a pair of them to draw from, from `low` to `high`."""
+
+    def check(value: Any) -> Any:
+        ends = value if isinstance(value, list | tuple) else (value, value)
+        if len(ends) != 2 or not all(type(end) in (int, float) for end in ends):
+            raise ValueError("must be a number, or two such as [0.5, 1.0]")
+        if not all(low <= end <= high for end in ends):
+            raise ValueError(f"must be {low:g} to {high:g}")
+        if ends[0] > ends[1]:
+            raise ValueError("must be a range such as [0.5, 1.0]")
+        return ends if isinstance(value, list | tuple) else value
+
+    return BeforeValidator(check)
+
+
+def _known(value: Any) -> Any:
+    """Raise ValueError for what is neither a kind nor a list of kinds."""
+    kinds = value if isinstance(value, list | tuple) and value else [value]
+    if any(kind not in get_args(EventKind) for kind in kinds):
+        raise ValueError(f"must be one of {', '.join(get_args(EventKind))}")
+    return value
+
+
+_Number = float | tuple[float, float]
 
 
 class _Strict(BaseModel):
@@ -70,12 +108,12 @@ class When(_Strict):
     Or at a `distance` (m) of a tool from the target, or at the begin of a `phase`. Or so many s
     after the `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
 
-    time: _Seconds | _Drawn | None = None
-    share: Annotated[float, Field(ge=0, le=10)] | _Drawn | None = None
-    distance: Annotated[float, Field(gt=0, le=2)] | _Drawn | None = None
+    time: Annotated[_Number, _within(*TRIGGERS["time"])] | None = None
+    share: Annotated[_Number, _within(*TRIGGERS["share"])] | None = None
+    distance: Annotated[_Number, _within(*TRIGGERS["distance"])] | None = None
     phase: Phase | None = None
-    meeting: _Seconds | _Drawn | None = None
-    after: _Seconds | _Drawn | None = None
+    meeting: Annotated[_Number, _within(*TRIGGERS["meeting"])] | None = None
+    after: Annotated[_Number, _within(*TRIGGERS["after"])] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -85,17 +123,13 @@ class When(_Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        if sum(getattr(self, name) is not None for name in _TRIGGERS) != 1:
-            raise ValueError(f"when: give one of {', '.join(_TRIGGERS)}")
-        for name in _TRIGGERS:
-            value = getattr(self, name)
-            if isinstance(value, tuple) and not 0 <= value[0] <= value[1] <= 60:
-                raise ValueError(f"when: {name} is not a range such as [0.5, 1.0]")
+        if sum(value is not None for _, value in self) != 1:
+            raise ValueError(f"must be one of {', '.join(When.model_fields)}")
         return self
 
     @property
     def trigger(self) -> Trigger:
-        return next(name for name in _TRIGGERS if getattr(self, name) is not None)
+        return next(name for name, value in self if value is not None)  # pyright: ignore[reportReturnType]
 
 
 class EventSpec(_Strict):
@@ -103,10 +137,10 @@ class EventSpec(_Strict):
     None never; `amount` is in the unit of its kind (AMOUNTS); `cameras` are those that freeze or
     darken, all if none is named."""
 
-    kind: EventKind | Annotated[tuple[EventKind, ...], Field(min_length=1)]
+    kind: Annotated[EventKind | tuple[EventKind, ...], BeforeValidator(_known)]
     when: When = When(share=0.6)
-    lasts: _Seconds | _Drawn | None = None
-    amount: Annotated[float, Field(ge=0, le=100)] | _Drawn | None = None
+    lasts: Annotated[_Number, _within(0.01, 60)] | None = None
+    amount: Annotated[_Number, _within(0, 100)] | None = None
     cameras: tuple[str, ...] = ()
 
     @model_validator(mode="before")
@@ -115,18 +149,40 @@ class EventSpec(_Strict):
         """ "stop@0.8", "stop@share=0.6", "stop@meeting" and "stop@near" in one word."""
         if not isinstance(value, str):
             return value
-        if not (found := _SHORT.fullmatch(value)):
-            raise ValueError("is not written as KIND@WHEN, such as stop@0.8 or stop@share=0.6")
-        trigger, number = found["trigger"], found["named"]
-        if found["time"]:
-            when: Any = {"time": float(found["time"])}
-        elif trigger and number:
-            when = {trigger: float(number)}
-        elif trigger:
-            when = "meeting" if trigger == "meeting" else {"phase": trigger}
-        else:
-            return {"kind": found["kind"]}
-        return {"kind": found["kind"], "when": when}
+        kind, _, when = value.partition("@")
+        _known(kind)
+        trigger, named, number = when.partition("=")
+        if not when or when == "meeting":
+            return {"kind": kind} | ({"when": when} if when else {})
+        if when in get_args(Phase):
+            return {"kind": kind, "when": {"phase": when}}
+        if named and trigger not in TRIGGERS:
+            raise ValueError(f"has an unknown trigger; they are {', '.join(TRIGGERS)}")
+        try:
+            at = float(number if named else when)
+        except ValueError:
+            raise ValueError(
+                "is not written as KIND@WHEN, such as stop@0.8, stop@near or stop@share=0.6"
+            ) from None
+        return {"kind": kind, "when": {trigger if named else "time": at}}
+
+    @property
+    def kinds(self) -> set[str]:
+        return {self.kind} if isinstance(self.kind, str) else {*self.kind}
+
+    @model_validator(mode="after")
+    def _apply(self) -> Self:
+        """Every key says something about a kind."""
+        kinds = self.kinds
+        which = ", ".join(sorted(kinds))
+        if self.amount is not None and not kinds & AMOUNTS.keys():
+            raise ValueError(f"gives an amount, which {which} does not have")
+        if self.cameras and not kinds & OF_CAMERAS:
+            raise ValueError(f"names cameras, which {which} does not change")
+        most = self.amount[1] if isinstance(self.amount, tuple) else self.amount
+        if "light" in kinds and (most or 0) > 1:
+            raise ValueError("gives an amount above 1: light keeps a share of the light, 0 to 1")
+        return self
 
     @field_validator("cameras")
     @classmethod
@@ -147,9 +203,16 @@ def _listed(value: Any) -> Any:
     return [] if isinstance(events, list | tuple) and [*events] == ["none"] else events
 
 
+def _in_turn(events: tuple[EventSpec, ...]) -> tuple[EventSpec, ...]:
+    if events and events[0].when.after is not None:
+        raise ValueError("begins with an event `after` the one before it, and there is none")
+    return events
+
+
 Events = Annotated[
     tuple[EventSpec, ...],
     BeforeValidator(_listed),
+    AfterValidator(_in_turn),
 ]
 """Events of a setup; one may stand for a list of it, and none for no event."""
 

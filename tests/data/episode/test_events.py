@@ -37,12 +37,36 @@ def test_one_word_is_an_event(text, when):
         {"kind": "stop", "when": {"time": [2.0, 1.0]}},
         {"kind": "stop", "when": {"time": -1.0}},
         {"kind": "stop", "cause": 1},
+        {"kind": "stop", "when": {"after": 0.3}},
+        {"kind": "stop", "cameras": ["head"]},
+        {"kind": "stop", "amount": 1.0},
+        {"kind": "light", "amount": 1.5},
     ],
 )
 def test_other_words_are_refused_in_one_line(wrong):
     with pytest.raises(RecipeError, match="events") as refused:
         Setup.parse({"events": [wrong]})
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("stopp@0.5", "must be one of stop, reverse, .*, latency"),
+        ("stop@nan", "time must be 0 to 60"),
+        ("stop@inf", "time must be 0 to 60"),
+        ("stop@-1", "time must be 0 to 60"),
+        ("stop@1e9", "time must be 0 to 60"),
+        ("stop@share=1.5", "share must be 0 to 1 "),
+        ("stop@distance=-1", "distance must be 0.01 to 2"),
+        ("stop@foo=1", "time, share, distance, meeting, after"),
+        ({"kind": "speed", "amount": 1000}, "amount must be 0 to 100"),
+        ({"kind": "stop", "lasts": 0}, "lasts must be 0.01 to 60"),
+    ],
+)
+def test_a_number_out_of_range_and_a_wrong_word_are_named(wrong, said):
+    with pytest.raises(RecipeError, match=said):
+        Setup.parse({"events": ["push@1", wrong]}, flags={"events": "--events"})
 
 
 def test_ranges_are_drawn_and_no_event_shifts_another():
