@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,6 @@ def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
     def commands(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return _linear(np.vstack([log.state[:1], values]), ends)
 
-    contacts = log.contacts.copy()
-    contacts["frame"] = np.minimum(
-        np.ceil(contacts["frame"] * (rate / fps) - 1e-9), len(at) - 1
-    ).astype(np.int32)
     spin, expert, acting = log.target_angular_velocity, log.expert_action, log.intervention
     return replace(
         log,
@@ -54,11 +51,27 @@ def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
         action=commands(log.action),
         tcp=between(log.tcp, at),
         target_velocity=linear(log.target_velocity),
-        contacts=contacts,
+        contacts=_contacts_at(log.contacts, Fraction(rate, fps), len(at)),
         target_angular_velocity=None if spin is None else linear(spin),
         intervention=None if acting is None else acting[at.astype(int)],
         expert_action=None if expert is None else commands(expert),
     )
+
+
+def _contacts_at(contacts: NDArray[np.void], ratio: Fraction, frames: int) -> NDArray[np.void]:
+    """Contacts at `ratio` times the rate, in `frames` frames. At a higher rate every new frame has
+    those of the recorded interval that it ends in. At a lower rate they belong to the interval that
+    holds the end of theirs, which keeps the strongest of each pair of bodies."""
+    ends = [int(frame) * ratio for frame in contacts["frame"]]
+    if ratio > 1:
+        places = [range(max(0, floor(end - ratio) + 1), floor(end) + 1) for end in ends]
+        held = np.repeat(contacts, [len(place) for place in places])
+        held["frame"] = [frame for place in places for frame in place]
+    else:
+        held = contacts.copy()
+        held["frame"] = [min(ceil(end), frames - 1) for end in ends]
+    held = held[np.lexsort([-held["impulse"], held["b"], held["a"], held["frame"]])]
+    return held[np.unique(held[["frame", "a", "b"]], return_index=True)[1]]
 
 
 def _linear(values: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,7 @@
 """A log at another rate: kept frames are exact, and the robot is driven alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,26 @@ def test_kept_frames_are_exact_and_a_higher_rate_drives_alike(rate):
         length = min(len(ours), len(theirs))
         assert length > 300
         assert np.allclose(ours[:length], theirs[:length], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rate", "frames", "impulses"),
+    [
+        (5, range(4), [0.1, 0.4, 0.7, 1.0]),
+        (12, range(8), [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 1.0]),
+        (30, range(19), np.repeat(np.arange(1, 11), [1, *[2] * 9]) / 10),
+        (20, range(13), [0.1, 0.2, 0.3, 0.4, 0.4, 0.5, 0.6, 0.7, 0.7, 0.8, 0.9, 1.0, 1.0]),
+    ],
+)
+def test_a_touch_in_every_frame_stays_in_every_frame_with_the_largest_impulse(
+    rate, frames, impulses
+):
+    log = make_log("franka-panda", 10, 15, 3)
+    rows = np.repeat(log.contacts, 10)
+    rows["frame"], rows["impulse"] = np.arange(10), np.arange(1, 11) / 10
+    found = resample_log(replace(log, contacts=rows), 15, rate).contacts
+    assert found["frame"].tolist() == list(frames)
+    assert found["impulse"] == pytest.approx(np.array(impulses))
 
 
 def test_a_rate_that_does_not_divide_the_physics_is_refused():
