@@ -17,6 +17,8 @@ from pipeline.commands.evaluate import (
 )
 from pipeline.commands.options import Given, recipe_options
 
+NONE_AGAIN = "none carried out again, so consistent forgeries pass: add --again N"
+
 Score = Literal["success", "route_completion", "manipulation_score"]
 
 
@@ -183,8 +185,9 @@ def check_result(
     run = runner(crew_of(executor, workers, None))
     checked = check(bundle, run, again, seed, manifests, scenes)
     how = "every number" if checked.exact else "outcomes (made elsewhere or by another version)"
+    done = f"{checked.again} carried out again, compared: {how}"
     text = [
-        f"{checked.episodes} episodes; {checked.again} carried out again, compared: {how}",
+        f"{checked.episodes} episodes; {done if checked.again else NONE_AGAIN}",
         *(f"  {fault}" for fault in checked.faults),
     ]
     values = {name: getattr(checked, name) for name in ("episodes", "again", "exact", "faults")}

@@ -25,7 +25,7 @@ from pipeline.data.setup import IMAGES, Setup
 @recipe_options(
     *CELLS,
     "assets",
-    *(key for key in Setup.model_fields if key not in IMAGES),
+    *(key for key in Setup.model_fields if key not in (*IMAGES, "events")),
     tasks="all",
     levels="0,1,2,3",
 )
@@ -57,7 +57,7 @@ def freeze(
     """Draw scenes that the expert solves, and write them as data into one file, which `evaluate
     --benchmark` takes."""
     from pipeline.data.atomic import write_atomic
-    from pipeline.evaluate.scenes.benchmark import SUFFIX, pack, unpack_benchmark
+    from pipeline.evaluate.scenes.benchmark import SUFFIX, pack, read_benchmark, unpack_benchmark
     from pipeline.evaluate.scenes.case import blind
     from pipeline.evaluate.scenes.manifests import Manifests
     from pipeline.run.evaluation import runner
@@ -68,6 +68,8 @@ def freeze(
         raise UsageError(f"--out {out}: name it NAME{SUFFIX}")
     name = out.name.removesuffix(SUFFIX)
     recipe = given.recipe(levels=[0, 1, 2, 3])
+    if recipe.events:
+        raise UsageError("the recipe has events: scenes are frozen without, leave the key out")
     setup = blind(recipe).physics
     parts = dict[str, tuple[str, ...]]()
     for text in part or ():
@@ -75,15 +77,25 @@ def freeze(
         parts[label] = expand_tasks(split_list(tasks) or [])
         if unknown := [task for task in parts[label] if task not in recipe.tasks]:
             raise UsageError(f"--part {text}: {unknown[0]} is not among the tasks")
+    cells = recipe.cells()
+    there = read_benchmark(str(out)) if out.exists() else None
+    other = UsageError(f"--out {out}: is another benchmark: give another name, or remove the file")
+    if there is not None and (there.head.scenes, [each.cell() for each in there.head.cells]) != (
+        scenes,
+        [*cells],
+    ):
+        raise other
     seeds = Manifests(manifests or out.with_name(f"{name}-seeds"), seed, setup)
     with resumable(seeds.root), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar:
         bar.set_description_str("admitting seeds")
         run = runner(crew_of(executor, workers, address))
-        cases = seeds.admitted(recipe.cells(), scenes, run)
+        cases = seeds.admitted(cells, scenes, run)
         bar.set_description_str("freezing")
         data = pack(name, cases, setup, parts, {"packages": machine()["packages"]})
+        made = unpack_benchmark(data, str(out))
+        if there is not None and there.sha256 != made.sha256:
+            raise other
         write_atomic(out, data)
-    made = unpack_benchmark(data, str(out))
     values = {"benchmark": name, "sha256": made.sha256, "scenes": len(made.lines)}
     text = f"{out}: {len(made.lines)} scenes, {len(data)} bytes, sha256 {made.sha256}"
     print_result(values | {"bytes": len(data), "path": str(out)}, as_json, text)

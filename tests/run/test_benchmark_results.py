@@ -46,6 +46,25 @@ def file(tmp_path_factory):
     return path
 
 
+def test_freeze_takes_no_events_and_replaces_no_other_benchmark(file, tmp_path):
+    before, words = file.read_bytes(), ("freeze", *CELLS, "--out", file, *HERE)
+    assert "remove the file" in refused(*words, "--scenes", 1)
+    assert "remove the file" in refused(*words, "--scenes", 2)  # without its part
+    assert file.read_bytes() == before
+    command(*words, "--scenes", 2, "--part", "all=click_bell")
+    assert file.read_bytes() == before
+    assert "--events" in refused(*words, "--events", "nudge")
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text("tasks: click_bell\nevents: [nudge]\n")
+    assert "events" in refused("freeze", "--manifest", recipe, "--out", tmp_path / "x.jsonl.xz")
+
+
+def test_a_check_says_that_nothing_was_carried_out(honest, file):
+    words = "check-result", honest, "--benchmark", file, "--executor", "inline"
+    assert "none carried out again" in command(*words)
+    assert "1 carried out again, compared: every number" in command(*words, "--again", 1)
+
+
 def run(out, file, policy="static", **more):
     """Two scenes of a benchmark, one at a level."""
     frozen = read_benchmark(str(file))
@@ -100,6 +119,7 @@ def test_the_command_takes_a_part_and_states_it(file, tmp_path):
         (("--scenes", 9), "has 2 scenes"),
         (("--fps", 30), "has fps 15"),
         (("--levels", 3), "no scene"),
+        (("--tasks", "shake_bottle"), "shake_bottle is not in part all of bells: click_bell"),
     ):
         assert why in refused(*words, "--out", tmp_path / "no", *more)
     assert not (tmp_path / "no").exists()

@@ -33,6 +33,9 @@ from pipeline.tasks import TASKS
 
 FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"
 
+XZ = b"\xfd7zXZ\0"
+"""The first bytes of every xz file."""
+
 LARGEST = 1 << 28
 """Bytes of text that a benchmark has at most."""
 
@@ -58,8 +61,12 @@ class Benchmark:
 
     def choose(self, recipe: Recipe, keys: Collection[str]) -> list[Cell]:
         """The cells, those of the part if one was named, whose values of these `keys` are a
-        recipe's. Raises BenchmarkError for none."""
-        tasks = self.head.parts.get(self.part)
+        recipe's. Raises BenchmarkError for none, and for a task that it has not."""
+        tasks, name = self.head.parts.get(self.part), self.head.benchmark
+        held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
+        if "tasks" in keys and (missing := [task for task in recipe.tasks if task not in held]):
+            whole = f"part {self.part} of {name}" if self.part else f"benchmark {name}"
+            raise BenchmarkError(f"{missing[0]} is not in {whole}: {', '.join(sorted(held))}")
         options = {
             "tasks": "task",
             "embodiments": "embodiment",
@@ -67,19 +74,19 @@ class Benchmark:
             "alpha": "alpha",
             "domains": "domain",
         }
-        names = {key: options[key] for key in keys if key in options}
+        chosen = {key: options[key] for key in keys if key in options}
         found = [
             cell
             for cell in map(FrozenCell.cell, self.head.cells)
             if (tasks is None or cell.task in tasks)
             and all(
-                getattr(cell, name) in getattr(recipe, key)
-                for key, name in names.items()
+                getattr(cell, field) in getattr(recipe, key)
+                for key, field in chosen.items()
                 if key != "alpha" or cell.level
             )
         ]
         if not found:
-            raise BenchmarkError(f"benchmark {self.head.benchmark} has no scene of these options")
+            raise BenchmarkError(f"benchmark {name} has no scene of these options")
         return found
 
     def under(self, setup: Setup, keys: Collection[str]) -> Setup:
@@ -197,6 +204,8 @@ def unpack_benchmark(data: bytes, source: str) -> Benchmark:
 
 
 def _decompress(data: bytes) -> bytes:
+    if not data.startswith(XZ):
+        raise ValueError("it is not compressed with xz")
     reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=LARGEST)
     text = reader.decompress(data, LARGEST + 1)
     if len(text) > LARGEST:

@@ -48,12 +48,14 @@ class FrozenCase(BaseModel):
     state: FrozenScene
 
     def case(self, cell: Cell, setup: Setup) -> Case:
-        """Raises ValueError if the target is not where its motion meets."""
+        """Raises ValueError if the target is not where its motion meets, or not then."""
         motion = motion_from_json(json.dumps(self.motion))
         target = TASKS[cell.task].target
         at = next((body.pose for body in self.state.bodies if body.name == target), (np.inf,) * 7)
         if np.abs(motion.pose(motion.duration) - at).max() > 1e-6:
             raise ValueError(f"the {target} is not where its motion ends")
+        if abs(self.meeting - motion.duration) > 1e-6 or self.frames < self.meeting * setup.fps:
+            raise ValueError("its meeting or frames contradict the duration of its motion")
         facts = (motion.to_json(), self.meeting, self.frames, self.start, self.end)
         return Case(SeedJob(cell, self.seed).spec, *facts, setup, self.state)
 

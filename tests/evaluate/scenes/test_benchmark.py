@@ -156,6 +156,8 @@ def edited(packed, change, number=1):
         lambda v: v.update(seed=-1),
         lambda v: v.update(more=1),
         lambda v: v.update(start="../.."),
+        lambda v: v.update(meeting=v["meeting"] + 1),
+        lambda v: v.update(frames=1),
         lambda v: v["motion"].update(model="none"),
         lambda v: v["motion"].update(duration=float("nan")),
         lambda v: v["state"]["bodies"].clear(),
@@ -212,6 +214,8 @@ def test_damaged_files_are_refused(packed, tmp_path):
     for data in (b"", b"x", packed[:-9], packed + b"x", bomb, lzma.compress(b"[]\n")):
         with pytest.raises(BenchmarkError, match="is no benchmark"):
             unpack_benchmark(data, "x")
+    with pytest.raises(BenchmarkError, match="not compressed with xz"):
+        unpack_benchmark(b'{"benchmark": "plain"}\n', "x")
     changed = bytearray(packed)
     changed[len(changed) // 2] ^= 1
     with pytest.raises(BenchmarkError):
