@@ -28,6 +28,7 @@ EPISODES = {
     "dustbins": 2 * 3 * 2,
     "puma-tiny": 2 * 400,
     "puma-small": 3 * 100,
+    "puma-many": 12 * 3 * 30,
     "puma-study": 2 * 2 * 200,
     "paper/35-tasks": 35 * 50,
     "paper/10-tasks": 10 * 50,

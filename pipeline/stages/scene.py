@@ -86,10 +86,12 @@ class Scene:
     def events(self) -> tuple[DrawnEvent, ...]:
         """The events of the rules with all numbers drawn, from streams of their own."""
         spec = self.spec
+        if not self.rules.events:
+            return ()
         return draw_events(self.rules.events, spec.rng("events"), spec.slot_rng("events"))
 
     def _script(self, motion: Motion) -> EventScript | None:
-        if not self.rules.events:
+        if not self.events:
             return None
         meeting = float(getattr(motion, "duration", np.inf))
         eye, withheld = self.embodiment.head_camera, self.spec.arm == CONTROL

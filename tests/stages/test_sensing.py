@@ -71,7 +71,9 @@ def test_an_evaluation_sees_what_a_dataset_shows(filmed):
     stored, eyes = captured(filmed, depth=True, sensors=every), Eyes(scene, setup)
     for k in (0, 3):
         seen = eyes.look(
-            SimpleNamespace(past=log.poses[: k + 1], simulation=SimpleNamespace(names=log.bodies))
+            SimpleNamespace(
+                past=log.poses[: k + 1], simulation=SimpleNamespace(names=log.bodies, events=[])
+            )
         )
         for view in stored.views:
             assert np.array_equal(seen.images[view.camera.name], view.rgb[k])

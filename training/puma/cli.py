@@ -261,7 +261,7 @@ def paper(
 def many(
     out: Out,
     tasks: Annotated[
-        str, typer.Option(help="Tasks; those of manifests/puma_many.yaml by default.")
+        str, typer.Option(help="Tasks; those of manifests/puma-many.yaml by default.")
     ] = "",
     levels: Annotated[str, typer.Option(help="Levels; those of the recipe by default.")] = "",
     demonstrations: Annotated[

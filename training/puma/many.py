@@ -24,7 +24,7 @@ from training.puma.paper import Command
 from training.puma.policy import Memory, PumaPolicy
 from training.puma.reading import read_config
 
-RECIPE = Path(__file__).parents[2] / "manifests" / "puma_many.yaml"
+RECIPE = Path(__file__).parents[2] / "manifests" / "puma-many.yaml"
 CONFIG = "puma-many"
 ROBOT = "aloha"
 

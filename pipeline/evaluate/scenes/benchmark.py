@@ -28,7 +28,7 @@ from pipeline.evaluate.scenes.benchmark_rows import (
     RecordedBenchmark,
 )
 from pipeline.evaluate.scenes.case import BenchmarkError, Case
-from pipeline.stages.frozen import freeze
+from pipeline.evaluate.scenes.frozen import freeze
 from pipeline.tasks import TASKS
 
 FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"

@@ -10,9 +10,9 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.frozen import FrozenScene
 from pipeline.evaluate.scenes.manifests import SeedJob
 from pipeline.motion.models import motion_from_json
-from pipeline.stages.frozen import FrozenScene
 from pipeline.tasks import TASKS
 
 _Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")]

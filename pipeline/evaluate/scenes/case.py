@@ -16,10 +16,10 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec
+from pipeline.evaluate.scenes.frozen import FrozenScene
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
-from pipeline.stages.frozen import FrozenScene
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.world.physics.events import PROP
 from pipeline.world.physics.simulation import Simulation

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.data.episode.events import EventSpec
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.recipe.model import Floor, Slot
 from pipeline.data.setup.brought import Brought
@@ -262,6 +263,7 @@ def test_the_core_draws_nothing_and_looks_collide_with_nothing():
 
 
 PHYSICS_KEYS = {
+    "events": (EventSpec(kind="stop"),),
     "motion": "planar",
     "seed": 1,
     "attempts": 31,
