@@ -85,8 +85,8 @@ class Given:
         above = next((up for up in like.absolute().parents if (up / MANIFEST).is_file()), None)
         if above is None:
             raise UsageError(
-                f"--like {like}: is an export outside of its dataset: give the dataset, and the"
-                " export as the policy's option like="
+                f"--like {like}: is an export outside of its dataset: give --like the dataset, and"
+                " state the actions in the contract of FILE.py, or as ?like=EXPORT of others"
             )
         return Dataset(above)
 

@@ -1,5 +1,6 @@
 """One table of several evaluations: a line for a policy, a column for a clock."""
 
+import json
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -44,7 +45,8 @@ class Board:
 
 
 def board(rows: Sequence[Row]) -> Board:
-    """The board of rows of episodes."""
+    """The board of rows of episodes, of those on one scene the last."""
+    rows = _each_scene_once(rows)
     cells = [(cell, cell["task"], "success_interval") for cell in summarise(rows)] + [
         (mean, ALL, "success_rate_interval")
         for mean in over_tasks(rows)
@@ -73,6 +75,13 @@ def board(rows: Sequence[Row]) -> Board:
         sorted({row["domain"] for row in rows}),
         [ALL, *sorted({row["task"] for row in rows})],
     )
+
+
+def _each_scene_once(rows: Sequence[Row]) -> list[Row]:
+    """The last row of a policy, clock and rules on a scene: other options may have tried it
+    too."""
+    scenes = {(*json.loads(row["key"])[1:5], row["rules"]): row for row in rows}
+    return [*scenes.values()]
 
 
 def _clock_order(clock: str) -> tuple[int, float, str]:
@@ -116,7 +125,7 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
     """The page's text; `faults` are what check-result found in each bundle. Raises CompareError for
     bundles on different benchmarks."""
-    rows = [row for of_bundle in bundles.values() for row in of_bundle]
+    rows = _each_scene_once([row for of_bundle in bundles.values() for row in of_bundle])
     benchmark = check_one_benchmark(rows)
     checks = [
         (out.name, len(bundles[out]), "; ".join(faults[out][:3]), len(faults[out]))

@@ -1,5 +1,7 @@
 """The table of several evaluations against counts by hand, and its page."""
 
+import json
+
 import pytest
 
 from pipeline.evaluate.board import ALL, board, board_page, clock_title
@@ -29,6 +31,13 @@ def test_a_line_is_a_policy_and_a_column_a_clock(rows):
     assert best.scores["latency:100"]["success_rate"] == 0
     low, high = best.scores["sim"]["interval"]
     assert low < 37.5 < high
+
+
+def test_a_scene_that_a_policy_tried_twice_counts_once(rows):
+    def paired(row):
+        return row | {"key": json.dumps([*json.loads(row["key"])[:5], ["paired"]])}
+
+    assert board([*rows, *map(paired, rows)]) == board(rows)
 
 
 def test_the_page_marks_up_no_name_and_has_no_script(rows, tmp_path):
