@@ -16,7 +16,7 @@ from pipeline.annotate.store import episode_paths
 from pipeline.annotate.world_stage import WorldStage
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.slots.select import attempts_of, columns_of, parse_where, select_rows
+from pipeline.data.slots.select import attempts_of, columns_of, parse_where, select_rows, values_in
 
 STAGES = ("flow", "masks", "features", "world")
 """The stages in the order in which they run."""
@@ -78,11 +78,12 @@ def _build(
 
 
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:
-    """Episodes that a `where` selects, and files that cannot be read, which are to be reported."""
-    expression = parse_where(where or "")
+    """Episodes that a `where` selects, and files that cannot be read, which are to be reported.
+    Raises WhereError, and AnnotateError if it selects none."""
     paths = episode_paths(dataset)
-    if not where:
+    if where is None:
         return paths
+    expression = parse_where(where)
     columns, attempts = dict[Path, dict[str, Any]](), attempts_of(Dataset(dataset).attempt_rows)
     for path in paths:
         try:
@@ -97,4 +98,7 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
         )
         if is_selected
     }
+    if columns and not chosen:
+        held = values_in(list(columns.values()), where)
+        raise AnnotateError(f"no episode fits --where {where!r}" + (held and f": {held}"))
     return [path for path in paths if path in chosen or path not in columns]

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -194,10 +193,10 @@ def export(
         out,
         split,
         robots or (),
-        where or "",
+        where,
         validation,
         [Dataset(root) for root in also or ()],
-        numbers(weights, partial(real, low=1e-6, high=1e6), "--weights") or (),
+        numbers(weights, real, "--weights") or (),
         fps,
     )
     warn_of_pattern(out or dataset)

@@ -146,6 +146,23 @@ class ActionOptions:
         quiet=True,
     )
 
+    def __post_init__(self) -> None:
+        poses = [one for one in self.representations if one.poses]
+        if self.rotation != JOINTS.rotation and not poses:
+            raise ExportError(
+                f"--rotation {self.rotation} is of tool poses: it needs --actions ee, ee-relative"
+                " or ee-delta"
+            )
+        if self.frame != JOINTS.frame and all(one.reference != "absolute" for one in poses):
+            raise ExportError(
+                f"--frame {self.frame} is of absolute tool poses: it needs --actions ee"
+            )
+
+    @property
+    def representations(self) -> tuple[Representation, ...]:
+        """All representations that an export holds."""
+        return (self.representation,)
+
     @property
     def representation(self) -> Representation:
         """The representation that these options choose."""

@@ -45,7 +45,7 @@ class Request:
     out: Path | None = None
     split: str = EPISODES
     robots: Sequence[str] = ()
-    where: str = ""
+    where: str | None = None
     validation: float = VALIDATION
     also: Sequence[Dataset] = ()
     weights: Sequence[float] = ()
@@ -137,6 +137,8 @@ def _check_join(request: Request) -> None:
         )
     if request.also and request.out is None:
         raise ExportError("several datasets need --out: their export belongs to none of them")
+    if any(weight <= 0 for weight in request.weights):
+        raise ExportError("--weights: each must be above 0")
     if request.weights and len(request.weights) != len(request.also) + 1:
         raise ExportError(
             f"--weights has {len(request.weights)} numbers for {len(request.also) + 1} datasets"

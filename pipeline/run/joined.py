@@ -36,22 +36,37 @@ class DatasetPart:
 
 
 def weigh(sources: Sequence[DatasetPart], weights: Sequence[float]) -> list[DatasetPart]:
-    """As many episodes of each as keep the weights, shares of the episodes.
+    """As many episodes of each as keep the weights, shares of each robot's episodes. Raises
+    ExportError for a robot that one of them has not.
 
     Which ones stay follows from a hash of their physics: a smaller share is a part of a larger one,
     and looks of one physics stay together if the number allows."""
-    most = min(len(s.episodes) / w for s, w in zip(sources, weights, strict=True))
-    out = []
-    for source, weight in zip(sources, weights, strict=True):
-        count = max(1, int(most * weight + 1e-9))
-        chosen = sorted(source.episodes, key=_place)[:count]
-        out.append(replace(source, episodes=sorted(chosen)))
-    return out
+    chosen: list[list[Path]] = [[] for _ in sources]
+    held = [by_robot(source.episodes) for source in sources]
+    for robot in sorted(set().union(*held)):
+        for source, robots in zip(sources, held, strict=True):
+            if robot not in robots:
+                raise ExportError(
+                    f"--weights: {source.dataset.root} has no {robot}, whose shares are to hold:"
+                    " name robots that all have with --embodiment"
+                )
+        most = min(len(one[robot]) / w for one, w in zip(held, weights, strict=True))
+        for kept, robots, weight in zip(chosen, held, weights, strict=True):
+            kept += robots[robot][: max(1, int(most * weight + 1e-9))]
+    return [replace(s, episodes=sorted(c)) for s, c in zip(sources, chosen, strict=True)]
 
 
-def _place(path: Path) -> tuple[str, str]:
-    with reading(path) as file:
-        return digest([file.meta.physics_id or file.spec.to_json()]), path.as_posix()
+def by_robot(episodes: Sequence[Path]) -> dict[str, list[Path]]:
+    """The episodes of each robot, in the order of a hash of their physics."""
+    found = list[tuple[str, str, Path]]()
+    for path in episodes:
+        with reading(path) as file:
+            place = digest([file.meta.physics_id or file.spec.to_json()])
+            found.append((file.spec.embodiment, place, path))
+    robots: dict[str, list[Path]] = {}
+    for robot, _, path in sorted(found):
+        robots.setdefault(robot, []).append(path)
+    return robots
 
 
 def join(sources: Sequence[DatasetPart], root: Path, fps: int | None) -> dict[Path, Path]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import pytest
 
 from pipeline.commands.common import UsageError
-from pipeline.commands.export import split_options
+from pipeline.commands.export import format_flags, split_options
 from pipeline.data.names import exported_names
-from pipeline.export import ExportError, option, parse_options
+from pipeline.export import EXPORTERS, ExportError, option, parse_options
 from pipeline.export.options import camera_names, image_size, one_of, whole
 
 
@@ -42,6 +42,32 @@ def test_what_is_wrong_is_one_line(given, said):
     with pytest.raises(ExportError) as error:
         parse_options("f", Options, given)
     assert str(error.value) == said
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"rotation": "6d"}, "--rotation 6d is of tool poses"),
+        ({"actions": "joints-delta", "frame": "base"}, "--frame base is of absolute"),
+        ({"actions": "ee-relative", "frame": "base"}, "--frame base is of absolute"),
+        ({"more_actions": "ee-delta,joints"}, "--more-actions joints: the feature action"),
+        ({"more_actions": "ee-delta", "rotation": "6d"}, ""),
+        ({"more_actions": "ee", "rotation": "6d", "frame": "base"}, ""),
+        ({"actions": "ee", "frame": "base"}, ""),
+    ],
+)
+def test_options_of_actions_that_change_nothing_are_refused(given, said):
+    kind = EXPORTERS["lerobot"].options
+    if not said:
+        assert parse_options("lerobot", kind, given)
+        return
+    with pytest.raises(ExportError, match=said):
+        parse_options("lerobot", kind, given)
+
+
+def test_an_option_takes_a_value_in_all_formats_or_in_none():
+    for users in format_flags(EXPORTERS).values():
+        assert len(set(users.values())) == 1
 
 
 def test_sizes_and_camera_names():
@@ -81,11 +107,11 @@ def test_cameras_get_the_names_of_the_field_unless_others_are_given():
 
 
 def test_the_command_line_is_split_into_its_own_options_and_those_of_formats():
-    flags = {"--jpeg-order": False, "--pad": True}
-    args = ["--jpeg-order", "rgb", "OUT", "--format", "aloha", "--pad", "--out=x"]
+    flags = {"--jpeg-order": False, "--pad-rows": True}
+    args = ["--jpeg-order", "rgb", "OUT", "--format", "aloha", "--pad-rows", "--out=x"]
     assert split_options(args, {"--format", "--out"}, flags) == (
         ["OUT", "--format", "aloha", "--out=x"],
-        {"jpeg_order": "rgb", "pad": True},
+        {"jpeg_order": "rgb", "pad_rows": True},
     )
     assert split_options(["--jpeg-order=rgb"], set(), flags) == ([], {"jpeg_order": "rgb"})
     with pytest.raises(UsageError, match="--jpeg-order needs a value"):

@@ -181,6 +181,7 @@ def test_unreadable_episode_is_reported_and_the_rest_goes_on(tmp_path: Path):
         ({"stages": ["flwo"]}, "stage flwo is unknown: stages are flow, masks, features"),
         ({"stages": []}, "unknown"),
         ({"stages": ["flow"], "where": "levle=3"}, "'levle' is no column"),
+        ({"stages": ["flow"], "where": "embodiment=aloha"}, "embodiment is aloha-agilex"),
     ],
 )
 def test_bad_arguments_get_one_line(tmp_path: Path, arguments: dict, words: str):

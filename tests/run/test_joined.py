@@ -82,6 +82,25 @@ def test_several_datasets_become_one_that_names_the_source_of_each_episode(tmp_p
     assert columns["domino.dataset"].to_pylist() == ["bells"] * 4 + ["more"] * 2
 
 
+def test_weights_hold_for_each_robot(tmp_path):
+    given = []
+    for name, counts in {"a": (6, 2), "b": (4, 4), "c": (4, 0)}.items():
+        root, paths = tmp_path / name, []
+        for robot, count in zip(("aloha-agilex", "franka-panda"), counts, strict=True):
+            paths += [
+                make_episode(
+                    episode_path(root, robot, i), embodiment=robot, slot=i, seed=i, frames=2
+                )
+                for i in range(count)
+            ]
+        given.append(DatasetPart(Dataset(root), paths))
+    weighed = weigh(given[:2], [1, 1])
+    robots = [[path.relative_to(p.dataset.root).parts[2] for path in p.episodes] for p in weighed]
+    assert robots == [["aloha-agilex"] * 4 + ["franka-panda"] * 2] * 2
+    with pytest.raises(ExportError, match="c has no franka-panda"):
+        weigh(given[1:], [1, 1])
+
+
 def test_what_cannot_be_joined_is_one_line(built, tmp_path):
     source = Dataset(built)
     for request, said in (
@@ -89,6 +108,7 @@ def test_what_cannot_be_joined_is_one_line(built, tmp_path):
         (Request("aloha", out=tmp_path / "x", also=[source]), "aloha holds one dataset"),
         (Request("zarr", out=tmp_path / "x", also=[source]), "two datasets have the name"),
         (Request("zarr", out=tmp_path / "x", weights=[1, 2]), "2 numbers for 1 datasets"),
+        (Request("zarr", out=tmp_path / "x", weights=[0]), "--weights: each must be above 0"),
     ):
         with pytest.raises(ExportError, match=said):
             export(source, request)

@@ -143,11 +143,18 @@ def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDAr
     return chosen
 
 
+def values_in(rows: Sequence[Mapping[str, Any]], where: str) -> str:
+    """What the columns of texts that an expression names hold: "embodiment is aloha-agilex"."""
+    named = [n for n, kind in COLUMNS.items() if kind is str and re.search(rf"\b{n}\b", where)]
+    found = {name: sorted({str(row.get(name)) for row in rows}) for name in named}
+    return "; ".join(f"{n} is {' or '.join(v[:8])}" for n, v in found.items())
+
+
 def parse_where(text: str) -> pc.Expression:
-    """The pyarrow expression of a `--where` text; a blank one selects all. Raises WhereError."""
-    if not text.strip():
-        return pc.scalar(True)
+    """The pyarrow expression of a `--where` text. Raises WhereError."""
     try:
+        if not text.strip():
+            raise _Unreadable("is empty: leave it out to take all episodes")
         if len(text) > LONGEST:
             raise _Unreadable(f"has {len(text)} characters, more than {LONGEST}")
         python, values = _as_python(text)
@@ -159,14 +166,14 @@ def parse_where(text: str) -> pc.Expression:
     except (_Unreadable, RecursionError, MemoryError) as error:
         what = str(error) if isinstance(error, _Unreadable) else "is nested too deeply"
         shown = text if len(text) <= 200 else text[:200] + "..."
-        raise WhereError(f"--where {shown!r}: {what} (columns: {', '.join(COLUMNS)})") from error
+        raise WhereError(f"--where {shown!r}: {what}") from error
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:
     """One expression from `--where` and `--embodiment`. Raises WhereError."""
-    given = (where or "").strip()
-    if given:
-        parse_where(given)
+    given = "" if where is None else where.strip()
+    if where is not None:
+        parse_where(where)
     robots = ", ".join(f'"{name}"' for name in embodiments)
     of_robots = f"embodiment in ({robots})" if robots else ""
     return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
@@ -181,7 +188,10 @@ def _as_python(text: str) -> tuple[str, Values]:
     while text[place:].strip():
         m = _TOKEN.match(text, place)
         if m is None:
-            raise _Unreadable(f"cannot read {text[place:].strip()[:12]!r}")
+            rest = text[place:].strip()
+            if rest[0] in "\"'":
+                raise _Unreadable(f"wants {rest[0]} at the end of {rest[:40]!r}")
+            raise _Unreadable(f"cannot read {rest[:12]!r}")
         place, word = m.end(), m["op"] or m["word"]
         if word == "(" and words[-1:] == ["in"]:
             in_list, word = True, "["
@@ -237,16 +247,19 @@ def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) 
             pa.array([_value(v, field, values) for v in right.elts], _ARROW[COLUMNS[field]])
         )
         return ~found if isinstance(op, ast.NotIn) else found
-    compare = _COMPARE[type(op)]
-    if isinstance(right, ast.Name) and right.id in COLUMNS and ast.unparse(left) in values:
-        return compare(pc.scalar(_value(left, right.id, values)), pc.field(right.id))
-    field = _field(left, values)
-    return compare(pc.field(field), pc.scalar(_value(right, field, values)))
+    swapped = ast.unparse(left) in values and ast.unparse(right) in COLUMNS
+    column, value = (right, left) if swapped else (left, right)
+    field = _field(column, values)
+    if COLUMNS[field] is str and not isinstance(op, ast.Eq | ast.NotEq):
+        raise _Unreadable(f"{field} is a text, which has no order: use =, != or in")
+    sides = pc.field(field), pc.scalar(_value(value, field, values))
+    return _COMPARE[type(op)](*(reversed(sides) if swapped else sides))
 
 
 def _field(node: ast.expr, values: Values) -> str:
     if not isinstance(node, ast.Name) or node.id not in COLUMNS:
-        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no column")
+        word = _restore_values(ast.unparse(node), values)
+        raise _Unreadable(f"{word!r} is no column (columns: {', '.join(COLUMNS)})")
     return node.id
 
 
@@ -262,7 +275,7 @@ def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
         return (
             word
             if kind is str
-            else whole(word, -MOST_WHOLE, MOST_WHOLE)
+            else whole(re.sub(r"\.0*$", "", word), -MOST_WHOLE, MOST_WHOLE)
             if kind is int
             else real(word)
         )

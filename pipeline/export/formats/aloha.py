@@ -6,14 +6,14 @@ the paths.
     observations/images/{cam_high,cam_left_wrist,cam_right_wrist}         (T,H,W,3) uint8 RGB, or with --compress jpeg
                                                                           (T,N) uint8 JPEG bytes padded with zeros
     compress_len (cameras, T) float32 with --compress jpeg, cameras sorted  bytes of each JPEG
-    is_pad (T,) with --pad                                                true in the rows after the episode's end
+    is_pad (T,) with --pad-rows                                           true in the rows after the episode's end
     timestamp (T,), target/{pose (T,7), velocity (T,3), angular_velocity (T,3)}
     instructions/{seen,unseen}, motion
     attributes: sim True, compress, jpeg_order, length, fps, embodiment, names, cameras, instruction, spec, events
 
 `action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and
 no frame is dropped. Grippers are 0 closed to 1 open; their velocity is a finite difference. A is
-the embodiment's own width (14 or 16). Several embodiments get a directory each. With --pad the last
+the embodiment's own width (14 or 16). Several embodiments get a directory each. With --pad-rows the last
 row is repeated up to the longest episode of the directory: the loader of ACT stacks the arrays of
 all episodes. `length` is the number of rows before padding.
 """  # noqa: E501
@@ -54,13 +54,14 @@ class AlohaOptions(ActionOptions):
     jpeg_order: Literal["rgb", "bgr"] = option(
         "rgb or bgr, with --compress jpeg", one_of("rgb", "bgr"), "rgb"
     )
-    pad: bool = option("repeat the last row up to the longest episode", default=False)
+    pad_rows: bool = option("repeat the last row up to the longest episode", default=False)
     size: tuple[int, int] | None = option(
         "WIDTHxHEIGHT in pixels to resize images to, like 640x480", image_size, None
     )
     camera_names: Mapping[str, str] = camera_names_option()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.jpeg_order == "bgr" and self.compress != "jpeg":
             raise ExportError("--jpeg-order bgr needs --compress jpeg: raw images are RGB arrays")
 
@@ -83,7 +84,7 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
 
     def shared(self, paths: Sequence[Path], options: AlohaOptions) -> int:
         """The rows that the files are padded to, 0 for no padding."""
-        return _longest(paths) if options.pad else 0
+        return _longest(paths) if options.pad_rows else 0
 
     def contents(
         self, file: EpisodeFile, facts: Facts, options: AlohaOptions, shared: int

@@ -18,7 +18,14 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import SIDES, exported_names
 from pipeline.data.process.own_code import directories
-from pipeline.data.slots.select import VALIDATION, Attempts, columns_of, parse_where, select_rows
+from pipeline.data.slots.select import (
+    VALIDATION,
+    Attempts,
+    columns_of,
+    parse_where,
+    select_rows,
+    values_in,
+)
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import compose, inverse
 
@@ -293,6 +300,6 @@ def select_episodes(
     rows = np.flatnonzero(select_rows(columns, wanted))
     chosen = [episodes[row] for row in rows]
     if not chosen:
-        fix = "`domino-data status` lists what the dataset holds"
-        raise ExportError(f"no episode fits --where {where!r}: {fix}")
+        held = values_in(columns, where) or "`domino-data status` lists what the dataset holds"
+        raise ExportError(f"no episode fits --where {where!r}: {held}")
     return chosen

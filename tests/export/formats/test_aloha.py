@@ -132,7 +132,7 @@ def test_events_and_spec_travel_along(tmp_path, episodes):
 def test_padded_episodes_stack_as_the_loader_of_act_stacks_them(tmp_path, episodes):
     out = tmp_path / "out"
     for compress in ("none", "jpeg"):
-        run("aloha", tmp_path, out, episodes, pad=True, compress=compress)
+        run("aloha", tmp_path, out, episodes, pad_rows=True, compress=compress)
         read = [act_reads(out / f"episode_{i}.hdf5") for i in range(3)]
         assert (
             np.stack([qpos for qpos, *_ in read]).shape

@@ -44,7 +44,7 @@ def episodes(tmp_path):
     ("where", "robots", "chosen"),
     [
         (None, [], [0, 1, 2]),
-        ("  ", ["aloha-agilex"], [0, 1]),
+        (None, ["aloha-agilex"], [0, 1]),
         ("level=1", [], [0, 2]),
         ("level=1 or level=2", ["franka-panda"], [2]),
     ],
@@ -58,6 +58,10 @@ def test_a_selection_that_cannot_be_is_one_line(episodes):
         expression("level=", ["aloha-agilex"])
     with pytest.raises(ExportError, match="no episode fits --where 'level=3'"):
         select_episodes(episodes, "level=3")
+    with pytest.raises(WhereError, match="--where ' ': is empty"):
+        expression(" ", [])
+    with pytest.raises(ExportError, match="embodiment is aloha-agilex or franka-panda"):
+        select_episodes(episodes, "embodiment=aloha")
 
 
 def test_a_format_of_14_joints_takes_the_robots_that_have_them(episodes, tmp_path):

@@ -19,7 +19,7 @@ from pipeline.export.options import (
     several_of,
     whole,
 )
-from pipeline.export.shared.episodes import by_embodiment, group_episodes
+from pipeline.export.shared.episodes import ExportError, by_embodiment, group_episodes
 from pipeline.export.shared.video import CODECS, Codec
 
 INDEX = "index.json"
@@ -63,6 +63,17 @@ class LerobotOptions(LabelOptions):
         (),
         quiet=True,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.actions in self.more_actions:
+            raise ExportError(
+                f"--more-actions {self.actions}: the feature action holds them already"
+            )
+
+    @property
+    def representations(self) -> tuple[Representation, ...]:
+        return (self.representation, *self.more_representations)
 
     @property
     def more_representations(self) -> tuple[Representation, ...]:
