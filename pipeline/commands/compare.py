@@ -56,29 +56,34 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare policies with the first one on the scenes they share: difference, 95 % interval,
-    exact test, scenes needed. Of runs with --paired, each policy with itself without events."""
+    exact test, scenes needed. Of runs with --paired, also --sequential, each policy with itself
+    without events."""
     from pipeline.evaluate.scoring.compare import compare as compare_arms
     from pipeline.evaluate.scoring.compare import (
         compare_sequentially,
         compare_unpaired,
-        event_effects,
+        event_arms,
         read_arms,
     )
 
-    if (effects := event_effects(runs, effect)) and not one_by_one and not unpaired:
+    paired = [] if unpaired else event_arms(runs)
+    if paired and not one_by_one:
+        effects = [row for arms in paired for row in compare_arms(*arms, effect)]
         print_result({"effect": effect, "events": effects}, as_json, _describe(effects, effect))
         return
-    first, *others = read_arms(runs)
+    if not paired:
+        first, *others = read_arms(runs)
+        paired = [(first, other) for other in others]
     if one_by_one:
-        # each of several policies has its share of the chance of a false decision
-        tests = [compare_sequentially(first, other, score, alpha / len(others)) for other in others]
+        # each of several comparisons has its share of the chance of a false decision
+        tests = [compare_sequentially(*arms, score, alpha / len(paired)) for arms in paired]
         text = "\n".join(_describe_test(test) for test in tests)
         print_result({"alpha": alpha, "score": score, "comparisons": tests}, as_json, text)
         return
     comparisons = [
         row
-        for other in others
-        for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)
+        for arms in paired
+        for row in (compare_unpaired if unpaired else compare_arms)(*arms, effect)
     ]
     _correct(comparisons)
     text = "\n".join(

@@ -179,12 +179,12 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
     if asked.unreachable is not None:
         row["unreachable"] = asked.unreachable
     if (script := trial.simulation.script) is not None:
-        row["event"] = "+".join(event.kind for event in scene.events)
+        happened = sorted((e for e in script.events if e.phase), key=lambda event: event.fired)
+        row["event"] = "+".join(event.drawn.kind for event in happened) or "none"
         row["phase"] = script.first.phase if script.first else "none"
         row["events"] = [
             {"name": event.drawn.name, "time": event.fired, "phase": event.phase}
-            for event in script.events
-            if event.phase
+            for event in happened
         ]
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 

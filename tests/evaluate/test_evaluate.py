@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,19 @@ def test_a_tap_is_worth_an_episode_unless_the_target_must_be_held(contact, solve
             )
         )
         assert expert["success"] and expert["hold"] < 0.5
+
+
+def test_a_row_names_the_events_that_happened_in_their_order():
+    setup = Setup(cameras=(), events=("push@0.5", "stop@0.2", "light@60"))
+    job = EpisodeJob(case_of("click_bell", 1), policy_name("still"), parse_clock("sim"))
+    row = run_episode(replace(job, setup=setup, paired=True))
+    assert row["event"] == "stop+push" and row["same_prefix"]
+    assert [(event["name"], event["time"]) for event in row["events"]] == [
+        ("stop", pytest.approx(0.2)),
+        ("push", pytest.approx(0.5)),
+    ]
+    late = run_episode(replace(job, setup=Setup(cameras=(), events=("stop@60",))))
+    assert (late["event"], late["phase"], late["events"]) == ("none", "none", [])
 
 
 def without_times(row):

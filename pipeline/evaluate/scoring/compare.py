@@ -46,16 +46,27 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
     return out
 
 
-def event_effects(runs: Sequence[str], effect: float) -> list[dict[str, Any]]:
-    """What events cost each policy of paired evaluations: its scenes with them against the same
-    ones without, also by event and by the phase in which the first one happened."""
-    out = list[dict[str, Any]]()
-    for arm in _arms(runs):
-        paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
-        calm = tuple(row | row["control"] for row in paired)
-        if paired:
-            without = ComparedPolicy(f"{arm.name}, no events", calm, arm.networks)
-            out += compare(without, replace(arm, rows=tuple(paired)), effect)
+def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
+    """Each policy of paired evaluations without events and with them, for each clock and rules; its
+    name has the clock, rules and run where another one differs in them alone."""
+    found = list[dict[str, Any]]()
+    for run in runs:
+        for arm in _arms([run]):
+            paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
+            for (clock, rules), rows in _group(paired, lambda r: (r["clock"], r["rules"])).items():
+                words = {"name": arm.name, "clock": clock, "rules": rules, "run": run}
+                found.append(words | {"arm": replace(arm, rows=tuple(rows))})
+    check_one_benchmark([row for one in found for row in one["arm"].rows])
+    for key in ("clock", "rules", "run"):
+        for alike in _group(found, lambda one: one["name"]).values():
+            if len({one[key] for one in alike}) > 1:
+                for one in alike:
+                    one["name"] += f", {one[key]}"
+    out = list[tuple[ComparedPolicy, ComparedPolicy]]()
+    for name, arm in ((one["name"], one["arm"]) for one in found):
+        calm = tuple(row | row["control"] for row in arm.rows)
+        without = ComparedPolicy(f"{name}, no events", calm, arm.networks)
+        out.append((without, replace(arm, name=name)))
     return out
 
 
@@ -220,8 +231,11 @@ def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
     """Names of groups of rows, and which rows are in each: all of them, and the parts that are not
     all."""
     yield "all", [True] * len(rows)
+    known = {"all"}
     for key in ("level", "alpha", "domain", "category", "task", "event", "phase"):
         values = sorted({row.get(key, "") for row in rows})
         for value in values if len(values) > 1 else ():
             name = f"{key} {value:g}" if key in ("level", "alpha") else value
-            yield name, [row.get(key, "") == value for row in rows]
+            if name not in known:  # the event "none" is the phase "none"
+                yield name, [row.get(key, "") == value for row in rows]
+            known.add(name)

@@ -14,8 +14,9 @@ from pipeline.evaluate.scoring.results import EPISODES, Results, text_key
 from pipeline.evaluate.scoring.statistics import interval, scenes_needed, sign_flip
 
 
-def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a"):
-    """A run in `out`: seed i of the task solved where solved[i] holds, at every level."""
+def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a", **more):
+    """A run in `out`: seed i of the task solved where solved[i] holds, at every level; rows hold
+    `more`."""
     results = Results(out / EPISODES)
     for level, (seed, success) in itertools.product(levels, enumerate(solved)):
         spec = {
@@ -41,7 +42,7 @@ def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a"):
             "failed": [],
             "penalties": [],
         }
-        row |= {"route_completion": 0.0, "manipulation_score": 0.0}
+        row |= {"route_completion": 0.0, "manipulation_score": 0.0} | more
         key = text_key((version, policy, clock, json.dumps(spec), "digest", []))
         results.append(key, row)
     return str(out)
@@ -186,3 +187,27 @@ def test_results_that_are_a_link_are_refused_and_stay_as_they_are(tmp_path):
     result = CliRunner().invoke(app, ["compare", one, two])
     assert isinstance(result.exception, OSError) and "is a link" in str(result.exception)
     assert elsewhere.read_bytes() == before
+
+
+CALM = {"success": True, "route_completion": 0.0, "manipulation_score": 0.0}
+
+
+def test_a_paired_run_has_a_row_for_each_clock_and_each_run_a_name(tmp_path):
+    out = write(tmp_path / "a", "p", [0, 0, 1], control=CALM, event="stop", phase="near")
+    write(tmp_path / "a", "p", [1, 1, 1], clock="latency:100", control=CALM)
+    told = json.loads(CliRunner().invoke(app, ["compare", out, "--json"]).output)["events"]
+    assert [(r["first"], r["second"], r["scenes"], r["lost"]) for r in told] == [
+        ("p, sim, no events", "p, sim", 3, 2),
+        ("p, latency:100, no events", "p, latency:100", 3, 0),
+    ]
+    runs = [write(tmp_path / name, "p", [0, 1], control=CALM, rules=name[0]) for name in ("b", "c")]
+    runs.append(write(tmp_path / "bb", "p", [0, 0], control=CALM, rules="b"))
+    told = json.loads(CliRunner().invoke(app, ["compare", *runs, "--json"]).output)["events"]
+    assert [r["second"] for r in told] == [f"p, b, {runs[0]}", "p, c", f"p, b, {runs[2]}"]
+
+
+def test_a_paired_run_is_also_compared_scene_after_scene(tmp_path):
+    out = write(tmp_path, "p", [0] * 30, control=CALM, event="none", phase="none")
+    told = CliRunner().invoke(app, ["compare", out, "--sequential"])
+    assert told.exit_code == 0, told.output
+    assert told.output.startswith("p against p, no events: p, no events is better")
