@@ -66,8 +66,15 @@ def test_both_arms_are_the_same_until_the_event_and_exported_with_it(pair):
     code, _, err = inside("export", pair, "--format", "parquet", "--quiet")
     assert code == 0, err
     table = pq.read_table(pair / "exports/parquet/data-00000.parquet")
-    rows = table.select(["timestamp", "event_kind", "event_active", "pair"]).to_pylist()
+    rows = table.select(["timestamp", "event_kind", "event_active", "pair", "arm"]).to_pylist()
     active = [row for row in rows if row["event_active"]]
     assert {row["event_kind"] for row in active} == {"stop"}
     assert len(active) == len(one.log) - frames
     assert {row["pair"] for row in rows} == {one.spec.pair}
+    assert {row["arm"] for row in active} == {"event"} < {row["arm"] for row in rows}
+    code, _, err = inside("export", pair, "--format", "lerobot", "--quiet")
+    assert code == 0, err
+    (path,) = (pair / "exports/lerobot/meta/episodes").rglob("*.parquet")
+    told = pq.read_table(path, columns=["domino.pair", "domino.arm"]).to_pylist()
+    assert [row["domino.arm"] for row in told] == ["event", "control"]
+    assert {row["domino.pair"] for row in told} == {one.spec.pair}

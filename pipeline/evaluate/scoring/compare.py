@@ -47,8 +47,8 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Each policy of paired evaluations without events and with them, for each clock and rules; its
-    name has the clock, rules and run where another one differs in them alone."""
+    """Each policy of paired evaluations without events and with them, for each clock and rules. Its
+    name has the clock, rules or run that sets it apart."""
     found = list[dict[str, Any]]()
     for run in runs:
         for arm in _arms([run]):

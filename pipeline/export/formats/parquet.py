@@ -120,7 +120,8 @@ def _plan(
     }
     return Plan(
         *(reference.fps, cameras, names, sensors, joined),
-        *(reference.corrected, reference.spins, actions, options.labels, reference.eventful),
+        *(reference.corrected, reference.spins, actions, options.labels),
+        *(reference.eventful, reference.paired),
     )
 
 

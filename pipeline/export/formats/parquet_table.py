@@ -43,8 +43,8 @@ CONSTANTS = {
 class Plan:
     """What the columns follow from: fps, cameras, joint names by embodiment, sensors of any
     episode, annotations, corrections, angular velocity. `actions` are names of an action's numbers
-    by embodiment, if not the joints; `labels` those of all objects; `eventful` whether there are
-    events."""
+    by embodiment, if not the joints; `labels` those of all objects. `eventful` and `paired`:
+    whether there are events and arms of pairs."""
 
     fps: int
     cameras: Mapping[str, str]
@@ -56,6 +56,7 @@ class Plan:
     actions: Mapping[str, list[str]] = field(default_factory=dict[str, list[str]])
     labels: Sequence[str] = ()
     eventful: bool = False
+    paired: bool = False
 
     @property
     def images(self) -> dict[str, str]:
@@ -92,6 +93,7 @@ class Plan:
             columns |= {"intervention": pa.bool_(), "expert_action": pa.list_(pa.float32())}
         if self.eventful:
             columns |= {"event_kind": pa.string(), "event_active": pa.bool_(), "pair": pa.string()}
+        columns |= {"arm": pa.string()} if self.paired else {}
         columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
         for name in self.cameras.values():
             columns |= {
@@ -189,6 +191,7 @@ def episode_table(
         columns["event_kind"], active = event_columns(facts)
         columns["event_active"] = active > 0
         columns["pair"] = [facts.spec.pair] * frames
+        columns["arm"] = [facts.spec.arm] * frames
     columns["sim_step"] = derived.steps
     touched = (contact_flags(facts, body) for body in (facts.meta.target, facts.meta.manipulated))
     for name, value in zip(FLAGS, (*touched, derived.held), strict=True):

@@ -147,6 +147,11 @@ class Facts:
         """Whether events were to happen, in either arm of a pair."""
         return bool(self.meta.events)
 
+    @property
+    def paired(self) -> bool:
+        """Whether it is one arm of a pair."""
+        return bool(self.spec.arm)
+
 
 def described_action(facts: Facts) -> dict[str, Any]:
     """What a file states about its actions: nothing for joint targets."""
@@ -267,6 +272,7 @@ def same(first: Facts, facts: Facts) -> None:
         ("failed", first.meta.failure is not None, facts.meta.failure is not None),
         ("corrected", first.corrected, facts.corrected),
         ("events", first.eventful, facts.eventful),
+        ("pairs", first.paired, facts.paired),
         ("target's angular velocity", first.spins, facts.spins),
     ):
         if want != got:

@@ -55,6 +55,7 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
         "physics_key": meta.physics_key,
         "source": facts.source,
         **({"dataset": facts.dataset} if facts.dataset else {}),
+        **({"pair": spec.pair, "arm": spec.arm} if facts.paired else {}),
         "skills": json.dumps(rows_of(facts)),
         "conditions": json.dumps(_since(facts)),
         "failure": meta.failure.model_dump_json() if meta.failure else "",
@@ -85,7 +86,7 @@ SCALAR_TYPES = {
         pa.string(),
     ),
     **dict.fromkeys(("source", "dataset", "skills", "conditions", "failure"), pa.string()),
-    **dict.fromkeys(("physics_id", "split"), pa.string()),
+    **dict.fromkeys(("physics_id", "split", "pair", "arm"), pa.string()),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
     **dict.fromkeys(
         ("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()
@@ -101,7 +102,8 @@ TEXTS = pa.list_(pa.string())
 
 def provenance_schema(mixed: bool) -> pa.Schema:
     """The columns of `provenance`: with `dataset` where an export is of several."""
-    scalar = {k: v for k, v in SCALAR_TYPES.items() if mixed or k != "dataset"}
+    without = ("pair", "arm") if mixed else ("pair", "arm", "dataset")
+    scalar = {k: v for k, v in SCALAR_TYPES.items() if k not in without}
     texts = {"instructions_seen": TEXTS, "instructions_unseen": TEXTS}
     return pa.schema(
         {
