@@ -22,7 +22,13 @@ from pipeline.data.errors import DominoError
 from pipeline.evaluate.actions import ActionError, Answers
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.names import is_built_in, make_policy
-from pipeline.evaluate.policies.contract import action_length, actions_of, check_contract
+from pipeline.evaluate.policies.contract import (
+    action_length,
+    actions_of,
+    begin,
+    check_actions,
+    check_contract,
+)
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
     Observation,
@@ -66,6 +72,7 @@ def introduce(
     try:
         for start in starts:
             check_contract(policy, start)
+        check_actions(policy, name.actions)
         if is_built_in(name) or isinstance(policy, SeesTruth):
             return name
         _limit(name, policy, seconds)
@@ -105,9 +112,9 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
 
 def _answer_of(policy: Policy, start: Start) -> tuple[bytes, bytes]:
     """The packed metadata of a policy, and its answer to the fixed question as bytes."""
-    policy.reset(start)
+    begin(policy, start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
-    joints = np.zeros(len(start.action_names))
+    joints = np.zeros(len(start.state_names))
     answer = policy.act(Observation(joints, start.instruction, 0.0, images))
     chunk = chunk_of(answer, action_length(policy, start.action_names))
     return pack(dict(attribute(policy, "metadata") or {})), chunk.tobytes()
@@ -148,7 +155,7 @@ class AskedPolicy:
             self._answers = Answers(representation, trial.simulation.embodiment)
         with self._in_time():
             try:
-                policy.reset(start)
+                begin(policy, start)
             except (PolicyError, KeyboardInterrupt):
                 raise
             except BaseException as error:

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import real
 from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.policies.files import digest_of, module_of, name_actions
+from pipeline.evaluate.policies.files import digest_of, expected_actions, module_of, name_actions
 from pipeline.evaluate.policies.lerobot import LerobotForm
 from pipeline.evaluate.policies.policy import NoAnswer, Policy, PolicyError, PolicyName
 from pipeline.evaluate.policies.reference import (
@@ -102,18 +102,22 @@ def load_entry_points() -> None:
 
 def policy_name(text: str, prints: Path | None = None, like: Path | None = None) -> PolicyName:
     """Check that a policy exists, without making it. In a process of its own it prints to the end
-    of the file `prints`. `like` is an export that says what an action is, for a kind of STATED.
-    Raises PolicyError."""
+    of the file `prints`. `like` is an export that says what an action is: told to a kind of STATED,
+    and a contract must say the same. Raises PolicyError."""
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in STATED:
         text = name_actions(text, like)
     if kind in FORMS:
         name = FORMS[kind].name(text)
+        name = replace(name, actions=expected_actions(text) if kind in STATED else None)
         return replace(name, prints=prints) if name.process == "own" else name
     if text.endswith(".py"):
         path = Path(text).resolve()
-        return PolicyName(str(path), f"{path.name}@{digest_of([path])}", prints=prints)
+        actions = expected_actions(name_actions("", like))
+        return PolicyName(
+            str(path), f"{path.name}@{digest_of([path])}", prints=prints, actions=actions
+        )
     if kind not in POLICIES:
         known = ", ".join([*POLICIES, *(f"{form}:..." for form in FORMS)])
         raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {known}")

@@ -5,7 +5,7 @@ A policy declares it in `setup` (a Setup, or keys of one), in the attributes `fp
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, astuple, replace
 from typing import Any
 
 from pydantic.dataclasses import dataclass
@@ -161,6 +161,25 @@ def actions_of(policy: Policy) -> Representation:
     PolicyError."""
     contract = attribute(policy, "contract")
     return contract.actions if isinstance(contract, Contract) else JOINTS
+
+
+def begin(policy: Policy, start: Start) -> None:
+    """Reset a policy; `action_names` become those of the representation that it answers in. Raises
+    PolicyError, and what the policy raises."""
+    names = actions_of(policy).names(start.state_names)
+    policy.reset(replace(start, action_names=names))
+
+
+def check_actions(policy: Policy, given: Representation | None) -> None:
+    """Compare what a contract says that an action is with what an export says. Raises
+    PolicyError."""
+    if given is None or not isinstance(attribute(policy, "contract"), Contract):
+        return
+    if (theirs := actions_of(policy)) != given and theirs.describe() != given.describe():
+        raise PolicyError(
+            f"actions: the policy has {', '.join(astuple(theirs))}, the evaluation"
+            f" {', '.join(astuple(given))}: correct the contract, or give --like the dataset"
+        )
 
 
 def action_length(policy: Policy, action_names: Sequence[str]) -> int:

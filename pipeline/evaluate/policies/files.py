@@ -30,6 +30,13 @@ def stated_actions(options: Mapping[str, Any]) -> Representation:
         raise PolicyError(str(error)) from error
 
 
+def expected_actions(text: str) -> Representation | None:
+    """What the options of a policy's name say that an action is, None if they say nothing. Raises
+    PolicyError for an unknown word."""
+    options = dict(parse_qsl(text.partition("?")[2]))
+    return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
+
+
 def name_actions(text: str, like: Path | None = None) -> str:
     """The name of a policy with the options of the export that its option `like`, or else `like`,
     names, which those written out override. Raises PolicyError for an export that cannot be

@@ -119,7 +119,7 @@ class LerobotPolicy:
         """What is wrong with the number of joints or of an action's numbers, if anything."""
         config = self._policy.config
         features = dict(config.input_features or {}) | dict(config.output_features or {})
-        names = start.action_names
+        names = start.state_names
         lengths = {STATE: len(names), ACTION: len(self.contract.actions.names(names))}
         for key, length in lengths.items():
             if key in features and tuple(features[key].shape) != (length,):

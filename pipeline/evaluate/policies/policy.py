@@ -21,6 +21,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.actions import Representation
 from pipeline.data.errors import DominoError
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.evaluate.actions import ActionError, check_action
@@ -48,7 +49,8 @@ class NoAnswer(PolicyError):
 class Start:
     """What a policy receives before an episode. Nothing in it identifies the scene.
 
-    `action_names` are those of state and action, `fps` the actions a second, `cameras` those it
+    `action_names` are those of an action as the policy answers, `state_names` those of the joints
+    (by default the same), `fps` the actions a second, `cameras` those it
     will see and `image_sizes` their (height, width); `seed` is for its own draws. The robot's base
     is `lift` m higher above the table than usual, to 0.1 mm: the randomized domain lowers the
     table.
@@ -63,6 +65,10 @@ class Start:
     image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     setup: Setup = DEFAULT
     lift: float = 0.0
+    state_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state_names", self.state_names or self.action_names)
 
 
 def policy_seed(instruction: str, embodiment: str) -> int:
@@ -163,13 +169,15 @@ class SeesTruth(Protocol):
 class PolicyName:
     """How a policy was asked for. `label` names it in results. `probe` is a hash of its answer to a
     fixed question, "" if it is not asked. `process` is one of PROCESSES. A policy in a process of
-    its own prints to the end of the file `prints`, or to standard error."""
+    its own prints to the end of the file `prints`, or to standard error. A contract that differs
+    from `actions`, what an export says that an action is, is refused."""
 
     text: str
     label: str
     probe: str = ""
     process: str = "own"
     prints: Path | None = None
+    actions: Representation | None = None
 
 
 def attribute(policy: object, name: str) -> Any:

@@ -9,6 +9,7 @@ import threading
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from socket import socketpair
 
@@ -136,7 +137,7 @@ def host_policy(name: PolicyName, clients: int, wait: float) -> Iterator[PolicyN
         port = unpack(process.greet()).get("port")
         if not isinstance(port, int):
             raise PolicyError(f"{name.label}: its process names no port")
-        yield PolicyName(f"ws://127.0.0.1:{port}", name.label, name.probe, "server")
+        yield replace(name, text=f"ws://127.0.0.1:{port}", process="server", prints=None)
     except MessageError as error:
         raise PolicyError(f"{name.label}: its process names no port ({error})") from error
     finally:

@@ -29,6 +29,7 @@ from pipeline.evaluate.lines import line_of, line_of_text
 from pipeline.evaluate.policies.contract import (
     Contract,
     action_length,
+    begin,
     check_contract,
     declared,
     plain,
@@ -112,7 +113,7 @@ class EpisodeMessage(_Message):
         return cls(
             prompt=start.instruction,
             embodiment=start.embodiment,
-            action_names=start.action_names,
+            action_names=start.state_names,
             rate=start.fps,
             image_sizes=dict(start.image_sizes),
             seed=start.seed,
@@ -178,7 +179,7 @@ class Session:
     def _begin(self, start: Start) -> None:
         self._start = None
         check_contract(self._policy, start)
-        self._policy.reset(start)
+        begin(self._policy, start)
         self._start = start
 
     def _observation(self, message: Mapping[Any, Any]) -> Observation:

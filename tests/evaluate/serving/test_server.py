@@ -25,7 +25,7 @@ from pipeline.evaluate.policies.contract import Contract
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.messages import BUSY, FAILED, INVALID, REFUSED, pack, unpack
 from pipeline.evaluate.serving.server import ServeError, ServerAddress
-from pipeline.evaluate.serving.session import Offer, ServerOptions, Session, respond
+from pipeline.evaluate.serving.session import EpisodeMessage, Offer, ServerOptions, Session, respond
 from pipeline.world.robots import get_embodiment
 from tests.evaluate.environment.test_env import case_of
 from tests.evaluate.serving.servers import NAMES, START, Echo, look, serving
@@ -103,6 +103,14 @@ def test_what_a_policy_is_told_and_answers():
         NAMES,
         {"head_camera": (6, 8)},
     )
+
+
+def test_a_policy_gets_the_names_of_its_actions_and_the_wire_those_of_the_joints():
+    policy = Echo(Contract(representation="ee", rotation="6d"))
+    Session(policy, ServerOptions("echo")).answer(RESET)
+    (start,) = policy.starts
+    assert start.state_names == NAMES == EpisodeMessage.of(start).action_names
+    assert start.action_names == policy.contract.actions.names(NAMES) != NAMES
 
 
 @pytest.mark.parametrize(

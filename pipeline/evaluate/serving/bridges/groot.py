@@ -44,7 +44,7 @@ class GrootClient(Bridge):
 
     def reset(self, start: Start) -> None:
         self._parts = self.contract.actions.slices(start.action_names)
-        self._state_parts = JOINTS.slices(start.action_names)
+        self._state_parts = JOINTS.slices(start.state_names)
         self._ask("reset", {"options": None}, self.seconds)
 
     def act(self, observation: Observation) -> ArrayLike:

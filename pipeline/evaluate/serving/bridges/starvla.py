@@ -194,7 +194,7 @@ class StarvlaClient(Bridge):
                 " unnorm_key, or give"
                 " ?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
             )
-        parts, names = of.slices(start.action_names), [key.rpartition(".")[2] for key in keys]
+        parts, names = of.slices(start.state_names), [key.rpartition(".")[2] for key in keys]
         if sorted(names) != sorted(parts):
             theirs = line_of_text(" ".join(names))
             raise PolicyError(
