@@ -171,8 +171,7 @@ def begin(policy: Policy, start: Start) -> None:
 
 
 def check_actions(policy: Policy, given: Representation | None) -> None:
-    """Compare what a contract says that an action is with what an export says. Raises
-    PolicyError."""
+    """Compare the actions of a contract with those that an export states. Raises PolicyError."""
     if given is None or not isinstance(attribute(policy, "contract"), Contract):
         return
     if (theirs := actions_of(policy)) != given and theirs.describe() != given.describe():

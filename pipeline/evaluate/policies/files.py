@@ -31,7 +31,7 @@ def stated_actions(options: Mapping[str, Any]) -> Representation:
 
 
 def expected_actions(text: str) -> Representation | None:
-    """What the options of a policy's name say that an action is, None if they say nothing. Raises
+    """What an action is by the options of a policy's name, None without such options. Raises
     PolicyError for an unknown word."""
     options = dict(parse_qsl(text.partition("?")[2]))
     return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
