@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.data.actions import Representation
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.data.slots.select import VALIDATION
@@ -49,6 +50,12 @@ class RobomimicOptions(ActionOptions):
         "WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None
     )
     camera_names: Mapping[str, str] = camera_names_option()
+
+    @property
+    def representations(self) -> tuple[Representation, ...]:
+        """With that of `abs_actions`."""
+        chosen = self.representation
+        return (chosen, replace(chosen, actions=chosen.kind))
 
 
 @register
