@@ -255,6 +255,9 @@ CASES = [
         ("--executor mars", "--executor"),
         ("--workers 0", "--workers"),
         ("--where level=", "--where"),
+        ("--where=", "--where"),
+        ("--where task>3", "--where"),
+        ("--where embodiment=nope", "embodiment is"),
         ("--where level=one", "--where"),
         ("--where color=red", "--where"),
         ("--where level(1)", "--where"),
@@ -388,6 +391,9 @@ CASES = [
     *cases(
         "export data --format aloha",
         ("--size 100000x100000", "--size"),
+        ("--pad 14", "--pad-rows"),
+        ("--rotation 6d", "--actions"),
+        ("--weights 0,1", "must be above 0"),
         ("--size 15x15", "--size"),
     ),
     *cases(
