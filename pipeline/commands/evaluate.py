@@ -220,7 +220,7 @@ def evaluate(
         paired=paired,
     )
     if frozen is not None:
-        cells = tuple(frozen.choose(recipe, given.values))
+        cells = tuple(frozen.choose(recipe, given.values, given.values.get("tasks", ())))
         scenes = episodes or frozen.head.scenes
         evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)

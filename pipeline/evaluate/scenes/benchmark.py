@@ -59,12 +59,14 @@ class Benchmark:
     def setup(self) -> Setup:
         return Setup.model_validate(self.head.setup)
 
-    def choose(self, recipe: Recipe, keys: Collection[str]) -> list[Cell]:
+    def choose(
+        self, recipe: Recipe, keys: Collection[str], named: Sequence[str] = ()
+    ) -> list[Cell]:
         """The cells, those of the part if one was named, whose values of these `keys` are a
-        recipe's. Raises BenchmarkError for none, and for a task that it has not."""
+        recipe's. Raises BenchmarkError for none, and for one of the tasks `named` that it lacks."""
         tasks, name = self.head.parts.get(self.part), self.head.benchmark
         held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
-        if "tasks" in keys and (missing := [task for task in recipe.tasks if task not in held]):
+        if missing := [task for task in named if task in TASKS and task not in held]:
             whole = f"part {self.part} of {name}" if self.part else f"benchmark {name}"
             raise BenchmarkError(f"{missing[0]} is not in {whole}: {', '.join(sorted(held))}")
         options = {

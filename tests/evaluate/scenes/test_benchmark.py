@@ -129,6 +129,10 @@ def test_a_part_is_chosen_by_name_and_by_options(frozen):
     assert frozen.choose(still, ["alpha", "levels"]) == [CELLS[0], CELLS[4]]
     with pytest.raises(BenchmarkError, match="no scene"):
         frozen.choose(recipe, ["tasks", "alpha", "levels"])
+    every = recipe.model_copy(update={"tasks": expand_tasks(["all"])})
+    assert frozen.choose(every, ["tasks"], ["all"]) == CELLS
+    with pytest.raises(BenchmarkError, match="shake_bottle is not in benchmark small: click_bell"):
+        frozen.choose(every, ["tasks"], ["click_bell", "shake_bottle"])
     with pytest.raises(BenchmarkError, match="has 1 scenes"):
         frozen.cases(CELLS, 2)
 
