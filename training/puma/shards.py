@@ -131,7 +131,8 @@ class Shards:
 
     def _choose_rows(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
         columns = [{name: row[name] for name in COLUMNS if name in row} for row in rows]
-        wanted = select_rows(columns, parse_where(self.where))
+        expression = parse_where(self.where) if self.where else None
+        wanted = [True] * len(rows) if expression is None else select_rows(columns, expression)
         chosen = [
             Row(
                 row["episode_index"],
