@@ -9,11 +9,11 @@ there are not made again."""
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from pipeline.data.episode.events import EventSpec
+from pipeline.data.episode.events import EventKind, EventSpec
 from pipeline.data.setup import Setup
 from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import CONTROL, EVENTFUL, EpisodeSpec
@@ -23,18 +23,7 @@ from pipeline.stages.drawing.render import appearance_of, capture
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
 
-KINDS = (
-    "stop",
-    "reverse",
-    "speed",
-    "push",
-    "second",
-    "goal",
-    "occluder",
-    "light",
-    "freeze",
-    "slip",
-)
+KINDS = [kind for kind in get_args(EventKind) if kind != "latency"]
 TASKS = ("click_bell", "place_empty_cup", "place_a2b_left", "shake_bottle")
 SETUP = Setup(cameras=("head",), size=(160, 120))
 

@@ -46,7 +46,7 @@ def freeze(
     ] = None,
     manifests: Annotated[
         Path | None,
-        typer.Option(help="Directory of admitted seeds; a later and longer freeze goes on there."),
+        typer.Option(help="Directory of admitted seeds; a longer freeze continues there."),
     ] = None,
     executor: Executor = "auto",
     workers: Workers = None,

@@ -1,6 +1,5 @@
 """One table of several evaluations: a line for a policy, a column for a clock."""
 
-import json
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,13 @@ from typing import Any
 from pipeline.evaluate.film import film_id
 from pipeline.evaluate.scoring.compare import check_one_benchmark
 from pipeline.evaluate.scoring.page import PUBLISHED
-from pipeline.evaluate.scoring.summary import Row, over_tasks, scene_of, summarise
+from pipeline.evaluate.scoring.summary import (
+    Row,
+    each_scene_once,
+    over_tasks,
+    scene_of,
+    summarise,
+)
 from pipeline.html import render_page
 
 LINE = ("policy", "rules", "embodiment", "level", "alpha", "domain")
@@ -46,7 +51,7 @@ class Board:
 
 def board(rows: Sequence[Row]) -> Board:
     """The board of rows of episodes, of those on one scene the last."""
-    rows = _each_scene_once(rows)
+    rows = each_scene_once(rows)
     cells = [(cell, cell["task"], "success_interval") for cell in summarise(rows)] + [
         (mean, ALL, "success_rate_interval")
         for mean in over_tasks(rows)
@@ -75,13 +80,6 @@ def board(rows: Sequence[Row]) -> Board:
         sorted({row["domain"] for row in rows}),
         [ALL, *sorted({row["task"] for row in rows})],
     )
-
-
-def _each_scene_once(rows: Sequence[Row]) -> list[Row]:
-    """The last row of a policy, clock and rules on a scene: other options may have tried it
-    too."""
-    scenes = {(*json.loads(row["key"])[1:5], row["rules"]): row for row in rows}
-    return [*scenes.values()]
 
 
 def _clock_order(clock: str) -> tuple[int, float, str]:
@@ -125,7 +123,7 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
     """The page's text; `faults` are what check-result found in each bundle. Raises CompareError for
     bundles on different benchmarks."""
-    rows = _each_scene_once([row for of_bundle in bundles.values() for row in of_bundle])
+    rows = [row for of_bundle in bundles.values() for row in of_bundle]
     benchmark = check_one_benchmark(rows)
     checks = [
         (out.name, len(bundles[out]), "; ".join(faults[out][:3]), len(faults[out]))
@@ -138,7 +136,7 @@ def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequ
         benchmark=benchmark,
         films=films_of(bundles),
         checks=checks,
-        episodes=len(rows),
+        episodes=len(each_scene_once(rows)),
         published=PUBLISHED,
         clock_title=clock_title,
     )

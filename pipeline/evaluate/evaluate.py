@@ -38,7 +38,7 @@ from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.page import Film, caption, page
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
-from pipeline.evaluate.scoring.summary import Row, over_tasks, summarise
+from pipeline.evaluate.scoring.summary import Row, each_scene_once, over_tasks, summarise
 from pipeline.evaluate.serving.client import ANSWER_SECONDS
 from pipeline.world.robots import get_embodiment
 
@@ -241,7 +241,8 @@ def _film(
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
     """The page of all rows of a version of the program with their films, and the contact sheet."""
-    rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
+    mine = [row for row in results.rows() if json.loads(row["key"])[0] == code]
+    rows = each_scene_once(mine)
     rows.sort(key=lambda row: row["key"])
     films, strips = list[Film](), list[tuple[str, NDArray[np.uint8]]]()
     for row in rows:

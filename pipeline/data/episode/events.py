@@ -50,11 +50,11 @@ AMOUNTS = {
     "light": 0.15,
     "latency": 0.3,
 }
-"""By kind, if nothing is said: factor; m/s; m/s; m; m that are covered around the target; share of
+"""The default by kind: factor; m/s; m/s; m; m that are covered around the target; share of
 the light that stays; s."""
 
 LASTING = {"slip": 0.2}
-"""Seconds of a kind that ends by itself, if nothing is said."""
+"""The default seconds of a kind that ends by itself."""
 
 CHANGES = ("stop", "reverse", "speed", "push")
 """Kinds that change the motion of the target."""

@@ -1,5 +1,6 @@
 """Rates with intervals from rows of episodes: of a cell, and means over tasks as in the paper."""
 
+import json
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +21,13 @@ def scene_of(row: Row) -> tuple[str, str, int]:
     """What the episodes of one scene share: task, robot and seed, whatever level, alpha, domain,
     policy."""
     return row["task"], row["embodiment"], row["seed"]
+
+
+def each_scene_once(rows: Sequence[Row]) -> list[Row]:
+    """The last row of a policy, clock and rules on a scene: other options may have tried it
+    too."""
+    scenes = {(*json.loads(row["key"])[1:5], row["rules"]): row for row in rows}
+    return [*scenes.values()]
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:

@@ -11,7 +11,7 @@ from pipeline.data.cameras import CameraType, intrinsics
 from pipeline.data.names import exported_names
 from pipeline.motion.recorded import LEAST, SECONDS, is_hidden, is_unoccluded
 from pipeline.report.card.markdown import table
-from pipeline.report.card.survey import Seen
+from pipeline.report.card.survey import SurveyedEpisode
 
 IN_VIEW = 0.95
 """The card names a task whose target is in a camera's image in a smaller share of frames, or at the
@@ -26,7 +26,7 @@ holds for more than half of these frames of the head camera:
 """
 
 
-def visibility(seen: Sequence[Seen], names: Mapping[str, str]) -> str:
+def visibility(seen: Sequence[SurveyedEpisode], names: Mapping[str, str]) -> str:
     """How much of the target the cameras see, by their exported `names`; "" if no episode states
     it."""
     rows = []
@@ -48,7 +48,7 @@ def visibility(seen: Sequence[Seen], names: Mapping[str, str]) -> str:
     return VISIBILITY + table(head, rows) if rows else ""
 
 
-def idle(seen: Sequence[Seen]) -> str:
+def idle(seen: Sequence[SurveyedEpisode]) -> str:
     """How many frames come after the success, and in how many nothing is commanded to move."""
     frames = sum(one.frames for one in seen)
     after = 100 * sum(one.after_success for one in seen) / frames
@@ -60,7 +60,7 @@ def idle(seen: Sequence[Seen]) -> str:
     )
 
 
-def camera_names(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Mapping[str, str]:
+def camera_names(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Mapping[str, str]:
     """The cameras as the export calls them, by their names in an episode."""
     stored = seen[0].cameras
     names = {camera: camera for camera in stored}
@@ -69,7 +69,7 @@ def camera_names(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Mapping[st
     return names | summary.get("cameras", {})
 
 
-def cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def cameras(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     """The table of cameras, by size, lens and what carries them."""
     names, robots = camera_names(seen, summary), defaultdict[tuple[str, ...], list[str]](list)
     for robot, one in sorted({one.spec.embodiment: one for one in reversed(seen)}.items()):
@@ -90,7 +90,7 @@ def cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     )
 
 
-def out_of_view(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def out_of_view(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     """A sentence on the tasks whose target leaves the image of a fixed camera, "" if there are
     none."""
     rows = []

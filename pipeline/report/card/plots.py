@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.motion.models import level_name, level_of
-from pipeline.report.card.survey import Seen
+from pipeline.report.card.survey import SurveyedEpisode
 
 PATHS = 400
 
 
-def plots(seen: Sequence[Seen]) -> bytes:
+def plots(seen: Sequence[SurveyedEpisode]) -> bytes:
     """A PNG of five plots; of more than PATHS episodes every n-th path is drawn. The same episodes
     give the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -72,7 +72,7 @@ def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[floa
     return np.linspace(low - pad, high + pad, 21).tolist()
 
 
-def _ranges(axis: object, seen: Sequence[Seen]) -> None:
+def _ranges(axis: object, seen: Sequence[SurveyedEpisode]) -> None:
     robot = seen[0].spec.embodiment
     mine = [one for one in seen if one.spec.embodiment == robot]
     low, high = np.min([one.low for one in mine], 0), np.max([one.high for one in mine], 0)

@@ -22,7 +22,7 @@ still."""
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SurveyedEpisode:
     """The facts of one episode that a card uses.
 
     `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that
@@ -68,7 +68,7 @@ class Seen:
         return Cell(s.task, s.embodiment, s.level, s.alpha, s.domain)
 
 
-def look(file: Path) -> Seen:
+def look(file: Path) -> SurveyedEpisode:
     """Read one episode without its images. Raises EpisodeError if it cannot be read."""
     with open_episode(file) as e:
         episode = e.read()
@@ -79,7 +79,7 @@ def look(file: Path) -> Seen:
     success = episode.log.time_of("success")
     times = np.linspace(-motion.lead, motion.duration, 30)
     action = episode.log.action
-    return Seen(
+    return SurveyedEpisode(
         file=file,
         spec=episode.spec,
         meta=episode.meta,
@@ -124,9 +124,9 @@ def _visible(episode: Episode) -> dict[str, NDArray[np.float32]]:
     return {camera: shares[:, column] for camera, shares in stored.items() if shares is not None}
 
 
-def by_cell(seen: Sequence[Seen]) -> dict[Cell, list[Seen]]:
+def by_cell(seen: Sequence[SurveyedEpisode]) -> dict[Cell, list[SurveyedEpisode]]:
     """Episodes by cell, in the order of the cells' paths."""
-    cells: dict[Cell, list[Seen]] = defaultdict(list)
+    cells: dict[Cell, list[SurveyedEpisode]] = defaultdict(list)
     for one in seen:
         cells[one.cell].append(one)
     return {cell: cells[cell] for cell in sorted(cells, key=lambda c: c.path)}

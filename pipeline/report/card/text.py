@@ -16,7 +16,7 @@ from pipeline.report.card.frames import camera_names, cameras, idle, out_of_view
 from pipeline.report.card.loading import loading_section
 from pipeline.report.card.markdown import bullets, table
 from pipeline.report.card.plots import plots
-from pipeline.report.card.survey import Seen, by_cell, look
+from pipeline.report.card.survey import SurveyedEpisode, by_cell, look
 from pipeline.report.card.words import citation, is_failures, kind_of, limits, title, uses
 from pipeline.report.contact_sheet import save_contact_sheet
 from pipeline.report.film_strip import clip
@@ -81,7 +81,7 @@ def spread(items: Sequence[Path], count: int) -> list[Path]:
     return [items[round(i)] for i in np.linspace(0, len(items) - 1, count)]
 
 
-def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def _opening(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     hours = sum(one.seconds for one in seen) / 3600
     levels = ", ".join(
         markdown(f"{level_name(*level)} ({level_of(*level).text})")
@@ -129,12 +129,12 @@ def _timing(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _use(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def _use(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     intended, unintended = uses(seen, summary)
     return f"For:\n\n{bullets(intended)}\nNot for:\n\n{bullets(unintended)}"
 
 
-def _reasons(seen: Sequence[Seen]) -> str:
+def _reasons(seen: Sequence[SurveyedEpisode]) -> str:
     """Why the attempts failed, the most frequent reason first."""
     told = Counter(
         (one.meta.failure.stage, one.meta.failure.reason) for one in seen if one.meta.failure
@@ -146,7 +146,7 @@ def _reasons(seen: Sequence[Seen]) -> str:
     return table("stage | reason | attempts", rows)
 
 
-def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
+def _cells(dataset: Path, seen: Sequence[SurveyedEpisode]) -> str:
     attempts: dict[tuple[Any, ...], list[bool]] = {}
     of_cell = ("task", "embodiment", "level", "alpha", "domain")
     for row in Dataset(dataset).attempt_rows(*of_cell, "outcome"):
@@ -179,7 +179,7 @@ def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
     )
 
 
-def _speeds(seen: Sequence[Seen]) -> str:
+def _speeds(seen: Sequence[SurveyedEpisode]) -> str:
     rows = []
     for (model, level), alpha in sorted({(one.level, one.spec.alpha) for one in seen}):
         group = [one for one in seen if (one.level, one.spec.alpha) == ((model, level), alpha)]
@@ -205,7 +205,7 @@ def _speeds(seen: Sequence[Seen]) -> str:
     )
 
 
-def _joints(seen: Sequence[Seen]) -> str:
+def _joints(seen: Sequence[SurveyedEpisode]) -> str:
     robots = {one.spec.embodiment: one.names for one in seen}
     rows = []
     for robot, names in sorted(robots.items()):
@@ -215,7 +215,7 @@ def _joints(seen: Sequence[Seen]) -> str:
     return table("robot | index | joint | unit", rows)
 
 
-def _splits(seen: Sequence[Seen], validation: float) -> str:
+def _splits(seen: Sequence[SurveyedEpisode], validation: float) -> str:
     def count(values: Iterable[object]) -> int:
         return len({repr(value) for value in values})
 

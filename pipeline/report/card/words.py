@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
-from pipeline.report.card.survey import Seen
+from pipeline.report.card.survey import SurveyedEpisode
 
 FAILURES = "failures"
 PAPER = "https://arxiv.org/abs/2603.15620"
@@ -92,14 +92,16 @@ def kind_of(summary: Mapping[str, Any]) -> str:
     return "failed attempts" if is_failures(summary) else "simulated episodes"
 
 
-def uses(seen: Sequence[Seen], summary: Mapping[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+def uses(
+    seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]
+) -> tuple[Sequence[str], Sequence[str]]:
     """What an export is meant for, and what it is not."""
     if is_failures(summary):
         return USES_OF_FAILURES, (NOT_DEMONSTRATIONS, *NOT_FOR)
     return USES, (NOT_POLICY, *NOT_FOR) if _corrected(seen) else NOT_FOR
 
 
-def limits(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Sequence[str]:
+def limits(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Sequence[str]:
     """What is to be known before using an export."""
     if is_failures(summary):
         return LIMITS_OF_FAILURES
@@ -111,18 +113,18 @@ def limits(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Sequence[str]:
     return [CORRECTED, *texts] if _corrected(seen) else texts
 
 
-def _corrected(seen: Sequence[Seen]) -> bool:
+def _corrected(seen: Sequence[SurveyedEpisode]) -> bool:
     return any(one.meta.corrects for one in seen)
 
 
-def identifier(seen: Sequence[Seen]) -> str:
+def identifier(seen: Sequence[SurveyedEpisode]) -> str:
     """16 hex digits of the SHA-256 of the sorted physics ids of these episodes: the same for every
     format and rendering."""
     ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
     return sha256("\n".join(ids).encode()).hexdigest()[:16]
 
 
-def title(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def title(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     """The title of an export: its tasks and robots."""
     tasks = sorted({one.spec.task for one in seen})
     what = tasks[0].replace("_", " ") if len(tasks) == 1 else f"{len(tasks)} tasks"
@@ -132,7 +134,7 @@ def title(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     return f"{begin}: {what}, {', '.join(sorted({one.spec.embodiment for one in seen}))}"
 
 
-def citation(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+def citation(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
     """BibTeX of the dataset, then of the paper whose method made it."""
     name = identifier(seen)
     return f"""\
