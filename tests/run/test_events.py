@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.data.episode.events import FIRED, WITHHELD
 from pipeline.data.episode.file import EpisodeFile
+from pipeline.report.viewer.data import episode_data
 from tests.run.command import inside
 
 
@@ -78,3 +79,11 @@ def test_both_arms_are_the_same_until_the_event_and_exported_with_it(pair):
     told = pq.read_table(path, columns=["domino.pair", "domino.arm"]).to_pylist()
     assert [row["domino.arm"] for row in told] == ["event", "control"]
     assert {row["domino.pair"] for row in told} == {one.spec.pair}
+
+
+def test_the_viewer_names_what_happened_by_its_kind(pair):
+    eventful, control = (
+        episode_data(path, pair) for path in sorted((pair / "episodes").rglob("*.hdf5"))
+    )
+    names = [{event["name"] for event in data["events"]} for data in (eventful, control)]
+    assert "stop" in names[0] ^ names[1] and "stop withheld" in names[0] ^ names[1]

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.episode.events import ENDED, FIRED, WITHHELD
 from pipeline.data.episode.file import EpisodeFile, open_episode
 from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
 from pipeline.data.episode.mp4 import encode_mp4
-from pipeline.data.episode.state_log import SkillRun, StateLog
+from pipeline.data.episode.state_log import Event, SkillRun, StateLog
 from pipeline.data.names import HEAD, SIDES
 from pipeline.data.slots.annotations import (
     CorruptAnnotation,
@@ -73,7 +74,7 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         "meeting": meeting,
         "place": derived.planned_position.tolist(),
         "events": [
-            {"name": event.name, "time": event.time, "by": event.by} for event in log.events
+            {"name": _label(event), "time": event.time, "by": event.by} for event in log.events
         ],
         "spans": _spans(derived, meta.fps) + _policy(meta, log),
         "skills": skill_rows(log.skills, meta.physics_hz),
@@ -169,6 +170,12 @@ def _outlines(entry: Entry) -> list[Any]:
         ]
         out.append([line[:, 0].tolist() for lines in outlines for line in lines if len(line) > 2])
     return out
+
+
+def _label(event: Event) -> str:
+    """Of an event of the recipe its kind, of others their name."""
+    after = {FIRED: "", ENDED: " ends", WITHHELD: " withheld"}
+    return event.by + after[event.name] if event.name in after else event.name
 
 
 def _spans(derived: Interception, fps: int) -> list[dict[str, Any]]:
