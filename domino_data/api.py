@@ -87,16 +87,16 @@ def export(
     format: str,
     out: Place | None = None,
     *,
-    where: str = "",
+    where: str | None = None,
     workers: int = 1,
     **options: str | float | bool,
 ) -> Mapping[str, Any]:
     """Write a dataset in another format, by default to DATASET/exports/FORMAT, and return the
     export's summary.
 
-    `where` selects episodes, for example "level=3 and task=click_bell". `options` are those of the
-    format (docs/exports.md). Raises ExportError for a format or option that does not exist and if
-    there is nothing to export.
+    `where` selects episodes, for example "level=3 and task=click_bell"; None takes all. `options`
+    are those of the format (docs/exports.md). Raises ExportError for a format or option that does
+    not exist and if there is nothing to export.
     """
     from pipeline.run.export import Request
     from pipeline.run.export import export as run_export

@@ -51,6 +51,8 @@ def test_the_page_runs_as_written(tmp_path, monkeypatch, capsys):
         module.summary["format"] == "parquet"
         and (tmp_path / "bells/exports/parquet/export.json").exists()
     )
+    everything = domino_data.export(tmp_path / "bells", "parquet", tmp_path / "all")
+    assert everything["episodes"] == module.summary["episodes"] == 1
     assert module.outcome.cells[0]["success_rate"] == 0 and module.outcome.page.exists()
     assert module.outcome.cells[0]["faults"] == {}
     assert "no task 'click_bel'" in capsys.readouterr().out.splitlines()[-1]
