@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.recipe.model import Cell
+from pipeline.evaluate.scenes.benchmark import read_benchmark
 from pipeline.evaluate.scenes.case import expert_actions, setup_of
 from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.evaluate.scoring.metrics import score
@@ -71,6 +72,17 @@ def test_seeds_are_indices_of_the_admitted_scenes(task, manifests, lr):
     assert task._env.case == wanted[1]
     with pytest.raises(ValueError, match=r"set env\.first_seed"):
         scenes.case(999)
+
+
+def test_a_benchmark_gives_its_frozen_scenes(lr):
+    scenes = lr.Scenes(CELL, Path("unused"), setup=SMALL, benchmark="domino-v1-10")
+    frozen = read_benchmark("domino-v1-10").cases([CELL], 10)[CELL]
+    env = lr.DominoTask(scenes)
+    env.reset(seed=1009)
+    assert env._env.case == frozen[9]
+    env.close()
+    with pytest.raises(ValueError, match=r"has 10 scenes .* set eval\.n_episodes"):
+        scenes.case(1010)
 
 
 def test_a_success_is_worth_a_hundred_at_once(task, manifests, lr):

@@ -28,7 +28,8 @@ class DominoEnvConfig(EnvConfig):
     taken (cameras, size, rate, rules, layout, ...), and `setup` are keys of a setup that differ
     from it, as a recipe has them (`{cameras: [head], fps: 30}`). `manifests` is where admitted
     scenes are kept, `protocol_seed` the seed of the protocol they are drawn from, `first_seed` what
-    `--seed` is. An `fps` other than 0 is the setup's. Raises ValueError for what does not exist.
+    `--seed` is; a `benchmark` (a name or a file) gives its frozen scenes instead. An `fps` other
+    than 0 is the setup's. Raises ValueError for what does not exist.
     """
 
     task: str | None = "click_bell"
@@ -42,6 +43,7 @@ class DominoEnvConfig(EnvConfig):
     manifests: str = "outputs/domino_manifests"
     protocol_seed: int = 0
     first_seed: int = 1000
+    benchmark: str = ""
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(
         default_factory=lambda: {ACTION: ACTION, "agent_pos": OBS_STATE}
@@ -96,7 +98,8 @@ class DominoEnvConfig(EnvConfig):
         )
         for task in self.tasks:
             cell = Cell(task, robot, self.level, self.alpha, self.domain)
-            scenes = Scenes(cell, Path(self.manifests), self.protocol_seed, self.first_seed, setup)
+            seeds = self.protocol_seed, self.first_seed
+            scenes = Scenes(cell, Path(self.manifests), *seeds, setup, self.benchmark)
             make = partial(DominoTask, scenes)
             out[task] = {0: LazyVector([make] * n_envs, use_async_envs)}
         return out

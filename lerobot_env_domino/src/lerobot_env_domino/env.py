@@ -14,6 +14,7 @@ from pipeline.data.names import exported_names
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.environment.env import DominoEnv
+from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, Case
 from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.tasks import TASKS
@@ -23,23 +24,32 @@ from pipeline.world.robots import get_embodiment
 @dataclass(frozen=True)
 class Scenes:
     """Which scenes a task is tried on: episode n, LeRobot's seed `first_seed` + n, is the n-th
-    admitted one of the protocol."""
+    frozen one of the `benchmark`, or without one the n-th admitted one of the protocol."""
 
     cell: Cell
     manifests: Path
     protocol_seed: int = 0
     first_seed: int = 1000
     setup: Setup = UNSEEN
+    benchmark: str = ""
 
     def case(self, seed: int) -> Case:
         """The scene of a seed; the expert runs if no manifest has it yet. Raises ValueError for a
-        seed before the first."""
+        seed before the first, or one beyond the scenes of the benchmark."""
         index = seed - self.first_seed
         if index < 0:
             raise ValueError(
                 f"seed {seed} comes before the first, {self.first_seed}: set env.first_seed to"
                 " --seed"
             )
+        if self.benchmark:
+            frozen = frozen_scenes(self.benchmark, self.cell)
+            if index >= len(frozen):
+                raise ValueError(
+                    f"benchmark {self.benchmark} has {len(frozen)} scenes of {self.cell.path}:"
+                    f" set eval.n_episodes to {len(frozen)} at most"
+                )
+            return frozen[index]
         manifests = Manifests(self.manifests, self.protocol_seed, self.setup)
         return manifests.admitted([self.cell], index + 1, inline)[self.cell][index]
 

@@ -32,6 +32,7 @@ from pipeline.evaluate.environment.reward import (
     check_discount,
 )
 from pipeline.evaluate.policies.policy import observe
+from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
 from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
@@ -71,7 +72,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     `scenes=N` draws every episode from N scenes that the expert solved at the first reset, kept in
     the directory `manifests` if it is given; no evaluation with a `--seed` below 10000 shows them.
-    With `scenes=0` every reset without a seed runs the expert on a new scene. `info["is_success"]`
+    With `scenes=0` every reset without a seed runs the expert on a new scene. With a `benchmark`, a
+    name or a file, seed n takes its frozen scene n of the cell, modulo their number, and a reset
+    without a seed the next one. `info["is_success"]`
     is always there; at the end `info["score"]` has all of EpisodeScore. Raises ValueError, and
     RecipeError for a wrong key of a setup.
     """
@@ -96,6 +99,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         discount: float = 0.99,
         scenes: int = 0,
         manifests: str | Path | None = None,
+        benchmark: str = "",
         instructions: str = "unseen",
         render_mode: str | None = None,
     ) -> None:
@@ -109,6 +113,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
                 raise ValueError(f"{name} {value!r} is unknown: choose {', '.join(known)}")
         if not isinstance(scenes, int) or scenes < (manifests is not None):
             raise ValueError(f"scenes {scenes!r}: give a number, at least 1 with manifests")
+        if benchmark and scenes:
+            raise ValueError("scenes and benchmark: give one of the two")
         setup = setup_of(setup)
         if level not in (levels := levels_of(TASKS[task].motion)):
             known = ", ".join(map(str, levels))
@@ -137,6 +143,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._discount = check_discount(discount) if reward == "dense" else None
         self._measures = reward == "dense" or observations == "state"
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
+        self._frozen = frozen_scenes(benchmark, self._cell) if benchmark else ()
+        self._next = 0
         self._trial: Trial | None = None
         self._eyes: Eyes | None = None
         self._poses, self._relative = actions != "joint", actions == "delta_ee"
@@ -224,6 +232,10 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._view.observe(self.trial, Moment(seen, progress))
 
     def _draw_case(self, seed: int | None) -> Case:
+        if self._frozen:
+            number = self._next if seed is None else seed
+            self._next = number + 1
+            return self._frozen[number % len(self._frozen)]
         if self._scenes:
             known = training_scenes(self._cell, self._scenes, self.setup.calm, self._manifests)
             return known[int(self.np_random.integers(len(known)))]

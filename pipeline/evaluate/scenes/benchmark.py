@@ -10,6 +10,7 @@ import json
 import lzma
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -238,3 +239,10 @@ def read_benchmark(given: str) -> Benchmark:
         parts = ", ".join(found.head.parts) or "none"
         raise BenchmarkError(f"benchmark {found.head.benchmark} has no part {part!r}: {parts}")
     return Benchmark(found.head, found.sha256, found.lines, part)
+
+
+@lru_cache(maxsize=16)
+def frozen_scenes(given: str, cell: Cell) -> tuple[Case, ...]:
+    """All scenes that a benchmark (see `read_benchmark`) has of a cell. Raises BenchmarkError."""
+    benchmark = read_benchmark(given)
+    return tuple(benchmark.cases([cell], benchmark.head.scenes)[cell])

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from pipeline.data.errors import DominoError
+from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import DEFAULT
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate import env_id
 from pipeline.evaluate.actions import ActionError, ToolPoses, interpolate_targets, joint_limits
+from pipeline.evaluate.scenes.benchmark import read_benchmark
 from pipeline.evaluate.scenes.case import BLIND, admit, expert, expert_actions, log_hash, start_hash
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.planning.planner import planner_for
@@ -189,6 +192,22 @@ def test_the_same_case_is_the_same_world():
     assert start_hash(simulation.poses(), simulation.qpos()[0]) == case.start
     assert log_hash(expert(case.spec).replay.log) == case.end
     assert type(case).from_dict(case.to_dict()) == case
+
+
+def test_scenes_of_a_benchmark_come_in_turn():
+    cell = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
+    frozen = read_benchmark("domino-v1-10").cases([cell], 10)[cell]
+    env = make("click_bell", benchmark="domino-v1-10")
+    seeds = []
+    for seed in (8, None, None, 13):
+        _, info = env.reset(seed=seed)
+        seeds.append(env.unwrapped.case.spec.seed)
+        assert info["task_description"] == env.unwrapped.task_description != ""
+    assert seeds == [frozen[n].spec.seed for n in (8, 9, 0, 3)]
+    log = Trial(frozen[3].scene(BLIND), frozen[3].target_motion, BLIND).recorder.log()
+    assert np.array_equal(env.unwrapped.trial.recorder.log().poses[0], log.poses[0])
+    with pytest.raises(DominoError, match="no cell"):
+        make("click_bell", benchmark="domino-v1-10", domain="randomized")
 
 
 def test_interpolation_is_linear_and_ends_at_the_action():
