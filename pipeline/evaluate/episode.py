@@ -27,7 +27,7 @@ from pipeline.evaluate.scenes.case import BLIND, Case, start_of_trial
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
 from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.evaluate.scoring.clock import Clock
-from pipeline.evaluate.scoring.metrics import score
+from pipeline.evaluate.scoring.metrics import score, subgoals_reached
 from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
 from pipeline.evaluate.serving.client import ANSWER_SECONDS
 from pipeline.world.cameras import setup_cameras
@@ -174,6 +174,10 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
         "same_start": same,
         "sees_truth": asked.sees_truth,
     }
+    if scene.choices:
+        row["choices"] = scene.choices
+    if scene.task.subgoals:
+        row["subgoals"] = subgoals_reached(scene.task, row["failed"])
     if job.benchmark:
         row["benchmark"] = job.benchmark
     if asked.unreachable is not None:

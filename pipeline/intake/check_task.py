@@ -151,7 +151,9 @@ def _language(scene: Scene) -> Finding:
     )
     try:
         wording = scene.wording()
-        check_templates(wording.seen, wording.unseen, wording.objects, wording.arms)
+        check_templates(
+            wording.seen, wording.unseen, wording.objects, wording.arms, wording.choices
+        )
     except ValueError as error:
         return Finding("language", False, str(error))
     enough = len(task.seen) >= task.least_seen and len(task.unseen) >= task.least_unseen

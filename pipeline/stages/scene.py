@@ -163,7 +163,13 @@ class Scene:
             for name, body in self.bodies.items()
             if name not in self.clutter
         }
-        return Wording(self.task.seen, self.task.unseen, words, self.arms, self.spec.moving)
+        task, moving = self.task, self.spec.moving
+        return Wording(task.seen, task.unseen, words, self.arms, moving, self.choices)
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """The words that say what of this scene is asked for, by slot."""
+        return self.task.choices(self.bodies)
 
     def touched_distractor(self, log: StateLog) -> str:
         """The first distractor that anything but the table and other distractors touched; "" for

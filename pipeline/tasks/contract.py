@@ -3,7 +3,7 @@ walks through one. The sentences that ask for it are in phrases/<name>.txt besid
 
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -111,6 +111,10 @@ class Draw:
         """A number of the placement stream."""
         return float(self.placement.uniform(low, high))
 
+    def several[T](self, options: Sequence[T], count: int) -> list[T]:
+        """`count` different options in a random order, from the placement stream."""
+        return [options[int(i)] for i in self.placement.permutation(len(options))[:count]]
+
 
 class Task(ABC):
     """Base of the tasks: class attributes, and methods for layout, arms, script and success. A task
@@ -121,10 +125,12 @@ class Task(ABC):
     none, `movers` those of bodies beside it, and `workspace` bounds its path. `limits` are the
     tolerances of the success conditions and `sizes` the sizes of goals, by name; a limit "lift"
     asks that the manipulated body was once that much higher than where it began. `own_conditions`
-    names those that domino rules leave out, because the original does. `families` names the object
-    families that it may ask for; without it they are found by `families_of`. `seen` and `unseen`
-    are read from phrases/<name>.txt unless the class has them; there must be `least_seen` and
-    `least_unseen`. `suite` is its folder in the library, or "own" for a task from outside."""
+    names those that domino rules leave out, because the original does. `subgoals` lists, in their
+    order, the conditions that must hold for each part of a long task; their share is then the route
+    completion. `families` names the object families that it may ask for; without it they are found
+    by `families_of`. `seen` and `unseen` are read from phrases/<name>.txt unless the class has
+    them; there must be `least_seen` and `least_unseen`. `suite` is its folder in the library, or
+    "own" for a task from outside."""
 
     name: ClassVar[str] = ""
     suite: ClassVar[str] = ""
@@ -138,6 +144,7 @@ class Task(ABC):
     limits: ClassVar[Mapping[str, Limit[float]]] = by_name()
     sizes: ClassVar[Mapping[str, Limit[Any]]] = by_name()
     own_conditions: ClassVar[tuple[str, ...]] = ("at_rest", "released")
+    subgoals: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     families: ClassVar[tuple[str, ...]] = ()
     seen: ClassVar[tuple[str, ...]]
     unseen: ClassVar[tuple[str, ...]]
@@ -153,6 +160,11 @@ class Task(ABC):
         """Roles of the arms for script and language, from the manipulation poses: one `arm`, on the
         side of the manipulated body."""
         return {"arm": side_of(bodies[self.manipulated])}
+
+    def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
+        """Words by slot of the sentences that say which of several like bodies is asked for, such
+        as {"choice": "red"}; the episode states them."""
+        return {}
 
     @abstractmethod
     def meet(self, a: Actor) -> Skills:

@@ -210,6 +210,15 @@ class Outcome:
         for finger in self.fingers(side):
             yield from self.contacts(finger, name)
 
+    def took(self, name: str) -> bool:
+        """Whether a hand ever held a body: all its fingers touched it at one frame."""
+        return any(
+            set[int].intersection(
+                *({int(f) for f in self.contacts(link, name)["frame"]} for link in fingers)
+            )
+            for fingers in map(self.fingers, self.log.sides)
+        )
+
     def touched(self, side: str, name: str) -> bool:
         """Whether a finger of an arm ever touched a body."""
         return any(True for _ in self._finger_contacts(side, name))

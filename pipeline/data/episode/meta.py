@@ -206,13 +206,14 @@ class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
     `target` moves on its own until the meeting, `manipulated` is what the arms handle, `arms` maps
-    roles to sides. Of the distractors `clutter`, `clutter_wanted` were wanted at least and at most;
-    `objects_wanted` are objects from files by family. `table_drop` (m) is how much higher than in
-    the clean domain robot and head camera are. `meeting_time` (s) is planned; in a failed dry run
-    it is the first touch, or the end. `corrects` names the policy that acts before the expert.
-    Speeds (m/s) and `displacement` (m) are those of the target's motion. `rules`, `contact`,
-    `layout`: data/setup/rules.py. `step_limit` counts control periods, `workspace` is x_min, x_max,
-    y_min, y_max (m).
+    roles to sides, `choices` slots of the sentences to what the scene asks for ("red"). Of the
+    distractors `clutter`, `clutter_wanted` were wanted at least and at most; `objects_wanted` are
+    objects from files by family. `table_drop` (m) is how much higher than in the clean domain robot
+    and head camera are. `meeting_time` (s) is planned; in a failed dry run it is the first touch,
+    or the end. `corrects` names the policy that acts before the expert. Speeds (m/s) and
+    `displacement` (m) are those of the target's motion. `rules`, `contact`, `layout`:
+    data/setup/rules.py. `step_limit` counts control periods, `workspace` is x_min, x_max, y_min,
+    y_max (m).
 
     `physics_key` and `render_key` name what it was made from (run/identity/slot_keys.py), `keys`
     their parts by kind. `physics_id` is shared by all episodes of the same physics, which no split
@@ -224,6 +225,7 @@ class EpisodeMeta(_Record):
     manipulated: Name
     category: Category
     arms: dict[str, Side]
+    choices: dict[str, str] = {}
     objects: dict[Name, ObjectInfo]
     clutter: tuple[Name, ...] = ()
     clutter_wanted: tuple[int, int] = CLUTTER
@@ -261,6 +263,8 @@ class EpisodeMeta(_Record):
             values.pop("clutter_wanted", None)
         if self.drive is None:
             values.pop("drive", None)
+        if not self.choices:
+            values.pop("choices", None)
         if not self.events:
             values.pop("events", None)
         if not self.objects_wanted:

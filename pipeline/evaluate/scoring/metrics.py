@@ -7,6 +7,7 @@ behind it) and the origin of the target.
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.episode.state_log import StateLog
 from pipeline.evaluate.scenes.trial import FAULTS, OUT_OF_VIEW, SUCCESS, Trial
 from pipeline.stages.scene import held_by
+from pipeline.tasks.contract import Task
 from pipeline.tasks.outcome import failed
 from pipeline.world.physics.drive import Hold
 
@@ -72,6 +74,11 @@ def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
     return float(np.clip(1.0 - dt / d0, 0.0, 1.0))
 
 
+def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
+    """Which subgoals of a long task hold where the conditions `missing` do not."""
+    return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
+
+
 def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
     """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,); a success
     is 100."""
@@ -111,10 +118,13 @@ def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
     success = trial.ending == SUCCESS
     tools = log.tcp[:, :, :3]
     goal = log.pose(scene.task.target)[-1, :3]
-    rc = 0.0 if trial.ending in FAULTS else route_completion(tools, goal, success)
+    missing = () if success else failed(trial.conditions())
+    reached = subgoals_reached(scene.task, missing).values()
+    rc = 100.0 * fmean(reached) if reached else route_completion(tools, goal, success)
+    if trial.ending in FAULTS:
+        rc = 0.0
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
     distractors = touched_distractors(log)
-    missing = () if success else failed(trial.conditions())
     counts = {"distractors": len(distractors), "compounding": compounding}
     return EpisodeScore(
         success=success,

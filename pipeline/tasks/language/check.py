@@ -24,7 +24,7 @@ MOTION = re.compile(
     r"|fall(?:s|ing)(?! in)|drops|fl(?:ies|ying)|flight|tossed)\b",
     re.IGNORECASE,
 )
-_ARTICLE = re.compile(r"\b(the|a|an)\s+\{", re.IGNORECASE)
+_ARTICLE = re.compile(r"\b(?:the|a|an)\s+\{(\w+)", re.IGNORECASE)
 _POSSESSIVE = re.compile(r"\{(\w+)(?::\w+)?\}'s\b")
 _SLOT_NAME = re.compile(r"\{\w+")
 _SIDE = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
@@ -74,22 +74,27 @@ _WHEN = (
 
 
 def check_templates(
-    seen: Sequence[str], unseen: Sequence[str], objects: Collection[str], arms: Collection[str]
+    seen: Sequence[str],
+    unseen: Sequence[str],
+    objects: Collection[str],
+    arms: Collection[str],
+    choices: Collection[str] = (),
 ) -> None:
-    """Raise ValueError, listing everything that is wrong with the templates of a task."""
+    """Raise ValueError, listing everything that is wrong with the templates of a task, whose slots
+    are of these names."""
     wrong = [
         f"no {split} templates"
         for split, templates in (("seen", seen), ("unseen", unseen))
         if not templates
     ]
-    known = {*objects, *arms}
+    known = {*objects, *arms, *choices}
     met: set[str] = set()
     for template in (*seen, *unseen):
         key = re.sub(r"[^\w{}]+", " ", template).strip().lower()
         if key in met:
             wrong.append(f"{template!r} is given twice")
         met.add(key)
-        if _ARTICLE.search(template):
+        if any(slot not in choices for slot in _ARTICLE.findall(template)):
             wrong.append(f"{template!r} has an article before a slot")
         wrong += [
             f"{template!r} has the possessive of {{{name}}}"

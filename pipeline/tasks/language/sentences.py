@@ -2,13 +2,14 @@
 names of the acting arms.
 
 In "Press {bell} with {arm}." a slot names a body of the layout or a role of an arm; {bell:moving}
-puts an adjective in front. Templates carry no article before a slot. One that begins with "~" says
-that the target moves and is used only where it does."""
+puts an adjective in front; a choice of the scene is a bare word, "the {choice} bell". Templates
+carry no article before another slot. One that begins with "~" says that the target moves and is
+used only where it does."""
 
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -68,13 +69,15 @@ def read_templates(
 @dataclass(frozen=True, eq=False)
 class Wording:
     """What the instructions of one scene are made from: templates, `objects` the descriptions of
-    the bodies by name, `arms` the sides of the roles by name; `moving`: the target moves."""
+    the bodies by name, `arms` the sides of the roles by name, `choices` the words that name what is
+    asked for; `moving`: the target moves."""
 
     seen: Sequence[str]
     unseen: Sequence[str]
     objects: Mapping[str, Words]
     arms: Mapping[str, str]
     moving: bool = True
+    choices: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def instructions(
@@ -96,7 +99,11 @@ def instructions(
     }
     return {
         split: _draw(
-            [_fillings(t, words[split], arms) for t in templates if _true(t, arms, wording.moving)],
+            [
+                _fillings(t, words[split], arms, wording.choices)
+                for t in templates
+                if _true(t, arms, wording.moving)
+            ],
             split,
             rng,
             count,
@@ -154,40 +161,45 @@ def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
 class _Filling:
     template: str
     fillers: Mapping[str, str]
+    choices: Mapping[str, str]
 
     def text(self) -> str:
-        return sentence(
-            _SLOT.sub(
-                lambda m: " ".join(filter(None, ("the", m[2], self.fillers[m[1]]))), self.template
-            )
-        )
+        return sentence(_SLOT.sub(self._filled, self.template))
+
+    def _filled(self, slot: re.Match[str]) -> str:
+        if slot[1] in self.choices:
+            return self.choices[slot[1]]
+        return " ".join(filter(None, ("the", slot[2], self.fillers[slot[1]])))
 
 
 def _fillings(
-    template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]
+    template: str,
+    words: Mapping[str, Sequence[str]],
+    arms: Mapping[str, str],
+    choices: Mapping[str, str],
 ) -> list[_Filling]:
     """Every way to fill a template; if there are others, none that names a thing twice or is
     crowded."""
     template = template.removeprefix(MOVING)
-    names = slots(template)
+    names = [name for name in slots(template) if name not in choices]
     for name in names:
         if name not in words and name not in arms:
             raise LanguageError(
                 f"{template!r} has the slot {{{name}}}: there are"
-                f" {', '.join(sorted({*words, *arms}))}"
+                f" {', '.join(sorted({*words, *arms, *choices}))}"
             )
         if name in words and not words[name]:
             raise LanguageError(f"{template!r} has the slot {{{name}}}, which has no description")
     bodies = [n for n in names if n in words]
     own = frozenset(singular(word) for word in re.findall(r"\w+", _SLOT.sub(" ", template).lower()))
-    choices = [list(dict.fromkeys(words[n])) for n in bodies]
-    choices = [[d for d in c if not nouns(d) & own] or c for c in choices]
+    options = [list(dict.fromkeys(words[n])) for n in bodies]
+    options = [[d for d in c if not nouns(d) & own] or c for c in options]
     marked = {m[1] for m in _SLOT.finditer(template) if m[2]}
-    choices = [
+    options = [
         [d for d in c if n not in marked or not _SIZE.match(d)] or c
-        for n, c in zip(bodies, choices, strict=True)
+        for n, c in zip(bodies, options, strict=True)
     ]
-    filled = list(product(*choices))
+    filled = list(product(*options))
     apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
     filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
     roles = {n: f"{arms[n]} arm" for n in names if n not in words}
@@ -197,11 +209,12 @@ def _fillings(
         fillers = {
             n: "x with a x" if trait else "x" for n, trait in zip(bodies, traits, strict=True)
         }
-        return crowded(_Filling(template, {**roles, **fillers}).text())
+        return crowded(_Filling(template, {**roles, **fillers}, choices).text())
 
     light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
     return [
-        _Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}) for f in light or filled
+        _Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}, choices)
+        for f in light or filled
     ]
 
 

@@ -1,5 +1,7 @@
 """Metrics against hand calculation."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -11,6 +13,7 @@ from pipeline.evaluate.scoring.metrics import (
     manipulation_score,
     progress,
     route_completion,
+    subgoals_reached,
     time_to_hold,
     touched_distractors,
 )
@@ -91,3 +94,10 @@ def test_a_hold_is_every_part_of_a_grip_at_two_frames_in_a_row():
     assert time_to_hold(log, hold, "target") == pytest.approx(3.5 / 15)
     log.contacts = log.contacts[log.contacts["b"] == left]
     assert time_to_hold(log, hold, "target") is None
+
+
+def test_a_subgoal_is_reached_where_none_of_its_conditions_is_missing():
+    task = SimpleNamespace(subgoals={"first": ("first_in_bin",), "last": ("last_in_bin", "home")})
+    assert subgoals_reached(task, ()) == {"first": True, "last": True}
+    assert subgoals_reached(task, ("home", "other_left")) == {"first": True, "last": False}
+    assert subgoals_reached(SimpleNamespace(subgoals={}), ("home",)) == {}

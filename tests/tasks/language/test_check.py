@@ -103,7 +103,7 @@ def wording(name: str, seed: int, moving: bool) -> Wording:
     task = TASKS[name]
     bodies = lay_out(task, Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])))
     words = {body.name: body.instance.words() for body in bodies.values()}
-    return Wording(task.seen, task.unseen, words, task.arms(bodies), moving)
+    return Wording(task.seen, task.unseen, words, task.arms(bodies), moving, task.choices(bodies))
 
 
 def test_thousands_of_instructions_have_no_fault():

@@ -134,6 +134,22 @@ def test_all_faults_are_listed_at_once():
         check_templates(("Ring {gong}.", "Ring the {bell}."), (), {"bell"}, ())
 
 
+def test_a_choice_is_a_bare_word_in_every_sentence():
+    words = Wording(
+        ("Press the {choice} one of {bell}.",),
+        ("Tap the {choice} one.",),
+        OBJECTS,
+        {},
+        choices={"choice": "green"},
+    )
+    drawn = instructions(words, np.random.default_rng(0), 12)
+    assert {text.split(" one")[0] for text in drawn["seen"]} == {"Press the green"}
+    assert set(drawn["unseen"]) == {"Tap the green one."}
+    check_templates(words.seen, words.unseen, OBJECTS, (), words.choices)
+    with pytest.raises(ValueError, match="article"):
+        check_templates(words.seen, words.unseen, {*OBJECTS, "choice"}, ())
+
+
 def test_an_adjective_goes_before_the_description_but_not_before_one_of_size():
     drawn = make(20, seen=("~ Press {bell:moving}.",), unseen=("Go.",))
     assert set(drawn["seen"]) == {"Press the moving red bell.", "Press the moving desk bell."}
