@@ -168,7 +168,7 @@ class Scene:
 
     @property
     def choices(self) -> dict[str, str]:
-        """The words that say what of this scene is asked for, by slot."""
+        """The words by slot that name what is asked for in this scene."""
         return self.task.choices(self.bodies)
 
     def touched_distractor(self, log: StateLog) -> str:

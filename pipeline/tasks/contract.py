@@ -162,8 +162,8 @@ class Task(ABC):
         return {"arm": side_of(bodies[self.manipulated])}
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
-        """Words by slot of the sentences that say which of several like bodies is asked for, such
-        as {"choice": "red"}; the episode states them."""
+        """Words by slot of the sentences that name the one of several like bodies that is asked
+        for, such as {"choice": "red"}; the episode states them."""
         return {}
 
     @abstractmethod

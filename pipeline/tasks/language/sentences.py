@@ -69,8 +69,8 @@ def read_templates(
 @dataclass(frozen=True, eq=False)
 class Wording:
     """What the instructions of one scene are made from: templates, `objects` the descriptions of
-    the bodies by name, `arms` the sides of the roles by name, `choices` the words that name what is
-    asked for; `moving`: the target moves."""
+    the bodies by name, `arms` the sides of the roles by name. `choices` are the words that name
+    what is asked for; `moving`: the target moves."""
 
     seen: Sequence[str]
     unseen: Sequence[str]

@@ -136,10 +136,13 @@ class Parametric(Family):
     noun: ClassVar[str] = ""
 
     @classmethod
-    def draw(cls, rng: Generator) -> Self:
+    def draw(cls, rng: Generator, **given: Any) -> Self:
+        """An instance whose parameters are drawn one after another, but for the `given` ones."""
         so_far = SimpleNamespace()
         for parameter in fields(cls):  # pyright: ignore[reportArgumentType]
-            setattr(so_far, parameter.name, parameter.metadata["draw"](rng, so_far))
+            name = parameter.name
+            value = given[name] if name in given else parameter.metadata["draw"](rng, so_far)
+            setattr(so_far, name, value)
         return cls(**vars(so_far))
 
     def facts(self) -> dict[str, str]:

@@ -1,1 +1,1 @@
-"""The suite `decide`: tasks in which the motion alone does not say what to do."""
+"""The suite `decide`: tasks in which seeing the motion is not enough."""
