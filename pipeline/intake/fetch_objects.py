@@ -1,5 +1,5 @@
-"""`domino-data objects fetch`: objects that others publish, in a wheel or on the Hugging Face hub,
-as a directory of plugins. Nothing of theirs is imported, installed or run."""
+"""`domino-data objects fetch`: objects that others publish, in a wheel or on the Hugging Face hub.
+Nothing of theirs is imported, installed or run."""
 
 import csv
 import hashlib
@@ -23,7 +23,7 @@ from pipeline.intake.objects.add import add_objects, describe
 from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.world.objects.from_files import TOML, ObjectError
 
-USED = (".obj", ".mtl", ".glb", ".png", ".jpg", ".jpeg", ".txt")
+USED = (".mtl", ".png", ".jpg", ".jpeg", ".txt")
 LICENCES = ("LICENSE", "LICENCE", "AUTHORS", "COPYING", "METADATA", "README")
 LARGEST, TOTAL = 1 << 30, 16 << 30  # bytes of a member, and of all that are unpacked
 CLIENT_OPTIONS = (
@@ -45,8 +45,8 @@ class FetchedObject(NamedTuple):
 
 
 class Wheel(NamedTuple):
-    """A release on the package index. `content` is the digest of the files that are used,
-    `textures` a directory of the wheel that they refer to."""
+    """A release on the package index: the digest of the files that are used, and a directory of
+    textures that they refer to."""
 
     package: str
     version: str
@@ -65,10 +65,7 @@ class HubDataset(NamedTuple):
 
 WHEELS = {
     "robosuite": Wheel(
-        "robosuite",
-        "1.5.2",
-        "MIT",
-        "0d6eea85a818c5069f18a3dc0760dda0",
+        *("robosuite", "1.5.2", "MIT", "0d6eea85a818c5069f18a3dc0760dda0"),
         "robosuite/models/assets/textures",
     ),
     "pybullet": Wheel("pybullet", "3.2.7", "zlib", "6e0d06a2c6ab6a91f5facfb63a84426b"),
@@ -83,31 +80,21 @@ HUB = {
 def read_catalogue(source: str) -> tuple[FetchedObject, ...]:
     """The objects that are made of a source."""
     with Path(__file__).with_name("fetched_objects.csv").open(newline="") as file:
-        return tuple(
-            FetchedObject(
-                row["name"],
-                row["family"],
-                row["file"],
-                float(row["scale"]),
-                row["up"] or None,
-                tuple(row["words"].split("|")),
-            )
-            for row in csv.DictReader(file)
-            if row["source"] == source
-        )
+        rows = [row for row in csv.DictReader(file) if row.pop("source") == source]
+    for row in rows:
+        row |= {"scale": float(row["scale"]), "words": tuple(row["words"].split("|"))}
+    return tuple(FetchedObject(**row | {"up": row["up"] or None}) for row in rows)
 
 
 def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[str]:
-    """Make the objects of a wheel, which is downloaded if none is given; a line for each.
-
-    Raises ObjectError for a wheel that cannot be had or whose files are others.
-    """
+    """Make the objects of a wheel, which is downloaded if none is given; a line for each. Raises
+    ObjectError for a wheel that cannot be had or whose files are others."""
     wheel, wanted = WHEELS[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
         files = Path(temporary)
         unpack(given or download_wheel(wheel), _is_used(wanted, wheel.textures), files)
         check_content(files, wheel, str(given or wheel.package))
-        _keep_licences(files, to / "licences" / source)
+        _keep_licences(files.rglob("*"), files, to / "licences" / source)
         yield from make_objects(wanted, files, to, f"{wheel.licence} ({source} {wheel.version})")
 
 
@@ -119,14 +106,11 @@ def fetch_dataset(source: str, to: Path, api: Any, revision: str) -> Iterator[st
     """
     dataset, wanted = HUB[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
-        files = Path(temporary)
+        files, licences = Path(temporary), to / "licences" / source
         names = [dataset.archive] if dataset.archive else [each.file for each in wanted]
-        stated = download_dataset(dataset, names, files, api, revision)
-        for path in [path for path in files.glob("*") if path.name.upper().startswith(LICENCES)]:
-            write_atomic(to / "licences" / source / path.name, path.read_bytes())
-        write_atomic(
-            to / "licences" / source / "source.json", json.dumps(stated, indent=2).encode()
-        )
+        stated = download_dataset(dataset.repository, names, files, api, revision)
+        _keep_licences(files.glob("*"), files, licences)
+        write_atomic(licences / "source.json", json.dumps(stated, indent=2).encode())
         if not dataset.archive:
             licence = f"{dataset.licence} ({dataset.repository} {stated['revision'][:12]})"
             yield from make_objects(wanted, files, to, licence)
@@ -136,10 +120,13 @@ def fetch_dataset(source: str, to: Path, api: Any, revision: str) -> Iterator[st
         yield f"wrote {to / source}; use it with: --assets robotwin:{to / source}"
 
 
-def _keep_licences(files: Path, to: Path) -> None:
-    for path in files.rglob("*"):
-        if path.is_file() and path.name.upper().startswith(LICENCES):
-            write_atomic(to / path.relative_to(files), path.read_bytes())
+def _is_licence(name: str) -> bool:
+    return name.upper().startswith(LICENCES)
+
+
+def _keep_licences(paths: Iterable[Path], files: Path, to: Path) -> None:
+    for path in [path for path in paths if path.is_file() and _is_licence(path.name)]:
+        write_atomic(to / path.relative_to(files), path.read_bytes())
 
 
 def make_objects(
@@ -148,8 +135,7 @@ def make_objects(
     """Add and check the objects whose meshes lie below `files`; those that are there are kept, and
     those that fail a check are removed."""
     for each in wanted:
-        place = to / "objects" / each.name
-        if (place / TOML).is_file():
+        if (to / "objects" / each.name / TOML).is_file():
             yield f"{each.name}: is there already"
             continue
         mesh = files / each.file
@@ -173,38 +159,31 @@ def make_objects(
 
 
 def unpack(archive: Path, is_used: Callable[[str], bool], into: Path) -> None:
-    """Write the used members of a zip file below a directory.
-
-    Raises ObjectError for a name that leads elsewhere, a link, and what is too large.
-    """
+    """Write the used members of a zip file below a directory. Raises ObjectError for a name that
+    leads elsewhere, a link, and what is too large."""
     try:
         with ZipFile(archive) as file:
-            members = [each for each in file.infolist() if not each.is_dir()]
-            members = [each for each in members if is_used(each.filename)]
-            for each in members:
-                _check_member(each, archive)
-            if sum(each.file_size for each in members) > TOTAL:
+            members = [m for m in file.infolist() if not m.is_dir() and is_used(m.filename)]
+            for member in members:
+                _check_member(member, archive)
+            if sum(member.file_size for member in members) > TOTAL:
                 raise ObjectError(f"{archive}: holds more than {TOTAL >> 30} GiB")
-            for each in members:
-                place = into / each.filename
+            for member in members:
+                place = into / member.filename
                 place.parent.mkdir(parents=True, exist_ok=True)
-                with file.open(each) as source, place.open("xb") as copy:
+                with file.open(member) as source, place.open("xb") as copy:
                     shutil.copyfileobj(source, copy)
     except (BadZipFile, OSError, NotImplementedError, RuntimeError) as error:
         raise ObjectError(f"{archive}: cannot be read as a zip file: {error}") from error
 
 
 def _check_member(member: ZipInfo, archive: Path) -> None:
-    parts = PurePosixPath(member.filename).parts
-    if (
-        member.filename.startswith("/")
-        or ".." in parts
-        or any(character in member.filename for character in "\\:\0")
-        or (member.external_attr >> 28) not in (0, 8)  # neither unstated nor a plain file
-    ):
-        raise ObjectError(f"{archive}: {member.filename!r} is no plain file below the archive")
+    name = member.filename
+    leaves = name.startswith("/") or ".." in PurePosixPath(name).parts or set(name) & set("\\:\0")
+    if leaves or (member.external_attr >> 28) not in (0, 8):  # neither unstated nor a plain file
+        raise ObjectError(f"{archive}: {name!r} is no plain file below the archive")
     if member.file_size > LARGEST:
-        raise ObjectError(f"{archive}: {member.filename} is larger than {LARGEST >> 30} GiB")
+        raise ObjectError(f"{archive}: {name} is larger than {LARGEST >> 30} GiB")
 
 
 def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], bool]:
@@ -215,28 +194,25 @@ def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], 
     def is_used(name: str) -> bool:
         path = PurePosixPath(name)
         if len(path.parts) > 1 and path.parts[0].endswith(".dist-info"):
-            return path.name.upper().startswith(LICENCES)
-        if path.suffix in (".obj", ".glb"):
-            return name in meshes
-        return str(path.parent) in folders and path.suffix.lower() in USED
+            return _is_licence(path.name)
+        return name in meshes or (str(path.parent) in folders and path.suffix.lower() in USED)
 
     return is_used
 
 
 def check_content(files: Path, wheel: Wheel, what: str) -> None:
     """Raise ObjectError if the unpacked files are not those of the wheel that is known."""
+    names = [path.relative_to(files) for path in sorted(files.rglob("*")) if path.is_file()]
     found = digest(
         [
-            [path.relative_to(files).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest()]
-            for path in sorted(files.rglob("*"))
-            if path.is_file() and ".dist-info" not in str(path.relative_to(files))
+            [name.as_posix(), hashlib.sha256((files / name).read_bytes()).hexdigest()]
+            for name in names
+            if ".dist-info" not in str(name)
         ]
     )
     if found != wheel.content:
-        raise ObjectError(
-            f"{what}: its objects are not those of {wheel.package} {wheel.version}; give that"
-            " version with --wheel"
-        )
+        release = f"{wheel.package} {wheel.version}"
+        raise ObjectError(f"{what}: its objects are not those of {release}: give it with --wheel")
 
 
 def download_wheel(wheel: Wheel) -> Path:
@@ -244,13 +220,11 @@ def download_wheel(wheel: Wheel) -> Path:
     cache = user_cache("wheels")
     if cache is None:
         raise ObjectError("there is no home for downloads: set DOMINO_DATA_CACHE, or give --wheel")
-    pattern, requirement = (
-        f"{wheel.package}-{wheel.version}-*.whl",
-        f"{wheel.package}=={wheel.version}",
-    )
+    pattern = f"{wheel.package}-{wheel.version}-*.whl"
     if found := sorted(cache.glob(pattern)):
         return found[0]
     cache.mkdir(parents=True, exist_ok=True)
+    requirement = f"{wheel.package}=={wheel.version}"
     command = [*_pip(requirement), *CLIENT_OPTIONS, "--dest", str(cache), requirement]
     done = subprocess.run(
         command, check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True
@@ -273,27 +247,21 @@ def _pip(requirement: str) -> list[str]:
 
 
 def download_dataset(
-    dataset: HubDataset, names: Iterable[str], into: Path, api: Any, revision: str
+    repository: str, names: Iterable[str], into: Path, api: Any, revision: str
 ) -> dict[str, Any]:
     """Download files, and those that state the licence, of one commit; each is compared with the
     hash that the hub states. Returns repository, commit and hashes."""
     from httpx import HTTPError  # what huggingface_hub raises, too
 
-    repository, hashes = dataset.repository, dict[str, str]()
+    hashes = dict[str, str]()
     try:
         info = api.dataset_info(repository, revision=revision, files_metadata=True)
         listed = {file.rfilename: file for file in info.siblings or ()}
         if missing := [name for name in names if name not in listed]:
             raise ObjectError(f"{repository} {revision}: holds no {missing[0]}")
-        licences = [
-            name for name in listed if "/" not in name and name.upper().startswith(LICENCES)
-        ]
-        for name in [*names, *licences]:
-            path = Path(
-                api.hf_hub_download(
-                    repository, name, repo_type="dataset", revision=info.sha, local_dir=into
-                )
-            )
+        options = {"repo_type": "dataset", "revision": info.sha, "local_dir": into}
+        for name in (*names, *(n for n in listed if "/" not in n and _is_licence(n))):
+            path = Path(api.hf_hub_download(repository, name, **options))
             hashes[name] = _check_file(path, listed[name], f"{repository} {name}")
     except (HTTPError, OSError) as error:
         raise ObjectError(f"{repository}: {' '.join(str(error).split())[:300]}") from error
@@ -308,9 +276,8 @@ def _check_file(path: Path, stated: Any, what: str) -> str:
     if stated.lfs is not None:
         same = found == stated.lfs.sha256
     else:
-        data = path.read_bytes()
-        head = f"blob {len(data)}\0".encode()
-        same = hashlib.sha1(head + data, usedforsecurity=False).hexdigest() == stated.blob_id
+        blob = f"blob {path.stat().st_size}\0".encode() + path.read_bytes()
+        same = hashlib.sha1(blob, usedforsecurity=False).hexdigest() == stated.blob_id
     if not same:
         raise ObjectError(f"{what}: is not what the hub states; fetch it again")
     return found
