@@ -274,11 +274,7 @@ class BigBin(Parametric):
         )
         plate = at(box(0.4 * self.hx, 0.001, 0.05, 0.0), (0, -self.hy - 0.001, 0.72 * self.height))
         return Shape(
-            (
-                (body, plastic(self.colour)),
-                (rim, plastic(self.rim)),
-                (plate, plastic(self.rim)),
-            ),
+            ((body, plastic(self.colour)), (rim, plastic(self.rim)), (plate, plastic(self.rim))),
             (*tray(self.hx, self.hy, wall, self.height),),
             mass=3.5,
             friction=0.6,

@@ -82,11 +82,7 @@ class Bottle(Parametric):
             for a in np.arange(12) * np.pi / 6
         ]
         return Shape(
-            (
-                (skin, glaze(self.colour)),
-                (cap, plastic(self.cap_colour)),
-                (label, printed(image)),
-            ),
+            ((skin, glaze(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(image))),
             cylinder_collider(r, 0, self.body)
             + convex_collider(rings)
             + cylinder_collider(self.neck, top - 0.006, self.height),

@@ -3,11 +3,7 @@
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import (
-    WOODS,
-    made_of,
-    srgb,
-)
+from pipeline.world.looks.materials import WOODS, made_of, srgb
 from pipeline.world.objects.colliders import arc_of_capsules, box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import (

@@ -3,14 +3,7 @@
 import numpy as np
 
 from pipeline.poses import quat_about, quat_from_rpy
-from pipeline.world.looks.materials import (
-    made_of,
-    metal,
-    plastic,
-    print_texture,
-    printed,
-    rubber,
-)
+from pipeline.world.looks.materials import made_of, metal, plastic, print_texture, printed, rubber
 from pipeline.world.objects.colliders import (
     box_collider,
     cylinder_collider,
