@@ -1,2 +1,1 @@
-"""Files of others become robots, objects and tasks of ours: readers, placement, checks, catalogue
-pages."""
+"""Files of others become robots, objects and tasks of ours."""

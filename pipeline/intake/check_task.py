@@ -34,12 +34,8 @@ def check_task(
     recipe: Recipe = DEFAULT,
     words: bool = True,
 ) -> list[Finding]:
-    """Check one task on one robot by a recipe.
-
-    An error of the task's own code is a finding. Failures for the same reason at several levels are
-    one finding. Without `words`, instructions are not checked. Raises UnknownName,
-    UnknownEmbodiment.
-    """
+    """Check one task on one robot by a recipe; instructions only with `words`. An error of the
+    task's own code is a finding. Raises UnknownName and UnknownEmbodiment."""
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
     try:
@@ -143,7 +139,6 @@ def _conditions(level: int, rollout: Rollout) -> Iterator[Finding]:
 
 
 def _language(scene: Scene) -> Finding:
-    """Whether the templates are enough and fit the bodies and roles of a scene."""
     task = scene.task
     counts = (
         f"{len(task.seen)} seen, {len(task.unseen)} unseen; the contract asks for {task.least_seen}"

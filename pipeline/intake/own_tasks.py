@@ -30,8 +30,6 @@ ALL = "all"
 
 
 class _Declared(BaseModel):
-    """The declarations of a task's class."""
-
     model_config = ConfigDict(strict=True, from_attributes=True, arbitrary_types_allowed=True)
 
     category: Category
@@ -47,9 +45,8 @@ class _Declared(BaseModel):
 
 
 def check_task(task: Task) -> None:
-    """Draw the trial layouts of a task, unless it ships with the package.
-
-    Raises RecipeError: the line of the task's file, its name and what is wrong."""
+    """Draw the trial layouts of a task from outside the package. Raises RecipeError: the line of
+    its file, its name and what is wrong."""
     cls = type(task)
     if not is_outside(cls):
         return

@@ -18,8 +18,8 @@ DISTANCES = (*NEAR, *FAR, 0.4, 0.5, 0.6)
 
 @dataclass(frozen=True, eq=False)
 class Unreached:
-    """A skill whose arm cannot reach its goal: the tcp pose (7,) that it `wanted`, and the
-    `nearest` one of that orientation, if any, at which arm and held body touch nothing."""
+    """A skill whose arm cannot reach the tcp pose (7,) that it `wanted`, and the `nearest` one of
+    that orientation, if any, at which arm and held body touch nothing."""
 
     skill: str
     side: str
@@ -28,7 +28,6 @@ class Unreached:
 
     @property
     def text(self) -> str:
-        """One line."""
         sine = -quat_rotate(self.wanted[3:], np.array([1.0, 0, 0]))[2]
         down = np.degrees(np.arcsin(np.clip(sine, -1, 1)))
         most = 100 * DISTANCES[-1]
@@ -58,11 +57,8 @@ def find_unreached(failure: Failure) -> Unreached | None:
 
 
 def nearest(arm: ArmPlanner, wanted: NDArray[np.float64]) -> tuple[Pose, Pose] | None:
-    """One of the tcp poses `wanted` (N,7), and the nearest reachable one of its orientation.
-
-    Arm and held body touch nothing there. It is right to a tenth of the step between DISTANCES;
-    None if none is found.
-    """
+    """One of the tcp poses `wanted` (N,7), and the nearest free one of its orientation, to a tenth
+    of the step between DISTANCES; None if none is found."""
     free = arm.checker()
 
     def first(poses: NDArray[np.float64]) -> int | None:

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 OBSERVER_POSE = look((0.0, 0.85, 1.45), (0.0, -0.84, -0.54), (1.0, 0.0, 0.0))
 OBSERVER_FOVY = 62.0
-"""Pose and field of view (degrees) of the observer: across the table, looking down at it and the
-robot."""
+"""Degrees; the observer stands across the table."""
 
 
 class CameraError(DominoError):
@@ -44,17 +43,15 @@ def observer(kind: CameraType) -> Camera:
 
 
 def setup_cameras(embodiment: "Embodiment", setup: Setup) -> tuple[Camera, ...]:
-    """The cameras of a setup on an embodiment, in the setup's order."""
     return wanted_cameras(cameras_of(embodiment, setup.camera), setup, embodiment.sides)
 
 
 def wanted_cameras(
     mounted: Sequence[Camera], setup: Setup, sides: Collection[str] = SIDES
 ) -> tuple[Camera, ...]:
-    """The cameras of a setup, in its order and all of its `size` if it has one. They are those
-    `mounted` on the robot or stored with an episode, the observer, and those that the setup
-    describes. Wrist cameras of arms not in `sides` are left out. Raises CameraError for an
-    unknown name."""
+    """The cameras of a setup, in its order and size: those `mounted` on the robot or stored with an
+    episode, the observer, and those that the setup describes; none on an arm not in `sides`. Raises
+    CameraError for an unknown name."""
     known = {OBSERVER: observer(CAMERA_TYPES[setup.camera])} | {
         camera.name: camera for camera in mounted
     }
@@ -75,7 +72,7 @@ def wanted_cameras(
 
 
 def check_links(cameras: Sequence[Camera], bodies: Sequence[str]) -> None:
-    """Raise CameraError for a camera on a link that is none of the bodies of an episode."""
+    """Raise CameraError for a camera on a link that an episode does not have."""
     for camera in cameras:
         if camera.link is not None and camera.link not in bodies:
             raise CameraError(

@@ -1,5 +1,4 @@
-"""Files of robots and objects: settings that people write as TOML, and drawn surfaces as binary
-glTF."""
+"""Files of robots and objects: settings as TOML, and drawn surfaces as binary glTF."""
 
 import json
 import struct
@@ -25,8 +24,7 @@ class Table(BaseModel):
 
 
 def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:
-    """The settings in a file. Raises `wrong`, one line that names the file, the key and the
-    fault."""
+    """The settings in a file. Raises `wrong`, one line that names the file, the key and the fault."""
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise wrong(f"{file}: is larger than {LARGEST_FILE} bytes")
@@ -76,8 +74,7 @@ class GlbError(DominoError):
 
 
 def write_glb(parts: Parts) -> bytes:
-    """The binary glTF of parts: a primitive per material, float32, textures as PNG. Equal parts
-    give equal bytes."""
+    """The binary glTF of parts; equal parts give equal bytes."""
     blob, views, accessors, primitives, materials = (
         bytearray(),
         list[Any](),

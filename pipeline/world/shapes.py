@@ -1,5 +1,5 @@
-"""What a rigid body looks like and how it collides, as plain data. Body frames: metres, z up,
-origin at the centre of the base for objects. Colours are sRGB 0-1."""
+"""What a rigid body looks like and how it collides, as plain data (m, z up, origin at the centre of
+the base for objects). Colours are sRGB 0-1."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,6 @@ class Mesh:
     uvs: NDArray[np.float32] | None = field(default_factory=lambda: None)
 
     def moved(self, by: Pose) -> "Mesh":
-        """The mesh carried by a pose."""
         return Mesh(
             transform(by, self.vertices).astype(np.float32),
             self.triangles,
@@ -55,8 +54,8 @@ class _Deferred(Mesh):
 
 
 def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
-    """Function decorator: the mesh is computed when one of its arrays is first read. Layouts, plans
-    and simulations need the collision pieces alone."""
+    """Function decorator: the mesh is computed when first read. Layouts, plans and simulations need
+    the collision pieces alone."""
 
     @wraps(make)
     def later(*arguments: P.args, **options: P.kwargs) -> Mesh:
@@ -100,7 +99,7 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 
 @dataclass(frozen=True)
 class TextureSource:
-    """How a texture is made: a kind of `materials.TEXTURES` and the arguments of its function."""
+    """A kind of `materials.TEXTURES` and the arguments of its function."""
 
     kind: str
     arguments: tuple[str | int | float | tuple[float, ...], ...]
@@ -108,8 +107,8 @@ class TextureSource:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """sRGB colour 0-1, roughness and metallic 0-1, an optional texture (H,W,4) uint8 sRGB that
-    replaces the colour, and how a function made it (`source`)."""
+    """sRGB colour 0-1, roughness and metallic 0-1, a texture (H,W,4) uint8 sRGB that replaces the
+    colour, and how it was made."""
 
     color: tuple[float, float, float]
     roughness: float = 0.6
@@ -132,16 +131,13 @@ def seen_along(mesh: Mesh, axes: Floats, tile: ArrayLike) -> Mesh:
 
 
 type Parts = Sequence[tuple[Mesh, Material]]
-"""What a body looks like: meshes in the body's frame, each with its material."""
 
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """One convex collision piece.
-
-    kind and size: box (hx, hy, hz half extents), sphere (r,), cylinder and capsule (r, half length)
-    along local z, convex () with `vertices` (N,3). `pose` is in the body frame, `weight` the
-    density relative to the other pieces, `measured` the volume (m^3) of a convex piece if known."""
+    """One convex collision piece. Sizes: box half extents, sphere (r,), cylinder and capsule (r,
+    half length) along local z, convex () with `vertices` (N,3). `pose` is in the body frame,
+    `weight` the relative density, `measured` the volume (m^3) of a convex piece if known."""
 
     kind: str
     size: tuple[float, ...]
@@ -151,7 +147,7 @@ class Collider:
     measured: float | None = None
 
     def volume(self) -> float:
-        """m^3 (convex: as measured, or of the axis-aligned box, an upper bound)."""
+        """m^3; of a convex piece that is not measured, that of its bounding box."""
         if self.measured is not None:
             return self.measured
         if self.kind == "box":
@@ -184,7 +180,7 @@ class Collider:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Visuals and collision of a rigid body, mass in kg, Coulomb friction coefficient."""
+    """Mass in kg, Coulomb friction coefficient."""
 
     visual: tuple[tuple[Mesh, Material], ...]
     collision: tuple[Collider, ...]
@@ -192,7 +188,7 @@ class Shape:
     friction: float = 0.6
 
     def aabb(self) -> Floats:
-        """Bounds of the collision pieces in the body frame, (2,3): lower, upper; read-only."""
+        """Lower and upper corner (2,3) of the collision pieces in the body frame; read-only."""
         return self._bounds
 
     @cached_property
@@ -203,6 +199,6 @@ class Shape:
         return bounds
 
     def footprint_radius(self) -> float:
-        """Largest horizontal distance (m) of the collision bounds from the origin."""
+        """Largest horizontal distance (m) of the bounds from the origin."""
         lower, upper = self.aabb()
         return float(np.hypot(max(-lower[0], upper[0]), max(-lower[1], upper[1])))

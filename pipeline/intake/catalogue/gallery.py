@@ -30,7 +30,6 @@ FIELD_OF_VIEW = 30.0  # degrees, vertical
 
 
 def axes(frame: Pose, length: float) -> list[Part]:
-    """Red, green and blue bars along x, y and z of a frame."""
     turns = (quat_about((0, 1, 0), np.pi / 2), quat_about((1, 0, 0), -np.pi / 2), (1, 0, 0, 0))
     bar = cylinder(length / 16, length, 6)
     return [
@@ -54,10 +53,8 @@ def portrait(
     size: tuple[int, int] = (320, 240),
     preset: str = "raster-smooth",
 ) -> Image:
-    """Image (H,W,3) uint8 RGB of one instance on the table, from the robot's side.
-
-    With `marks` it shows its frames and up to MARKED of its grasps. Raises NoRenderer.
-    """
+    """Image (H,W,3) uint8 RGB of one instance on the table, from the robot's side; with `marks`
+    also its frames and up to MARKED of its grasps. Raises NoRenderer."""
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
     away = np.array([0.35, -0.8, 0.62])
@@ -79,8 +76,7 @@ def portrait(
 def write_gallery(
     path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)
 ) -> None:
-    """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with
-    frames and grasps marked. Raises NoRenderer."""
+    """Write one HTML page with instances of each family. Raises NoRenderer."""
     # before the drawing, which takes seconds
     path.parent.mkdir(parents=True, exist_ok=True)
     seeds = range(per_family)
@@ -95,15 +91,14 @@ def _draw(name: str, seed: int) -> Family:
 
 
 def write_portrait(name: str, path: Path) -> None:
-    """Write a PNG of the first instance of a family: plain, and with frames and grasps beside it.
-    Raises NoRenderer."""
+    """Write a PNG of the first instance: plain, and with frames and grasps. Raises NoRenderer."""
     one = _draw(name, 0)
     both = np.concatenate([portrait(one, marks) for marks in (False, True)], axis=1)
     write_atomic(path, encode(both, ".png"))
 
 
 def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
-    """One instance on the page: JPEG bytes of its images and lines of notes."""
+    """JPEG bytes of an instance's images and lines of notes."""
     frames = instance.frames()
     notes = (
         ", ".join(instance.words().seen[-2:]),

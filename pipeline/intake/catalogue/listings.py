@@ -37,8 +37,6 @@ DRAWN = 5
 
 
 def list_tasks() -> list[dict[str, Any]]:
-    """Suite, model of the target's motion, category, step limit (frames), target, manipulated body,
-    bodies of a scene, and the first sentence of the docstring."""
     out = []
     for name, task in sorted(TASKS.items()):
         rng = np.random.default_rng(0)
@@ -60,11 +58,8 @@ def list_tasks() -> list[dict[str, Any]]:
 
 
 def list_objects(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The instance of seed 0 of each family.
-
-    Sizes are in m, masses in kg, frames are x y z qw qx qy qz in the object's frame, and `tasks`
-    draw it.
-    """
+    """The instance of seed 0 of each family: m, kg, frames x y z qw qx qy qz, and the tasks that
+    draw it."""
     out = {}
     for name in names:
         one = FAMILIES[name].draw(np.random.Generator(np.random.Philox(0)))
@@ -82,8 +77,6 @@ def list_objects(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def list_robots() -> list[dict[str, Any]]:
-    """Degrees of freedom, vector names, limits (rad), reach and gripper opening (m), cameras,
-    aliases."""
     out = []
     for name in robots.MODELS:
         e = robots.get_embodiment(name)
@@ -109,12 +102,8 @@ def list_robots() -> list[dict[str, Any]]:
 
 
 def reach(arm: Arm) -> float:
-    """Farthest distance (m) of the tcp from the arm's shoulder, the origin of its first joint,
-    within the joint limits.
-
-    The best of a fixed sample of configurations, improved joint by joint; table and self-collision
-    do not count. A data sheet that measures to the flange or from the foot has another number.
-    """
+    """Farthest distance (m) of the tcp from the origin of the arm's first joint, within the joint
+    limits: the best of a fixed sample of configurations, improved joint by joint."""
     first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
     shoulder = arm_poses(arm, arm.home)[first.child][:3]  # which no joint moves
 
@@ -134,7 +123,6 @@ def reach(arm: Arm) -> float:
 
 
 def list_motions() -> list[dict[str, Any]]:
-    """Version, levels from 0 with their descriptions, and the tasks that move by each model."""
     return [
         {
             "name": name,
@@ -147,8 +135,7 @@ def list_motions() -> list[dict[str, Any]]:
 
 
 def write_paths(page: Path) -> None:
-    """Write a PNG with paths of every model by level, from above and from the side. Raises
-    OSError."""
+    """Write a PNG with paths of every model by level, from above and from the side."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -26,15 +26,14 @@ AROUND, STEP = 0.01, 0.00025  # m beyond the pads that are looked at, and how fi
 # m in front of the tcp, inside the pads, where a grasp may meet material
 AHEAD = (0.0, 0.004, 0.008, 0.012)
 ROOM, SHALLOW, OFF = 0.015, 0.3, 0.002
-"""m before a frame that make a hollow of a family, the share of it that an object has at least, and
-m between tested points."""
+"""m before a frame that make a hollow of a family, the share of it that an object needs, and m
+between tested points."""
 
 SECONDS = 1.0
 
 
 def check_object(name: str) -> list[Finding]:
-    """Check one object family, on instances of seeds 0, 1, 2 ...; an error of its own code is a
-    finding. Raises UnknownName."""
+    """The findings on one object family, on instances of seeds 0, 1, 2 ... Raises UnknownName."""
     return [*catch_errors("family", FAMILIES[name], lambda: _check(name, FAMILIES[name]))]
 
 
@@ -78,7 +77,6 @@ def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
 def _of_each(
     built: Iterable[tuple[Family, Shape]], problems: Callable[[Family, Shape], Iterator[str]]
 ) -> Iterator[str]:
-    """The problems of some instances, each after the instance that has it."""
     return (f"{one}: {problem}" for one, shape in built for problem in problems(one, shape))
 
 

@@ -1,2 +1,1 @@
-"""Objects from mesh files: reading them, standing them up, cutting, grasping and writing their
-directories."""
+"""Objects from mesh files: reading, standing, cutting, grasping and writing them."""

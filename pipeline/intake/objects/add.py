@@ -1,5 +1,4 @@
-"""`domino-data objects add`: a mesh file, or a directory of RoboTwin-OD, becomes directories of
-objects."""
+"""`domino-data objects add`: a mesh file or a directory of RoboTwin-OD becomes objects."""
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,12 +28,8 @@ class AddedObject(NamedTuple):
 
 
 def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
-    """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and
-    enter them.
-
-    The files are read in a child process with limits. Raises DominoError, before anything is
-    written.
-    """
+    """Read a mesh file or a directory of RoboTwin-OD in a child process with limits, write its
+    objects and enter them. Raises DominoError, before anything is written."""
     check_names(options)
     if not source.is_dir():
         check_free([options.name], options.to)
@@ -43,8 +38,7 @@ def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
 
 
 def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObject]:
-    """Write drafts of objects by their names, and enter them. Raises ObjectError for a taken name,
-    before the first."""
+    """Write drafts of objects by name, and enter them. Raises ObjectError for a taken name."""
     check_free(drafts, to)
     for name, draft in drafts.items():
         write_object(draft, to / "objects" / name)
@@ -58,7 +52,7 @@ def _draft_with_plugins(source: Path, options: ObjectOptions) -> dict[str, Objec
 
 
 def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    """The objects of a file or directory by their names. Raises ObjectError and MeshError."""
+    """The objects of a file or directory by name. Raises ObjectError and MeshError."""
     if is_robotwin(source):
         return drafts_of_directory(source, options)
     if source.is_dir():
@@ -95,7 +89,6 @@ def home_of(family: str) -> Path | None:
 
 
 def describe(added: AddedObject) -> Iterator[str]:
-    """Lines on an object that was written."""
     directory = added.directory
     yield from (f"note: {note}" for note in added.notes)
     files = directory_of(FAMILIES[directory.name])

@@ -28,8 +28,8 @@ KEPT_DIGITS = 5
 
 @dataclass(frozen=True)
 class ObjectOptions:
-    """The options of `objects add`: mass in kg, density in kg/m3, scale in m per unit of the file.
-    Textures may lie below `within`, by default the directory of the mesh."""
+    """The options of `objects add`: kg, kg/m3, m per unit of the file. Textures lie below `within`,
+    by default the directory of the mesh."""
 
     name: str
     family: str
@@ -68,7 +68,6 @@ def draft_of(file: Path, options: ObjectOptions) -> ObjectDraft:
 
 
 def looks_of(parts: Sequence[Part], upright: np.ndarray) -> Parts:
-    """What is drawn of parts that stand under a 4x4 matrix."""
     return drawn([part.moved(upright) for part in parts], TRIANGLES, FEWEST)
 
 
@@ -133,7 +132,6 @@ def write_object(draft: ObjectDraft, directory: Path) -> None:
 
 
 def toml_of(settings: ObjectToml) -> str:
-    """The text of `object.toml`."""
     head = {key: getattr(settings, key) for key in ("family", "source", "licence")}
     words = settings.words.model_dump(mode="json")
     text = [

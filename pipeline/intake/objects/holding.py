@@ -1,9 +1,8 @@
 """Where two fingers can hold an object: opposite sides on lines through its convex pieces.
 
-Every line runs along a horizontal opening direction. It gives the whole width, and the first wall
-of a hollow. Both sides must face each other, and the material must be as wide a little above, below
-and beside. Neither fingers nor palm may be in it.
-"""
+Every line runs along a horizontal opening direction and gives the whole width, and the first wall
+of a hollow. Both sides must face each other, the material must be as wide a little beside, and
+neither fingers nor palm may be in it."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -37,8 +36,7 @@ type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
 
 
 def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
-    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow
-    enough."""
+    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow enough."""
     halves = np.pi * np.arange(OPENINGS) / OPENINGS
     found = [row for angle in halves for row in _along(pieces, angle, _spans, 0.0)]
     found += [row for angle in 2 * halves for row in _along(pieces, angle, _walls, FROM_ABOVE)]
@@ -52,8 +50,8 @@ def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
 def _along(
     pieces: Sequence[Collider], angle: float, spans: Callable[..., Spans], least: float
 ) -> Iterator[tuple[Floats, Floats, Floats, float]]:
-    """Tcp position, approach, opening and width of grasps that open in one direction, pitched down
-    by `least` (rad) or more."""
+    """Tcp, approach, opening and width of grasps that open in one direction, pitched down by
+    `least` (rad) or more."""
     opening = np.array([np.cos(angle), np.sin(angle), 0.0])
     level = np.array([-np.sin(angle), np.cos(angle), 0.0])
     box = bounds(pieces)
@@ -80,11 +78,8 @@ def _along(
 def pinch_at(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats
 ) -> Grasp | None:
-    """The grasp with this approach and opening on the line through `at` (3,); None without material
-    or room for a hand.
-
-    The tcp is in the middle of the material, or back from it.
-    """
+    """The grasp with this approach and opening on the line through `at` (3,), the tcp in the middle
+    of the material or back from it; None without material or room for a hand."""
     lower, upper, _ = (float(each[0]) for each in _spans(pieces, at[None], opening))
     if not 0.002 < upper - lower <= WIDEST:
         return None
@@ -107,11 +102,8 @@ def _approaches(level: Floats, height: float, top: float) -> Iterator[Floats]:
 
 
 def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """Where lines (N) enter and leave the pieces together, m along `direction`; inf and -inf for
-    those that miss.
-
-    Also whether the sides there face each other along it.
-    """
+    """Where lines (N) enter and leave the pieces together, m along `direction` (inf and -inf for
+    those that miss), and whether the sides there face each other."""
     lower, upper, enter, leave = _through(pieces, origins, direction)
     first, last = lower.argmin(0), upper.argmax(0)
     n = np.arange(len(origins))
@@ -119,8 +111,7 @@ def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
 
 
 def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """As `_spans`, of the first wall that a line meets where there is a hollow behind it; inf and
-    -inf for other lines."""
+    """As `_spans`, of the first wall of a line that has a hollow behind it."""
     lower, upper, enter, leave = _through(pieces, origins, direction)
     n, order = np.arange(len(origins)), lower.argsort(0)
     starts, ends = np.take_along_axis(lower, order, 0), np.take_along_axis(upper, order, 0)
@@ -139,8 +130,7 @@ def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
 def _through(
     pieces: Sequence[Collider], origins: Floats, direction: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Where lines (N) enter and leave each piece (K,N), m along `direction`, and how its sides face
-    there (cosines)."""
+    """Where lines (N) enter and leave each piece (K,N), and how its sides face there (cosines)."""
     lower = np.full((len(pieces), len(origins)), np.inf)
     upper = np.full(lower.shape, -np.inf)
     enter, leave = np.zeros(lower.shape), np.zeros(lower.shape)
@@ -170,8 +160,7 @@ def _even(side: Floats) -> NDArray[np.bool_]:
 def _room(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float
 ) -> Floats | None:
-    """The tcp (3,) of a grasp at `at` whose fingers and palm have room; None where there is
-    none."""
+    """The tcp (3,) of a grasp at `at` whose fingers and palm have room, or None."""
     across = np.cross(approach, opening)
     low = at[2] < LOW
     for retreat in sorted(RETREATS, reverse=low):
@@ -182,15 +171,14 @@ def _room(
 
 
 def _hand(width: float) -> Floats:
-    """Points (N,3) of two fingers and the palm in the tcp's frame."""
     points, sides = _hand_at_rest()
     return points + sides * width / 2
 
 
 @cache
 def _hand_at_rest() -> tuple[Floats, Floats]:
-    """The points (N,3) of a closed hand, and how they move (N,3) for each metre that a finger
-    opens."""
+    """The points (N,3) of a closed hand in the tcp's frame, and how they move (N,3) for each metre
+    that a finger opens."""
     deep, thick = np.linspace(-PALM, TIP, 13), (-0.007, 0.0, 0.007)
     fingers = [
         (x, side * out, t, side) for x, side, out, t in product(deep, (-1, 1), FINGER, thick)
@@ -202,8 +190,8 @@ def _hand_at_rest() -> tuple[Floats, Floats]:
 
 
 def _spread(rows: Floats, box: Floats) -> NDArray[np.int64]:
-    """Rows that are kept: the one nearest to the middle first, then always the one most unlike
-    those there are."""
+    """Rows that are kept: the one nearest to the middle, then always the one most unlike the
+    others."""
     size = float(np.linalg.norm(box[1] - box[0]))
     ways = [rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])]
     places = np.concatenate(ways, axis=1)

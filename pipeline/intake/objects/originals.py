@@ -1,9 +1,8 @@
 """`assets: robotwin:DIR`: the original's objects in place of our families, as in its 35 tasks.
 
-The directory is that of RoboTwin-OD, `assets/objects` of a checkout or a directory that holds it.
-Each instance becomes an object's directory in the user's cache, by the content of its files. The
-recipe names them as objects from files, with a key `task.family` for instances of single tasks.
-"""
+DIR is RoboTwin-OD: `assets/objects` of a checkout, or a directory that holds it. Each instance
+becomes an object's directory in the user's cache, by the content of its files. The recipe names
+them as objects from files, with a key `task.family` for instances of single tasks."""
 
 import csv
 import os
@@ -59,8 +58,8 @@ def _read_models() -> dict[str, OriginalModel]:
 
 
 MODELS: Mapping[str, OriginalModel] = _read_models()
-"""The original's models by family, and by `task.family` if they differ in single tasks. Its cabinet
-and its kitchen pot are articulated, and ours take their places."""
+"""The original's models by family, or by `task.family`. Its cabinet and its kitchen pot are
+articulated, and ours take their places."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +87,8 @@ class Found:
 
 
 def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
-    """Add the original's objects for the families of these tasks (families by task), for this
-    process and those that it starts.
-
-    Raises RecipeError if the directory holds none of them, or if nothing can be cached.
-    """
+    """Add the original's objects for these tasks (families by task), for this process and those
+    that it starts. Raises RecipeError if there are none, or if nothing can be cached."""
     root, cache = _root(assets), user_cache("robotwin")
     if cache is None:
         raise RecipeError("assets: there is no home for the cache: set DOMINO_DATA_CACHE")
@@ -141,7 +137,6 @@ def _root(assets: str) -> Path:
 
 
 def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
-    """The keys of `objects` that these tasks use."""
     for task, families in tasks.items():
         for family in families:
             yield from [key for key in (f"{task}.{family}", family) if key in MODELS][:1]
@@ -169,8 +164,7 @@ def _is_made(place: Path) -> bool:
 
 
 def _make(batch: Sequence[tuple[_OriginalInstance, Path]]) -> dict[str, str]:
-    """Make objects in a child process with limits; the line of each that takes too much, of which
-    nothing is kept."""
+    """Make objects in a child process with limits; the line of each that takes too much."""
     limits = Limits(processor=SECONDS * len(batch), wall=3.0 * SECONDS * len(batch))
     try:
         run_limited(str(batch[0][0].files.visual), _make_here, batch, limits=limits)
@@ -182,7 +176,6 @@ def _make(batch: Sequence[tuple[_OriginalInstance, Path]]) -> dict[str, str]:
 
 
 def _make_here(batch: Sequence[tuple[_OriginalInstance, Path]]) -> None:
-    """Write each object, or why it is none."""
     for instance, place in batch:
         if _is_made(place):
             continue

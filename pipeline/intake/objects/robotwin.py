@@ -1,11 +1,10 @@
-"""Objects of RoboTwin-OD as their directories are: meshes, scale, contact points as grasps,
-functional and target points as frames.
+"""Objects of RoboTwin-OD: meshes, scale, contact points as grasps, functional and target points as
+frames.
 
 A directory `NNN_name/` has instances i: `visual/base{i}.glb` and `collision/base{i}.glb`,
-`base{i}.glb` or `textured{i}.obj`, each with a `model_data{i}.json`; the only one of a directory
-may lack its number. Contact frames are unscaled, in the mesh's frame: the gripper comes against
-their y axis and opens along their z axis.
-"""
+`base{i}.glb` or `textured{i}.obj`, each with a `model_data{i}.json`; a single one may lack its
+number. Contact frames are unscaled, in the mesh's frame: the gripper comes against their y axis and
+opens along their z axis."""
 
 import re
 from collections.abc import Iterator
@@ -46,8 +45,6 @@ type Floats = NDArray[np.float64]
 
 
 class _Data(BaseModel):
-    """What is used of `model_data.json`."""
-
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
     scale: float | tuple[float, float, float] | None = None
@@ -58,8 +55,7 @@ class _Data(BaseModel):
 
 @dataclass(frozen=True)
 class Instance:
-    """The files of one instance: its number ("" for the only one), what is drawn, what is solid,
-    and its data."""
+    """The files of one instance; its number is "" for the only one."""
 
     number: str
     visual: Path
@@ -68,7 +64,6 @@ class Instance:
 
 
 def is_robotwin(directory: Path) -> bool:
-    """Whether a directory holds an object in RoboTwin's layout."""
     return directory.is_dir() and any(directory.glob("model_data*.json"))
 
 
@@ -89,7 +84,6 @@ def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, Ob
 
 
 def instances(directory: Path) -> Iterator[Instance]:
-    """The instances of a directory."""
     for data in directory.glob("model_data*.json"):
         match = re.fullmatch(r"model_data([0-9]*)\.json", data.name)
         if match is None or not data.is_file():
@@ -130,7 +124,7 @@ def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 
 
 
 def described_in(each: Instance) -> Path | None:
-    """The file of an instance's descriptions, where the directory is that of a checkout."""
+    """The file of an instance's descriptions, if the directory is that of a checkout."""
     model = each.data.parent.absolute()
     folder = model / "../../../description/objects_description" / model.name
     file = folder / f"base{each.number}.json"
@@ -157,8 +151,7 @@ def _read_phrases(each: Instance, noun: str) -> Phrases | None:
 def contact_grasps(
     data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]
 ) -> tuple[Grasp, ...]:
-    """The contact points as grasps, as wide as the object is between the fingers; those for which
-    no hand has room are left out."""
+    """The contact points for which a hand has room, as grasps."""
     grasps = []
     for at in _poses(data.contact_points_pose, scale, upright):
         y, z = quat_rotate(at[3:], np.eye(3)[1:])

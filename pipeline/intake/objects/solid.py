@@ -29,8 +29,7 @@ def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Colli
 
 
 def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
-    """Directions (3,) that can be up when the object, of one density, rests on a flat table, with
-    their probabilities, likeliest first."""
+    """Directions (3,) that can be up on a flat table, with their probabilities, likeliest first."""
     corners_of = [np.asarray(one.vertices) for one in pieces]
     hull = trimesh.convex.convex_hull(np.concatenate(corners_of))
     volumes = np.array([one.volume() for one in pieces])

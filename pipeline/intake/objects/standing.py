@@ -1,10 +1,7 @@
-"""How an object stands, and its frames and kinds of grasps, by likeness to the family that it
-stands for.
+"""How an object stands, and its frames and kinds of grasps, by likeness to its family.
 
 A frame lies where the family's first instance has it in its bounding box, moved along its normal to
-the object's surface where the family's lies on a surface. A grasp is of the kind of the family's
-grasp that is nearest to it.
-"""
+the surface if the family's is on one. A grasp is of the kind of the family's nearest grasp."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -40,10 +37,9 @@ def stand_up(
     """The 4x4 matrix from the file's frame to one with z up, the origin at the base and the heading
     of the family.
 
-    `up` is the axis of the file that is up, None to choose the way of standing that is most like
-    the family's first instance; `usual` is the axis that files of this format have up. Raises
-    ObjectError where the object does not stand so.
-    """
+    `up` is the axis of the file that is up, None for the way that is most like the family; `usual`
+    is the one that files of this format have. Raises ObjectError where the object does not stand
+    so."""
     ways = ways_to_stand(pieces)
     if up is None:
         near = [_nearest(ways, AXES[usual])]
@@ -68,7 +64,7 @@ def _nearest(ways: Sequence[tuple[Floats, float]], axis: Floats) -> Floats | Non
 
 def _turns(up: Floats) -> list[Floats]:
     """Rotations (3,3) that put `up` upright: the file's most level axis ahead, and three quarter
-    turns of it."""
+    turns."""
     ahead = np.eye(3)[np.argmin(np.abs(up))]
     x = ahead - up * (ahead @ up)
     x /= np.linalg.norm(x)
@@ -79,21 +75,19 @@ def _turns(up: Floats) -> list[Floats]:
 
 @cache
 def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Bounds (2,3) of the family's first instance, which cells of them it fills, and log
-    proportions."""
+    """Bounds (2,3) of the family's first instance, cells of them that it fills, log proportions."""
     pieces = first_of(family).shape().collision
     box = bounds(pieces)
     return box, inside(pieces, _cells(box)), _proportions(box)
 
 
 def first_of(family: str):
-    """The instance of a family that others are compared with."""
     return FAMILIES[family].draw(np.random.Generator(np.random.Philox(0)))
 
 
 def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
-    """How alike the turned pieces and the family are: overlap in a common box, less what their
-    proportions differ by."""
+    """Overlap of the turned pieces and the family in a common box, less what their proportions
+    differ by."""
     _, pattern, proportions = _pattern(family)
     points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
     box = np.stack([points.min(0), points.max(0)])
@@ -163,8 +157,7 @@ def _surfaces(pieces: Sequence[Collider], at: Floats, normal: Floats, reach: flo
 def kinds_like(
     grasps: Sequence[Grasp], pieces: Sequence[Collider], family: str
 ) -> tuple[Grasp, ...]:
-    """The grasps with the kinds of the family's; those of a family without grasps stay as they
-    are."""
+    """The grasps with the kinds of the family's."""
     model = first_of(family)
     known = model.frames().grasps
     if not known or not grasps:
@@ -177,8 +170,7 @@ def kinds_like(
 
 
 def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
-    """Grasps as rows: the place in the bounding box, the approach, and the opening without its
-    sense."""
+    """Grasps as rows: place in the bounding box, approach, and opening without its sense."""
     at = np.array([g.pose for g in grasps])
     share = (at[:, :3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
     x, y = (quat_rotate(at[:, 3:], np.eye(3)[k]) for k in (0, 1))
@@ -186,5 +178,4 @@ def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
 
 
 def kinds_of(grasps: Sequence[Grasp]) -> Mapping[str, int]:
-    """How many grasps there are of each kind."""
     return {kind: sum(g.kind == kind for g in grasps) for kind in sorted({g.kind for g in grasps})}

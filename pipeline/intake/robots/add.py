@@ -1,5 +1,5 @@
-"""`domino-data robots add`: a vendor's URDF or MJCF, or an embodiment of RoboTwin, becomes a
-robot's directory."""
+"""`domino-data robots add`: a URDF, an MJCF or an embodiment of RoboTwin becomes a robot's
+directory."""
 
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -40,12 +40,8 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """The options of `robots add`: name, where robots are kept, the root link of the arm, the
-    gripper's driving joint, the licence.
-
-    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries
-    it. `packages` are directories of packages by name.
-    """
+    """The options of `robots add`: root link of the arm, driving joint of the gripper, file of a
+    gripper, the link that carries it, directories of packages by name."""
 
     name: str
     to: Path
@@ -65,12 +61,8 @@ class AddedRobot(NamedTuple):
 
 
 def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
-    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment
-    directory of RoboTwin.
-
-    The files are read in a child process with limits. Raises DominoError, before anything is
-    written.
-    """
+    """Read a URDF, an MJCF or a directory in a child process with limits, and write a robot's
+    directory. Raises DominoError, before anything is written."""
     directory = options.to / "robots" / options.name
     check_name(options.name, directory)
     draft = run_limited(str(source), draft_robot, source, options)
@@ -107,8 +99,7 @@ def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
 
 
 def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
-    """The URDF and the hints of a directory with a `config.yml`; of two arms in one file, the
-    first. Raises UrdfError."""
+    """The URDF and the hints of a directory with a `config.yml`; of two arms, the first."""
     path = directory / CONFIG
     try:
         values: dict[str, Any] = read_yaml(path)
@@ -138,8 +129,7 @@ def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
 
 
 def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path) -> UrdfRobot:
-    """The robot of an MJCF, of a URDF, or of the only `*.urdf` below a directory. Raises
-    UrdfError."""
+    """The robot of an MJCF, of a URDF, or of the only `*.urdf` below a directory."""
     if source.suffix in MJCF and source.is_file():
         scratch.mkdir()
         return read_mjcf(source, scratch, root)
@@ -153,8 +143,8 @@ def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path)
 
 
 def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotDraft:
-    """The arm of a URDF as it is written. Raises UrdfError if it finds no place or no rest
-    configuration for it."""
+    """The arm of a URDF as it is written. Raises UrdfError without a place or rest configuration
+    for it."""
     pieces, notes = ConvexPieces(), list[str]()
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
@@ -210,8 +200,7 @@ def _gripper(parts: Anatomy, joints: tuple[Joint, ...]) -> Gripper:
 
 
 def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
-    """The joint with limits that can be used. Raises UrdfError for one of the arm that cannot
-    move."""
+    """The joint with limits that can be used. Raises UrdfError for one that cannot move."""
     velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
     effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
     lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)
@@ -264,7 +253,6 @@ def _foot(robot: UrdfRobot, root: str) -> float:
 
 
 def describe(added: AddedRobot) -> Iterator[str]:
-    """Lines on a directory that was written."""
     directory = added.directory
     count = len((directory / TOML).read_text("utf-8").splitlines())
     yield from (f"note: {note}" for note in added.notes)

@@ -23,11 +23,8 @@ type Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Hints:
-    """Of the user, or of a configuration beside the URDF; not needed for one arm with one gripper.
-
-    `base` is the root link of the arm, `jaw` the joint that drives the gripper, `mimics` how other
-    joints follow it, `strokes` its positions closed and open.
-    """
+    """Of the user, or of a configuration beside the URDF: root link of the arm, joint that drives
+    the gripper, how other joints follow it, its positions closed and open."""
 
     base: str | None = None
     jaw: str | None = None
@@ -37,12 +34,8 @@ class Hints:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """The parts of an arm.
-
-    `jaws` gives the position (closed, open) of each driven joint of the gripper. `tcp` holds
-    position, approach and opening direction in the hand's frame; `opening` (m) is the distance
-    between the pads when open.
-    """
+    """The parts of an arm: position (closed, open) of each joint of the gripper; `tcp` position,
+    approach and opening in the hand's frame; `opening` (m) between the open pads."""
 
     links: tuple[str, ...]
     joints: tuple[Joint, ...]
@@ -269,8 +262,7 @@ def _place_parts(
 
 
 def cloud(robot: UrdfRobot, link: str) -> Floats:
-    """At most 4000 points (N,3) m on a link's collision shapes, or on its looks without any. Raises
-    UrdfError."""
+    """At most 4000 points (N,3) m on a link's collision shapes, or on its looks without any."""
     shapes = robot.links[link].collisions or robot.links[link].visuals
     points = np.concatenate([np.zeros((0, 3)), *(_points(shape) for shape in shapes)])
     return points[:: 1 + len(points) // 4000]

@@ -37,8 +37,7 @@ SEEDS = 3  # of a task, until one is accepted at level 0
 
 
 def check_robot(name: str, tasks: Sequence[str]) -> Iterator[Finding]:
-    """Check a robot, and try `tasks` on it at level 0. Raises UnknownEmbodiment, and RobotError for
-    one that is not sound."""
+    """Check a robot, and try `tasks` on it at level 0. Raises UnknownEmbodiment and RobotError."""
     robot = get_embodiment(name)
     if len(robot.sides) < len(SIDES):
         raise RobotError(f"{name}: is one arm of a robot: check the robot, without {NONE!r}")

@@ -18,7 +18,7 @@ BENT = 0.1  # share of a joint's travel by which it may leave the straight line
 
 
 class CouplingError(ValueError):
-    """Joints that no mimic rule describes; the message names them by their numbers."""
+    """A joint, by its number, that no mimic rule describes."""
 
     def __init__(self, joint: int, why: str) -> None:
         super().__init__(why)
@@ -39,8 +39,7 @@ def couplings(model: Any) -> dict[int, Coupling]:
 
     Equality constraints, tendons and springs act; gravity, contacts and actuators do not. Raises
     CouplingError for a driving joint without limits, and for one that others do not follow in
-    proportion.
-    """
+    proportion."""
     by_joint: dict[int, Coupling] = {}
     driven = _driven(model)
     for group in _groups(model):
@@ -68,8 +67,7 @@ def couplings(model: Any) -> dict[int, Coupling]:
 def _swept(
     model: Any, leader: int, at: NDArray[np.float64], group: set[int]
 ) -> NDArray[np.float64]:
-    """Positions (len(at), joints) of all joints with the leader at each place and the rest of its
-    group at rest."""
+    """Positions (len(at), joints) of all joints with the leader at each place."""
     import mujoco
 
     off = mujoco.mjtDisableBit
@@ -105,8 +103,7 @@ def _groups(model: Any) -> list[set[int]]:
 
 
 def _tied(model: Any) -> Iterator[set[int]]:
-    """The joints of each constraint: of an equality, of the loop that two joined bodies close, of a
-    fixed tendon."""
+    """The joints of each constraint: equality, loop that two joined bodies close, fixed tendon."""
     connect, weld, joint, tendon = 0, 1, 2, 3  # of mjtEq
     columns = np.stack([model.eq_type, model.eq_obj1id, model.eq_obj2id], 1)
     for kind, a, b in columns.tolist():
@@ -130,7 +127,6 @@ def _joints_above(model: Any, body: int) -> set[int]:
 
 
 def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
-    """The joints of a fixed tendon."""
     first = int(model.tendon_adr[tendon])
     wraps = range(first, first + int(model.tendon_num[tendon]))
     return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == 1]

@@ -11,11 +11,8 @@ FLANGE = "attach"  # in the name of the frame that the arms of MuJoCo Menagerie 
 
 
 def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
-    """The gripper's root link on the arm's link `flange`, by default the last link of the only arm.
-
-    Raises UrdfError for a flange that is missing or not clear, or beyond which something moves, and
-    for a gripper of several roots.
-    """
+    """The gripper's root link on the arm's link `flange`, by default the last link. Raises
+    UrdfError for a flange that is missing or not clear, or beyond which something moves."""
     roots = gripper.roots()
     if len(roots) != 1:
         raise UrdfError(f"{gripper.path}: has {len(roots)} root links, a gripper one: {roots[:6]}")

@@ -1,5 +1,4 @@
-"""Reads an MJCF, MuJoCo's own format, as the links, joints and mimic rules of a URDF. MuJoCo itself
-compiles the file."""
+"""Reads an MJCF as the links, joints and mimic rules of a URDF. MuJoCo itself compiles the file."""
 
 import math
 from collections.abc import Iterator
@@ -38,11 +37,9 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
     """The robot of an MJCF whose files lie below `root`, by default the second folder above; meshes
     are written to `scratch`.
 
-    Each body with joints that hangs on the world is a root; its place in the world is dropped.
-    Joints that equality constraints, tendons and springs couple get the mimic rules that MuJoCo
-    moves them by. Raises UrdfError for a file that MuJoCo refuses, that names files elsewhere, or
-    that holds what no URDF can express.
-    """
+    Each body with joints that hangs on the world is a root. Coupled joints get the mimic rules that
+    MuJoCo moves them by. Raises UrdfError for a file that MuJoCo refuses, that names files
+    elsewhere, or that holds what no URDF can express."""
     try:
         import mujoco
     except ImportError as error:
@@ -65,15 +62,14 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
 
 
 class _CompiledModel:
-    """A compiled model, body by body. A link's frame is at the anchor of its joint, as in a
-    URDF."""
+    """A compiled model; a link's frame is at the anchor of its joint, as in a URDF."""
 
     def __init__(self, path: Path, model: Any, scratch: Path) -> None:
         self.path, self.model, self.scratch = path, model, scratch
         self.anchors = {int(model.jnt_bodyid[j]): pose(model.jnt_pos[j]) for j in range(model.njnt)}
 
     def robot(self) -> UrdfRobot:
-        """The links and joints of the bodies whose root has joints. Raises UrdfError."""
+        """The links and joints of the bodies whose root has joints."""
         model = self.model
         moved = {int(model.body_rootid[body]) for body in model.jnt_bodyid}
         if not moved:
@@ -135,8 +131,7 @@ class _CompiledModel:
         return Joint(self._name("joint", j), kind, *ends, *moves)
 
     def _effort(self, joint: int) -> float:
-        """The most force (N or N m) that the joint's actuators can exert; 0 if the file does not
-        say."""
+        """The most force (N or N m) of the joint's actuators; 0 if the file does not say."""
         model, effort = self.model, 0.0
         here = (model.actuator_trnid[:, 0] == joint) & (model.actuator_trntype == 0)
         for a in np.flatnonzero(here):
@@ -208,8 +203,7 @@ class _CompiledModel:
 
 
 def _check_files(path: Path, root: Path) -> None:
-    """Refuse an MJCF, or one that it includes, that names a file outside of `root`, a file twice,
-    or one that MuJoCo must not open."""
+    """Refuse an MJCF that names a file outside of `root`, a file twice, or one not to be opened."""
     pending, seen = [path.resolve()], set[Path]()
     while pending:
         file = pending.pop()
@@ -236,8 +230,7 @@ def _check_files(path: Path, root: Path) -> None:
 
 
 def _check_size(path: Path, document: Any) -> None:
-    """Refuse what MuJoCo would need gigabytes or minutes for: many replicas, large fields of
-    heights."""
+    """Refuse what MuJoCo would need gigabytes or minutes for."""
     for element in document.iter("replicate", "hfield"):
         if element.tag == "replicate":
             above = [element, *element.iterancestors("replicate")]

@@ -1,8 +1,7 @@
 """Where an arm should stand: how much of the table it reaches from a place, and how it rests there.
 
 Reach is measured for the left arm (the right one mirrors it) over a grid on the table, with the
-tool at some heights above it, at some pitches below the horizontal, and at any of several azimuths.
-"""
+tool at some heights and pitches, and at any of several azimuths."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -78,8 +77,7 @@ def stood(
     yaw: float = 0.0,
     home: Iterable[float] | None = None,
 ) -> Embodiment:
-    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned from the world's axes by `yaw`
-    rad; no furniture."""
+    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned by `yaw` rad; no furniture."""
     x, y, z = place
     q = quat_about((0, 0, 1), yaw)
     rest = arm.home if home is None else tuple(home)
@@ -91,8 +89,8 @@ def stood(
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Floats:
-    """Tool poses (2N,7) over `cells` (N,2), N for each of both rolls: approach tilted `pitch`
-    degrees down, turned `azimuth` degrees from +y, fingers level."""
+    """Tool poses (2N,7) over `cells` (N,2), N for each of both rolls: approach `pitch` degrees
+    down, turned `azimuth` degrees from +y, fingers level."""
     p, a = np.radians(pitch), np.radians(azimuth)
     approach = np.array([np.sin(a) * np.cos(p), np.cos(a) * np.cos(p), -np.sin(p)])
     opening = np.array([-np.cos(a), np.sin(a), 0.0])
@@ -122,7 +120,6 @@ def solve(
 
 
 def measure(robot: Embodiment, scan: Scan) -> Reach:
-    """Reach of the left arm."""
     arm = robot.arms["left"]
     cells = np.array(list(product(scan.x, scan.y)), np.float64)
     own, mid = cells[:, 0] < 0.001, np.abs(cells[:, 0]) < 0.101
@@ -166,11 +163,10 @@ def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
 
 def find_site(arm: Arm) -> Embodiment | None:
     """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there;
-    None without any. `arm.base` and `arm.home` do not count.
+    None without any.
 
     The places are ranked by a sample of configurations; with six joints or more the best of them
-    are measured by inverse kinematics.
-    """
+    are measured by inverse kinematics."""
     chain = chain_of(replace(arm, base=pose()))
     q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
     tools = fk_batch(chain, q)
@@ -199,8 +195,7 @@ def _forward(tools: Floats) -> float:
 
 
 def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
-    """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down,
-    from a place."""
+    """Share of the cells of the left arm's half above which a sampled tool points down."""
     at = compose(pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)), tools)
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     low = (at[:, 2] > TABLE_TOP + 0.01) & (at[:, 2] < TABLE_TOP + 0.2)
@@ -211,8 +206,8 @@ def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) 
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
-    """A configuration of each arm with the tool over its own side of the table, pointing down, that
-    touch nothing: the two farthest from their joint limits between which there is room; or None."""
+    """A configuration of each arm with the tool over its own side, pointing down: the two farthest
+    from their joint limits between which there is room; or None."""
     left, right = (_free_homes(robot, side, q, tools) for side in SIDES)
     together = CollisionWorld(robot).with_objects(margin=ROOM)
     pairs = sorted(product(range(len(left)), range(len(right))), key=sum)
@@ -248,8 +243,7 @@ def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats
 
 
 def overlaps(arm: Arm, samples: int = 40) -> dict[tuple[str, str], float]:
-    """Share of random configurations in which two links that are not joined touch, for the pairs
-    that do."""
+    """Share of random configurations in which two links that are not joined touch, if above 0."""
     robot = stood(arm, (FAR, 0.0, 0.0))
     chain = chain_of(robot.arms["left"])
     rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (samples, chain.dof))

@@ -39,8 +39,7 @@ class ConvexPieces:
         self._cut: dict[tuple[object, ...], list[Floats]] = {}
 
     def of(self, shapes: Sequence[UrdfShape]) -> tuple[Collider, ...]:
-        """The shapes of a link as convex pieces in its frame. Raises UrdfError for a mesh that
-        cannot be used."""
+        """The shapes of a link as convex pieces in its frame. Raises UrdfError."""
         found = []
         for shape in shapes:
             if shape.kind != "mesh":
@@ -68,7 +67,7 @@ def corners(points: Floats) -> Floats:
 
 
 def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
-    """Point sets whose hulls fill the mesh: several where it is far from convex and coacd is
+    """Point sets whose hulls fill the mesh: several if it is far from convex and coacd is
     installed. Raises qhull's errors."""
     whole = trimesh.convex.convex_hull(mesh.vertices)
     one = [np.asarray(whole.vertices, float)]
@@ -98,7 +97,7 @@ def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
 
 @cache
 def _directions() -> Floats:
-    """CORNERS directions: the six axes first, then points spread over the sphere."""
+    """CORNERS directions: the six axes, then points spread over the sphere."""
     k = np.arange(CORNERS - 6) + 0.5
     polar, turn = np.arccos(1 - 2 * k / len(k)), np.pi * (1 + 5**0.5) * k
     spread = np.stack(

@@ -13,9 +13,8 @@ from pipeline.world.shapes import Collider
 def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
     """URDF of one arm, to be placed at `arm.base`; every name starts with `prefix`.
 
-    The joints of the gripper have no `<mimic>`: all are driven. A capsule is a cylinder and two
-    spheres. With `meshes`, visuals and convex pieces are the files of `mesh_file`.
-    """
+    The joints of the gripper have no `<mimic>`: all are driven. With `meshes`, visuals and convex
+    pieces are the files of `mesh_file`."""
     robot = ET.Element("robot", name=f"{prefix}{arm.model}")
     for link in arm.links:
         _add_link(robot, link, prefix, meshes)
@@ -26,8 +25,7 @@ def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
 
 
 def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
-    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz: the inverse of `poses.quat_from_rpy`,
-    roll 0 at the pitch poles."""
+    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz, roll 0 at the pitch poles."""
     m = quat_to_matrix(q)
     pitch = float(np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0])))
     if np.hypot(m[0, 0], m[1, 0]) < 1e-9:

@@ -19,11 +19,8 @@ from pipeline.world.robots.directory import TOML, URDF
 
 @dataclass(frozen=True, eq=False)
 class RobotDraft:
-    """A robot before it is written: an arm, and two of it at their places.
-
-    `tcp` has position, approach and opening direction in the hand's frame; `foot` is half the edge
-    of the foot (m). `notes` are lines on all that was guessed or left out.
-    """
+    """An arm before it is written, two of it at their places, position, approach and opening of the
+    tcp in the hand's frame, half the edge of the foot (m), lines on what was guessed."""
 
     arm: Arm
     site: Embodiment

@@ -1,5 +1,4 @@
-"""Reads COLLADA (.dae): triangles of the scene in metres along the axes of the file, as ROS
-reads them, with the diffuse color or texture of each material."""
+"""Reads COLLADA (.dae) as ROS does: triangles of the scene, with diffuse colors or textures."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -145,7 +144,7 @@ class _Reader:
         return values[: len(values) // stride * stride].reshape(-1, stride)
 
     def _look(self, material: Element) -> MeshLook:
-        """The diffuse color or texture of a material; a lamp's color of one that only shines."""
+        """The diffuse color or texture; a lamp's color of a material that only shines."""
         effect = self._target(_child(material, "instance_effect"))
         profile = _child(effect, "profile_COMMON")
         technique = _child(profile, "technique")
@@ -207,7 +206,6 @@ def _child(element: Element, tag: str) -> Element:
 
 
 def _placement(node: Element) -> Floats:
-    """The matrix (4,4) of a node in its parent."""
     out = np.eye(4)
     for element in node.iterchildren("matrix", "translate", "rotate", "scale", "lookat", "skew"):
         if element.tag in ("lookat", "skew"):

@@ -1,5 +1,5 @@
-"""Files that a mesh file or a URDF of a stranger names: found below one folder by the name that is
-written, or in directories of packages, or refused with the cause."""
+"""Files that a mesh file or a URDF of a stranger names: found by that name below one folder or in a
+package, or refused."""
 
 import io
 import os
@@ -27,8 +27,7 @@ TEXTURE = 512  # pixels of a kept texture's longer edge at most
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of a file. Raises MeshError for one that is missing, too large, no regular file
-    or a pointer of Git LFS."""
+    """The bytes of a file. Raises MeshError, also for a pointer of Git LFS."""
     try:
         if (size := path.stat().st_size) > MAX_BYTES:
             raise MeshError(f"{path}: has {size} bytes; a file has at most {MAX_BYTES}")
@@ -42,7 +41,7 @@ def read_bytes(path: Path) -> bytes:
 
 def find_file(name: str, beside: Path, within: Path) -> Path:
     """The file `name`, relative to the folder `beside`, below the folder `within`. Raises
-    MeshError with the cause."""
+    MeshError."""
     check_name(name)
     path = _below(beside / name, within, name)
     if path.is_file():
@@ -144,8 +143,6 @@ SCHEMES = ("package", "model")
 
 @dataclass(frozen=True)
 class Folders:
-    """Where the meshes of a URDF lie: below `root`, and in directories of packages by name."""
-
     urdf: Path
     root: Path
     packages: Mapping[str, Path]
@@ -159,9 +156,9 @@ class Folders:
     def find(self, name: str) -> tuple[Path, Path]:
         """The file that a URDF names, and the folder that it may not leave. Raises MeshError.
 
-        `package://NAME/FILE` is in the package NAME: the directory that the user gives for it, a
-        folder above the URDF that is called so or whose package.xml says so, or a folder NAME
-        beside one of these."""
+        `package://NAME/FILE` is in the package NAME: the user's directory for it, a folder above
+        the URDF that is called so or whose package.xml says so, or a folder NAME beside one of
+        these."""
         scheme, _, rest = name.rpartition("://")
         if scheme not in SCHEMES:
             return find_file(name, self.urdf.parent, self.root), self.root
@@ -188,8 +185,7 @@ class Folders:
 def folders_of(
     urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> Folders:
-    """The folders of a file. Without a `root` it is that of its package, else FOLDERS_ABOVE its
-    own."""
+    """The folders of a file. The default root is that of its package, else FOLDERS_ABOVE its own."""
     above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
     packaged = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
     return Folders(

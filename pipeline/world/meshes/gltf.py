@@ -1,5 +1,5 @@
-"""Reads glTF 2.0, as .glb or .gltf: what changes shapes or colors is applied, or refused by name
-(docs/mesh_files.md). What a damaged file leads to, `reader.read_mesh` reports."""
+"""Reads glTF 2.0: what changes shapes or colors is applied, or refused by name
+(docs/mesh_files.md)."""
 
 import base64
 import json
@@ -48,7 +48,7 @@ MAX_NODES = 50_000
 
 
 def read_gltf(file: Path, within: Path) -> MeshFile:
-    """The parts of a glTF file; files that it names lie below `within`. Raises MeshError."""
+    """The parts of a .glb or .gltf; files that it names lie below `within`. Raises MeshError."""
     document, blob = read_bytes(file), b""
     if file.suffix.lower() == ".glb":
         magic, version, _, length, kind = struct.unpack_from("<5I", document)
@@ -77,7 +77,6 @@ class _Document:
         self._images: dict[int, np.ndarray] = {}
 
     def check_extensions(self) -> None:
-        """Raise MeshError for extensions that would have to be read."""
         required, used = (
             set(self.document.get(f"extensions{k}", ())) for k in ("Required", "Used")
         )
@@ -246,7 +245,7 @@ class _Document:
         return uv
 
     def _texture(self, number: int) -> np.ndarray | None:
-        """The pixels (H,W,4) of a texture; None for one of a format that is not read."""
+        """The pixels (H,W,4); None for a format that is not read."""
         texture = self.document["textures"][number]
         webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
         source = webp.get("source", texture.get("source"))
@@ -262,7 +261,6 @@ class _Document:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """The matrix (4,4) of a node in its parent."""
     if "matrix" in node:
         return np.array(node["matrix"], float).reshape(4, 4).T
     x, y, z, w = node.get("rotation", (0, 0, 0, 1))

@@ -11,7 +11,7 @@ from pipeline.world.meshes.files import find_file, pixels, read_bytes, similar
 from pipeline.world.meshes.part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
 
 SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
-"""Options of a texture with several numbers, at most; the others have one word."""
+"""How many numbers an option of a texture has at most; the others have one word."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class _Material:
 
 @dataclass(eq=False)
 class _Faces:
-    """Corners of the triangles of one material: numbers of points and of coordinates (-1: none)."""
+    """Numbers of points and of coordinates (-1: none) at the corners of a material's triangles."""
 
     points: list[int] = field(default_factory=list)
     uvs: list[int] = field(default_factory=list)
@@ -44,7 +44,6 @@ class _Faces:
 
 
 def _index(text: str, count: int) -> int:
-    """The number from 0 of an element counted from 1, or back from the last one."""
     number = int(text)
     index = number - 1 if number > 0 else count + number
     if number == 0 or index < 0:
@@ -146,7 +145,7 @@ def _looked(
 
 
 def _texture(name: str, file: Path, within: Path, notes: list[str]):
-    """The pixels (H,W,4) of a texture; None, and a note, for a missing one. Raises MeshError."""
+    """The pixels (H,W,4); None, and a note, for a missing file."""
     try:
         return pixels(read_bytes(find_file(name, file.parent, within)))
     except MeshError as error:

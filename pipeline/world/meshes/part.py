@@ -27,7 +27,6 @@ class MeshLook(NamedTuple):
 
 
 NOTHING = MeshLook()
-"""Of a file that states no color."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +81,8 @@ SHADES = 31  # per channel: what two colors of a palette differ by at least is 1
 
 
 def painted(part: Part, colors: Floats) -> Part:
-    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1:
-    as the renderer has no colors of vertices, a palette with one texel a triangle."""
+    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1, by a
+    palette with one texel a color: the renderer has no colors of vertices."""
     mean = np.clip(colors, 0, 1)[part.faces].mean(1)
     shades, which = np.unique(np.round(mean * SHADES), axis=0, return_inverse=True)
     if len(shades) == 1:
@@ -104,7 +103,7 @@ def painted(part: Part, colors: Floats) -> Part:
 
 
 def srgb(light: Floats) -> Floats:
-    """sRGB values (...,) of linear light, clipped to 0-1."""
+    """sRGB of linear light, clipped to 0-1."""
     return srgb_of(np.clip(light, 0, 1))
 
 

@@ -33,8 +33,7 @@ CREASE = 40.0
 
 
 def drawn(parts: Sequence[Part], budget: int, fewest: int, plain: Color = PLAIN) -> Parts:
-    """Meshes and materials of parts (m), about `budget` triangles in all and `fewest` a part.
-    Parts without a color are `plain`."""
+    """Meshes and materials of parts (m), about `budget` triangles in all and `fewest` a part."""
     total = max(1, sum(len(part.faces) for part in parts))
     return tuple(
         (
@@ -59,9 +58,8 @@ def _mesh(part: Part, budget: int) -> Mesh:
 
 
 def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
-    """Texture coordinates (M,3,2) of new triangles (M,3,3) from old ones (N,3,3) with theirs
-    (N,3,2): those of the nearest old triangle, continued over its plane, so that none reaches
-    over a seam."""
+    """Texture coordinates (M,3,2) of new triangles (M,3,3) from old ones (N,3,3) with theirs: those
+    of the nearest old triangle, continued over its plane, so that none reaches over a seam."""
     a, edges = old[:, 0], old[:, 1:] - old[:, :1]
     nearest = np.asarray(KDTree(old.mean(1)).query(corners.mean(1))[1])
     basis, origin, texels = edges[nearest], a[nearest], uv[nearest]
@@ -107,7 +105,6 @@ def area_vectors(points: Floats, faces: Ints) -> Floats:
 
 
 def _packed(rows: Ints) -> Ints:
-    """One integer per row (N,3) of numbers from 0 to 2^21."""
     return (rows[:, 0] << 42) | (rows[:, 1] << 21) | rows[:, 2]
 
 
@@ -118,9 +115,8 @@ MAX_PARTS = 200
 
 
 def read_mesh(file: Path, within: Path | None = None) -> MeshFile:
-    """The parts of a mesh file, one a look, in its own frame and units. Files that it names are
-    opened below `within` only, by default its own folder. Raises MeshError, one line that names
-    the file."""
+    """The parts of a mesh file, one a look, in its own frame and units. Files that it names lie
+    below `within`, by default its own folder. Raises MeshError, one line that names the file."""
     kind = file.suffix.lower()
     if kind not in FORMATS:
         raise MeshError(

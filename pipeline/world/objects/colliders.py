@@ -1,5 +1,5 @@
-"""Convex pieces beside the visuals, from the same numbers, so that hollow things are hollow:
-tuples of `Collider` in the body frame (m, z up), ready to be added together."""
+"""Convex collision pieces (m, body frame, z up) beside the visuals, so that hollow things are
+hollow."""
 
 from itertools import pairwise
 
@@ -23,7 +23,6 @@ def box_collider(
     position: ArrayLike = (0, 0, 0),
     quaternion: ArrayLike = UPRIGHT,
 ) -> Colliders:
-    """A box of half extents at `position` (3,)."""
     return (Collider("box", (hx, hy, hz), pose(position, quaternion)),)
 
 
@@ -34,8 +33,7 @@ def cylinder_collider(
     centre: ArrayLike = (0, 0),
     quaternion: ArrayLike = (1, 0, 0, 0),
 ) -> Colliders:
-    """A cylinder between heights `lower` and `upper` at `centre` (x, y); `quaternion` turns it
-    about its own middle."""
+    """A cylinder between two heights at `centre` (x, y), turned about its own middle."""
     x, y = np.asarray(centre, float)
     return (
         Collider(
@@ -45,20 +43,20 @@ def cylinder_collider(
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
-    """Two boxes crossed at 45 degrees about z, for fingertips to press on: PhysX may take a box
-    on the rim of a small cylinder for millimetres deep in it, and throws both apart."""
+    """Two crossed boxes for fingertips to press on: PhysX may take a box on the rim of a small
+    cylinder for millimetres deep in it, and throws both apart."""
     side, half, middle = 0.75 * radius, (upper - lower) / 2, (lower + upper) / 2
     turns = (quat_about((0, 0, 1), angle) for angle in (0.0, np.pi / 4))
     return tuple(Collider("box", (side, side, half), pose((0, 0, middle), turn)) for turn in turns)
 
 
 def slab(hx: float, hy: float, height: float) -> Colliders:
-    """A box of half extents `hx` and `hy` that stands at z = 0."""
+    """A box of half extents that stands at z = 0."""
     return box_collider(hx, hy, height / 2, (0, 0, height / 2))
 
 
 def disc(radius: float, thickness: float, z: float = 0.0) -> Colliders:
-    """A flat round plate whose underside is at height `z`."""
+    """A round plate whose underside is at height `z`."""
     return cylinder_collider(radius, z, z + thickness)
 
 
@@ -67,7 +65,6 @@ def sphere_collider(radius: float, position: ArrayLike = (0, 0, 0)) -> Colliders
 
 
 def capsule_between(a: ArrayLike, b: ArrayLike, radius: float) -> Colliders:
-    """A capsule whose axis runs from `a` to `b` (3,)."""
     a, b = np.asarray(a, float), np.asarray(b, float)
     return (
         Collider(
@@ -97,9 +94,9 @@ def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
 def ring_of_boxes(
     radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None
 ) -> Colliders:
-    """A hollow wall of `n` boxes, `wall` thick: outer radius `radius` at height `z` and `top`
-    (default the same) at `z + height`. The outer faces touch the circle half-way between its
-    inscribed and circumscribed polygons; a leaning wall's boxes lean."""
+    """A hollow wall of `n` boxes, `wall` thick, of outer radius `radius` at height `z` and `top` at
+    `z + height`. The outer faces touch the circle half-way between its inscribed and circumscribed
+    polygons."""
     top = radius if top is None else top
     middle, slant = (radius + top) / 2, np.hypot(height, top - radius)
     fit = (1 + np.cos(np.pi / n)) / 2
@@ -117,12 +114,12 @@ def ring_of_boxes(
 
 
 def vessel(foot: float, wall: float, height: float, n: int, rim: float | None = None) -> Colliders:
-    """A round hollow thing that stands at z = 0: a floor of radius `foot` and `ring_of_boxes`."""
+    """A round hollow thing that stands at z = 0."""
     return disc(foot, wall) + ring_of_boxes(foot, wall, height, n, top=rim)
 
 
 def tray(hx: float, hy: float, wall: float, height: float) -> Colliders:
-    """Floor and four upright walls of an open box of outer half extents, standing at z = 0."""
+    """An open box of outer half extents that stands at z = 0."""
     h = height / 2
     return (
         *slab(hx, hy, wall),

@@ -15,9 +15,8 @@ from pipeline.world.shapes import Shape
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Where a two-finger gripper may hold the object. `pose` is the tcp in the object frame: x =
-    approach, y = opening direction. `width` (m) is the thickness between the fingers; `kind`
-    lets a script choose ("side", "rim", "left_end", ...)."""
+    """Where a two-finger gripper may hold the object: the tcp in its frame (x approach, y opening),
+    the thickness (m) between the fingers, and a kind such as "side" or "rim" for scripts."""
 
     pose: Pose
     width: float
@@ -48,8 +47,8 @@ class Words:
 
 @dataclass(frozen=True)
 class Slide:
-    """A prismatic joint: unit `axis` in the parent's frame, travel limits (m) from where the
-    body is placed."""
+    """A prismatic joint: unit `axis` in the parent's frame, limits (m) from where the body is
+    placed."""
 
     axis: tuple[float, float, float]
     lower: float
@@ -81,13 +80,12 @@ FAMILIES = Registry[type[Family]]("object family")
 
 
 def directory_of(family: type[Family]) -> Any:
-    """The files of an object (from_files.Directory); None for a family of the package or of a
-    module."""
+    """The from_files.Directory of an object from files, else None."""
     return getattr(family, "directory", None)
 
 
 def stands_for(family: type[Family]) -> str | None:
-    """The family that an object from files stands for; None for a family of its own."""
+    """The family that an object from files stands for, else None."""
     directory = directory_of(family)
     return None if directory is None else directory.settings.family
 
@@ -95,8 +93,7 @@ def stands_for(family: type[Family]) -> str | None:
 @dataclass_transform(frozen_default=True)
 def register[F: type](name: str) -> Callable[[F], F]:
     """Class decorator: enter a family under `name` (snake case), as a frozen dataclass. Raises
-    ValueError for a taken name. Shape and frames of the latest instances are remembered: treat
-    their arrays as read-only."""
+    ValueError for a taken name. Shapes and frames are cached: treat their arrays as read-only."""
 
     module = sys._getframemodulename(1)
 

@@ -1,5 +1,5 @@
 """An object is a directory: `object.toml`, `looks.glb` (what is drawn), `solid.obj` (its convex
-collision pieces). `domino-data objects add` writes them; an object stands for an object family."""
+collision pieces). It stands for an object family."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,8 +58,8 @@ class Phrases(Table):
 
 
 class ObjectToml(Table):
-    """`object.toml`. Mass in kg; frames are x y z qw qx qy qz in the object's frame (m). A grasp
-    is its kind, its width (m) and the tcp."""
+    """`object.toml`. Mass in kg; frames are x y z qw qx qy qz in the object's frame (m). A grasp is
+    its kind, its width (m) and the tcp."""
 
     family: str
     source: str = ""
@@ -72,26 +72,23 @@ class ObjectToml(Table):
 
 
 class Directory:
-    """The files of an object; meshes are read when they are first asked for."""
+    """The files of an object, read when they are first asked for. Raises ObjectError and GlbError."""
 
     def __init__(self, path: Path) -> None:
-        """Raises ObjectError."""
         self.path, self.settings = path, read_settings(path)
 
     @cached_property
     def solid(self) -> tuple[Collider, ...]:
-        """The convex pieces. Raises ObjectError."""
         return read_solid(self.path / SOLID)
 
     @cached_property
     def looks(self) -> Parts:
-        """What is drawn. Raises GlbError."""
         return read_glb(self.path / LOOKS)
 
 
 @dataclass(frozen=True)
 class FileObject(Family):
-    """The family of one object from a directory: every draw is that object."""
+    """The family of one object: every draw is that object."""
 
     directory: ClassVar[Directory]
 
@@ -126,8 +123,7 @@ class _Named:
 
 
 def add_directory(path: Path) -> None:
-    """Enter the object of a directory under the directory's name; one that is entered stays.
-    Raises ObjectError."""
+    """Enter the object of a directory under the directory's name. Raises ObjectError."""
     if path.name in FAMILIES:
         known = directory_of(FAMILIES[path.name])
         if known is not None and known.path == path:
@@ -166,8 +162,7 @@ def read_settings(path: Path) -> ObjectToml:
 
 
 def read_solid(file: Path) -> tuple[Collider, ...]:
-    """The convex pieces of an OBJ file, an `o` line each; faces are not read. Raises
-    ObjectError."""
+    """The convex pieces of an OBJ file, an `o` line each. Raises ObjectError."""
     groups: list[list[list[float]]] = []
     try:
         if file.stat().st_size > LARGEST_FILE:
@@ -193,8 +188,7 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
 
 
 def piece(points: NDArray[np.float64]) -> Collider:
-    """The convex hull of points (N,3) m as a collision piece that knows its volume. Raises
-    ValueError and QhullError."""
+    """The convex hull of points (N,3) m. Raises ValueError and QhullError."""
     if not np.isfinite(points).all():
         raise ValueError("a corner is not finite")
     return Collider("convex", (), IDENTITY, points, measured=float(ConvexHull(points).volume))

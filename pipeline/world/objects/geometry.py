@@ -1,5 +1,5 @@
-"""Parametric surfaces with uvs, low in triangles. Lengths in metres, z up. Revolved and extruded
-things stand on their own z values; boxes, spheres and capsules are centred."""
+"""Parametric surfaces with uvs, low in triangles (m, z up). Revolved and extruded things stand on
+their own z values; boxes, spheres and capsules are centred."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,6 @@ def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 
 
 @deferred
 def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
-    """The mesh stretched along the axes by positive factors."""
     factors = np.array([x, y, z], np.float32)
     normals = mesh.normals / factors
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -29,8 +28,8 @@ def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
 
 @deferred
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
-    """Surface of revolution about z of `profile` (K,2) of (radius, z), material on its left. u
-    goes once round, v falls along the profile from 1 to 0."""
+    """Surface of revolution about z of `profile` (K,2) of (radius, z), material on its left. u goes
+    once round, v falls along the profile from 1 to 0."""
     profile = np.asarray(profile, float)
     radius, z = profile.T
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
@@ -49,7 +48,7 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
 
 
 def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[Floats]:
-    """Corner uvs (M,3,2), twice, of the triangles of `quads` that span u0 to u1 and v0 to v1."""
+    """Corner uvs (M,3,2), twice, of the triangles of `quads`."""
     a, b, c, d = (np.stack(uv, 1) for uv in ((u0, v0), (u1, v0), (u1, v1), (u0, v1)))
     return [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
 
@@ -63,8 +62,7 @@ def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> 
 
 @deferred
 def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
-    """A label round a cylinder between two heights: `prints` images, the middle of one facing
-    -y."""
+    """A label round a cylinder: `prints` images, the middle of one facing -y."""
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     points = np.concatenate(
@@ -99,7 +97,7 @@ def upright(turns: float) -> Floats:
 
 @deferred
 def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
-    """Box of half extents, centred, edges and corners chamfered by `bevel` (m); uv per side."""
+    """Box of half extents, edges and corners chamfered by `bevel` (m); uv per side."""
     half = np.array([hx, hy, hz])
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     if bevel <= 0:
@@ -125,7 +123,7 @@ def hull_faces(points: NDArray) -> NDArray[np.integer]:
 
 @deferred
 def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) -> Mesh:
-    """Closed cylinder from z = 0 to `height`, rims chamfered by `bevel`."""
+    """From z = 0 to `height`, rims chamfered by `bevel`."""
     r, h, b = radius, height, bevel
     if b <= 0:
         return revolve([(0, 0), (r, 0), (r, h), (0, h)], sides)
@@ -135,7 +133,7 @@ def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) 
 def arc(
     centre: Sequence[float], radius: float, start: float, end: float, n: int
 ) -> list[tuple[float, float]]:
-    """`n` + 1 points of a circle in the (r, z) or (x, y) plane between two angles in degrees."""
+    """`n` + 1 points of a circle between two angles in degrees."""
     angle = np.radians(np.linspace(start, end, n + 1))
     return [
         (float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a)))
@@ -153,7 +151,7 @@ def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
 
 @deferred
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
-    """Along z, centred: a cylinder of half length `half` with round ends."""
+    """Along z: a cylinder of half length `half` with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     profile = np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle) + half * np.sign(np.round(angle, 9))]
@@ -164,9 +162,8 @@ def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh
 
 @deferred
 def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
-    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the
-    direction of travel, flat fans as `caps`. u goes round, v runs from 1 at the first section to
-    0."""
+    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction
+    of travel. u goes round, v runs from 1 at the first section to 0."""
     sections = np.asarray(sections, float)
     s, k, _ = sections.shape
     points = sections.reshape(-1, 3)
@@ -191,8 +188,7 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
 
 @deferred
 def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
-    """Round tube of `radius` (m; one or per point) along `path` (N,3); flat ends, or a loop when
-    `closed`."""
+    """Round tube of `radius` (m; one or per point) along `path` (N,3), with flat ends or `closed`."""
     path = np.asarray(path, float)
     radius = np.broadcast_to(np.asarray(radius, float), len(path))
     ahead = np.roll(path, -1, 0) - path
@@ -227,8 +223,7 @@ def _transported(tangent: NDArray) -> Floats:
 
 @deferred
 def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave,
-    both rims chamfered by `bevel`."""
+    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave."""
     outline = np.asarray(outline, float)
     k = len(outline)
     if bevel > 0:
@@ -248,8 +243,8 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
 
 
 def inset(outline: ArrayLike, distance: float) -> Floats:
-    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m) along mitres of at
-    most two distances."""
+    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m), along mitres of at most
+    two."""
     outline = np.asarray(outline, float)
     edge = np.roll(outline, -1, 0) - outline
     normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
@@ -260,7 +255,7 @@ def inset(outline: ArrayLike, distance: float) -> Floats:
 
 
 def rounded_rectangle(hx: float, hy: float, radius: float, n: int = 4) -> Floats:
-    """Counter-clockwise outline (4(n+1),2) of a rectangle of half extents with round corners."""
+    """Counter-clockwise outline (4(n+1),2) of a rectangle of half extents."""
     r = min(radius, hx, hy)
     x, y = hx - r, hy - r
     corners = ((x, y), 0), ((-x, y), 90), ((-x, -y), 180), ((x, -y), 270)
@@ -274,8 +269,8 @@ def ellipse(a: float, b: float, n: int = 24) -> Floats:
 
 
 def side_prism(outline: ArrayLike, half: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, between y = -`half`
-    and `half`."""
+    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, from y = -`half` to
+    `half`."""
     return at(
         extrude(outline, 2 * half, bevel, crease), (0, half, 0), quat_about((1, 0, 0), np.pi / 2)
     )
@@ -292,6 +287,5 @@ def stacked(outline: ArrayLike, levels: ArrayLike) -> Floats:
 
 @deferred
 def stack(outline: ArrayLike, levels: ArrayLike, crease: float = 50.0) -> Mesh:
-    """Closed body through scaled copies of `outline` (K,2) at levels (L,3) of (z, scale x, scale
-    y), upwards."""
+    """Closed body of `stacked` rings, upwards."""
     return loft(stacked(outline, levels), crease=crease)

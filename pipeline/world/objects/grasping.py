@@ -1,6 +1,6 @@
-"""Grasp candidates for simple forms. A pose is the tcp in the object frame: x = approach, y =
-opening direction; pitch is the approach's angle below horizontal in degrees. Candidates whose
-palm would be inside the object's outline are left out; one of the two wrist rolls is listed."""
+"""Grasp candidates for simple forms: the tcp in the object frame, x = approach, y = opening;
+pitches are degrees below horizontal. One of the two wrist rolls is listed, and none whose palm
+would be inside the object."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -52,13 +52,13 @@ def _tilts(pitches: Sequence[float]) -> Iterator[tuple[float, int]]:
 
 
 def turned(grasps: Grasps, yaw: float) -> Grasps:
-    """The grasps turned about the object's z axis by `yaw` (rad)."""
+    """The grasps turned about z by `yaw` (rad)."""
     return tuple(replace(g, pose=compose(yawed((0, 0, 0), yaw), g.pose)) for g in grasps)
 
 
 def low_heights(top: float) -> tuple[float, ...]:
-    """Tcp heights (m) above the table for a thing of height `top` that is taken from above.
-    Finger ends reach 9 to 20 mm past the tcp, so low things get several heights to try."""
+    """Tcp heights (m) for a thing of height `top` that is taken from above. Finger ends reach 9 to
+    20 mm past the tcp, so low things get several heights to try."""
     if top >= 0.035:
         return (max(0.022, top - 0.025),)
     return tuple(z for z in (0.012, 0.017, 0.022) if z <= top + 0.008)
@@ -72,9 +72,8 @@ def side_pinches(
     outline: ArrayLike | None = None,
     kind: str = "side",
 ) -> Grasps:
-    """Pinches across an upright round body of `radius` at `heights`, from all around. `outline`
-    (K,2) of (radius, z), heights ascending, leaves out approaches whose palm would hit the body;
-    the tcp stays up to 8 mm short of the axis for that."""
+    """Pinches across an upright round body from all around. `outline` (K,2) of (radius, z), heights
+    ascending, leaves out approaches whose palm would hit it."""
     limits = None if outline is None else np.asarray(outline, float)
 
     def hits(r: np.ndarray, z: np.ndarray) -> bool:
@@ -128,9 +127,9 @@ def rim_pinches(
     pitches: Sequence[float] = (45, 60, 75, 90),
     flare: float = 0.0,
 ) -> Grasps:
-    """One finger inside, one outside a hollow round thing of outer `radius`, thickness `wall`
-    and height `height`. The wall leans outwards by `flare` degrees; the approach comes down
-    along it, tilted along the rim to both sides. The tcp lies `depth` below the rim."""
+    """One finger inside, one outside a hollow round thing of outer `radius`. The wall leans
+    outwards by `flare` degrees; the approach comes down along it, tilted along the rim to both
+    sides. The tcp lies `depth` below the rim."""
     tcps = []
     f = np.radians(flare)
     for a in 2 * np.pi * np.arange(16) / 16:
@@ -155,12 +154,12 @@ def box_pinches(
     kind: str = "side",
     retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
-    """Pinches of a box of half extents from above, tilted about the opening axis to both sides.
-    It stands on the table unless its `centre` (3,) is given.
+    """Pinches of a box of half extents from above, tilted about the opening axis to both sides. It
+    stands on the table unless its `centre` (3,) is given.
 
-    Each horizontal dimension in `axes` of at most `widest` m is pinched across, at `offsets`
-    times the half extent along the other. `heights` are of the tcp above the box's base, by
-    default `low_heights`; `retreats` (m) keep it short of the middle."""
+    Each horizontal dimension in `axes` of at most `widest` m is pinched across, at `offsets` times
+    the half extent along the other. `heights` are of the tcp above the box's base; `retreats` (m)
+    keep it short of the middle."""
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     grasps: Grasps = ()
@@ -203,9 +202,9 @@ def bar_pinches(
     rolls: Sequence[float] = (0,),
     kind: str = "bar",
 ) -> Grasps:
-    """Pinches of a horizontal bar along x, its axis at `height` above the table, at x =
-    `positions`. The approach leans along the bar to both sides by `pitches`; `rolls` (degrees)
-    turn the pinch about the bar. The tcp lies on the axis or above it, as `low_heights` has it."""
+    """Pinches of a horizontal bar along x, its axis at `height`, at x = `positions`. The approach
+    leans along the bar to both sides by `pitches`; `rolls` (degrees) turn the pinch about the bar.
+    """
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     tcps = []
     for x in positions:
@@ -230,9 +229,9 @@ def handle_pinches(
     leans: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
     kind: str = "handle",
 ) -> Grasps:
-    """Pinches of a straight grip at `position` (3,): it runs `along` (3,), `out` (3,) points
-    towards the gripper. The approach is -`out`, leaned by `leans` (degrees) in the plane of
-    both."""
+    """Pinches of a straight grip at `position` (3,) that runs `along` (3,); `out` (3,) points
+    towards the gripper. The approach is -`out`, leaned by `leans` (degrees) in the plane of both.
+    """
     along, out = np.asarray(along, float), np.asarray(out, float)
     along = along / np.linalg.norm(along)
     out = out - along * (out @ along)

@@ -1,4 +1,4 @@
-"""Parameters of families, declared with how they are drawn, and helpers that every family uses."""
+"""Parameters of families, declared with how they are drawn, and helpers of families."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields
@@ -15,7 +15,6 @@ from pipeline.world.objects.words import describe
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """The words of a text, which are separated by commas."""
     return tuple(text.split(", "))
 
 
@@ -48,8 +47,7 @@ def seed(rng: Generator) -> int:
 def mark(
     x: float, y: float, z: float, normal: ArrayLike = (0, 0, 1), heading: ArrayLike = (1, 0, 0)
 ) -> Pose:
-    """A functional frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as that
-    allows."""
+    """A functional frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as that allows."""
     n = np.asarray(normal, float)
     n = n / np.linalg.norm(n)
     h = np.asarray(heading, float)
@@ -58,8 +56,7 @@ def mark(
 
 
 def standing(height: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
-    """Frames of an object that stands at its origin: "base", "top" at `height` (m), and
-    `points`, which may replace these; and its grasps."""
+    """Frames "base", "top" at `height` (m), and `points`, which may replace these."""
     return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, height), **points}, tuple(grasps))
 
 
@@ -89,8 +86,7 @@ WIDE = ("narrow", "medium-sized", "wide")
 
 
 def drawn(how: Callable[[Generator, Any], Any], **notes: Any) -> Any:
-    """A parameter that `how` draws from a generator and the parameters before it; `notes` join
-    its metadata."""
+    """A parameter that `how` draws from a generator and the parameters before it."""
     return field(metadata={"draw": how, "also": "", **notes})
 
 
@@ -110,10 +106,9 @@ def one_of(
     by: str = "",
     says: str = "",
 ) -> Any:
-    """One of `options`, all equally likely. `other_than` names a parameter whose value is left
-    out, `also` one whose value joins them in front, `by` one whose value is the key of a mapping
-    of options. `says` is the fact that phrases know it by, left out if `also` has the same
-    value."""
+    """One of `options`. `other_than` names a parameter whose value is left out, `also` one whose
+    value joins them, `by` one whose value is the key of a mapping of options. `says` is the fact
+    that phrases know it by, left out if `also` has the same value."""
 
     def how(rng: Generator, so_far: Any) -> Any:
         choices = options[getattr(so_far, by)] if isinstance(options, Mapping) else options
@@ -125,13 +120,11 @@ def one_of(
 
 
 def texture() -> Any:
-    """An integer that fixes a texture."""
     return drawn(lambda rng, so_far: seed(rng))
 
 
 class Parametric(Family):
-    """Base of families whose parameters are declared. `noun` is the object's plain name, by
-    default that of the family."""
+    """Base of families whose parameters are declared. `noun` is by default the family's name."""
 
     noun: ClassVar[str] = ""
 
@@ -146,8 +139,7 @@ class Parametric(Family):
         return cls(**vars(so_far))
 
     def facts(self) -> dict[str, str]:
-        """What phrases may state: the parameters that are text, and the size. Wood is called
-        wooden; any other material is `plain`, too."""
+        """What phrases may state: the parameters that are text, and the size."""
         facts = {name: value for name, value in vars(self).items() if isinstance(value, str)}
         if material := facts.get("material"):
             facts |= (

@@ -1,5 +1,5 @@
-"""From bare triangles to a `Mesh`. Corner uvs are (M,3,2); u runs to the right, v down, as
-images are stored."""
+"""From bare triangles to a `Mesh`. Corner uvs are (M,3,2); u runs right, v down, as images are
+stored."""
 
 import numpy as np
 from manifold3d import Manifold
@@ -16,9 +16,9 @@ WELD = 1e-6  # m: points closer than this are one point
 def finish(
     points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, crease: float = 40.0
 ) -> Mesh:
-    """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise, with optional
-    corner uvs (M,3,2). A corner's normal is the area-weighted mean of the faces around its point
-    within `crease` degrees of its own. Faces without area are dropped."""
+    """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise. A corner's normal is
+    the area-weighted mean of the faces around its point within `crease` degrees of its own. Faces
+    without area are dropped."""
     points, faces = np.asarray(points, float), np.asarray(faces, int).reshape(-1, 3)
     keys, point_of = np.unique(np.rint(points / WELD).astype(np.int64), axis=0, return_inverse=True)
     welded = np.zeros((len(keys), 3))
@@ -96,8 +96,7 @@ def join(*meshes: Mesh) -> Mesh:
 
 
 def cut(body: Mesh, *tools: Mesh, crease: float = 40.0) -> Mesh:
-    """`body` minus the solid `tools`, with box uvs. Raises ValueError if a mesh is not a closed
-    solid."""
+    """`body` minus `tools`, with box uvs. Raises ValueError if a mesh is not a closed solid."""
     solid = _solid(body)
     for tool in tools:
         solid = solid - _solid(tool)
@@ -127,6 +126,6 @@ def _from_solid(solid: Manifold, crease: float) -> Mesh:
 
 
 def volume(mesh: Mesh) -> float:
-    """m^3 of a closed mesh, by the divergence theorem."""
+    """m^3 of a closed mesh."""
     a, b, c = mesh.vertices.astype(float)[mesh.triangles].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

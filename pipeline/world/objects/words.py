@@ -1,5 +1,4 @@
-"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts
-that its parameters fix."""
+"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts."""
 
 import re
 import sys
@@ -20,9 +19,9 @@ class LanguageError(DominoError, ValueError):
 
 
 def describe(family: str, noun: str, **facts: str) -> Words:
-    """Words of an instance: the first `SEEN` and `UNSEEN` phrases of its family whose slots,
-    such as {colour}, are all filled by `facts`, without repetition. `noun` is the object's plain
-    name. Raises LanguageError for too few."""
+    """The first `SEEN` and `UNSEEN` phrases of a family whose slots, such as {colour}, are all
+    filled by `facts`, without repetition. `noun` is the object's plain name. Raises LanguageError
+    for too few."""
     if noun in FAMILIES and family not in FAMILIES:
         raise LanguageError(
             f"describe({family!r}, {noun!r}): {noun!r} is the family, which comes first, then the"
@@ -60,8 +59,7 @@ def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The lines after a line "seen" and those after a line "unseen". Raises LanguageError,
-    naming the file `where`."""
+    """The lines after a line "seen" and those after a line "unseen". Raises LanguageError."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
         raise LanguageError(
@@ -72,7 +70,6 @@ def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def facts_of(phrase: str) -> set[str]:
-    """The slots of a phrase."""
     return {name for _, name, _, _ in Formatter().parse(phrase) if name}
 
 

@@ -1,5 +1,4 @@
-"""The embodiments, by name. `get_embodiment("piper+franka-panda")` pairs a left piper with a right
-franka-panda; `"piper+none"` is a left piper alone."""
+"""The embodiments by name: "piper", "piper+franka-panda" (left, right), "piper+none" (left alone)."""
 
 from functools import cache
 from pathlib import Path
@@ -11,7 +10,6 @@ from pipeline.world.robots.contract import Embodiment, RobotError
 from pipeline.world.robots.pairs import ALIASES, MODELS, pair, register, register_all
 
 OURS = Path(__file__).parents[2] / "assets" / "robots"
-"""The robots of this package, a directory each."""
 
 register_all(OURS)
 
@@ -27,8 +25,8 @@ class UnknownEmbodiment(DominoError):
 
 
 def canonical_name(name: str) -> str:
-    """Registry name of a name, an alias (any case, `_` for `-`) or a pair "left+right", one of
-    which may be `none`. Raises UnknownEmbodiment."""
+    """Registry name of a name, an alias (any case, `_` for `-`) or a pair. Raises
+    UnknownEmbodiment."""
     parts = []
     for part in name.split("+"):
         key = part.strip().lower().replace("_", "-")
@@ -42,9 +40,8 @@ def canonical_name(name: str) -> str:
 
 
 def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:
-    """The embodiment of a name, alias, pair or single arm, built once per process. Bases are at
-    our places or those of the original system (`layout`). Raises UnknownEmbodiment, and
-    RobotError for a spec that is not sound."""
+    """The embodiment of a name, alias, pair or single arm, built once per process, with bases at
+    our places or the original's. Raises UnknownEmbodiment and RobotError."""
     return _build(canonical_name(name), layout)
 
 

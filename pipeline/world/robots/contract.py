@@ -1,6 +1,5 @@
-"""What an embodiment is: two arms or one and fixed furniture, as plain data; its forward
-kinematics; and whether its spec is sound. Names of joints and links are local to an arm; in the
-world they carry its side: `left_joint1`."""
+"""What an embodiment is, as plain data; its forward kinematics; whether its spec is sound. Names of
+joints and links are local to an arm; in the world they carry its side: `left_joint1`."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -32,9 +31,8 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid link: mass kg, centre of mass m, visuals and collision, all in the link frame. The
-    inertia (ixx, iyy, izz) and products (ixy, ixz, iyz), kg m2, are about the centre of mass along
-    the link's axes."""
+    """A rigid link: mass kg, centre of mass m, inertia (ixx, iyy, izz) and products (ixy, ixz, iyz)
+    kg m2 about it, along the link's axes."""
 
     name: str
     mass: float
@@ -48,8 +46,7 @@ class Link:
 @dataclass(frozen=True)
 class Gripper:
     """Two fingers moved by coupled joints: slides, a linkage of hinges, or one hinge of a jaw that
-    meets a fixed one. `closed`/`opened` are joint positions (m or rad); the normalised value is 0
-    closed, 1 open, linear in them."""
+    meets a fixed one. The normalised value is 0 at `closed` (m or rad), 1 at `opened`, linear."""
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]  # link names of the fingers; the hand for a jaw that is part of it
@@ -64,7 +61,7 @@ class Gripper:
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """A camera on a link: pose in the link frame, x forward, y left, z up."""
+    """A camera on a link: pose in the link frame, x forward, z up."""
 
     link: str
     pose: Pose
@@ -72,8 +69,8 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """One arm. `base` places its root link in the world, `tcp` is the tool frame in `hand` (x
-    approach, y opening)."""
+    """`base` places the root link in the world, `tcp` is the tool frame in `hand` (x approach, y
+    opening)."""
 
     model: str
     base: Pose
@@ -94,8 +91,8 @@ class Arm:
 
 @dataclass(frozen=True, eq=False)
 class Embodiment:
-    """Arms by side, left before right, the fixed furniture in the world frame, and the head
-    camera's world pose (x forward, z up)."""
+    """Arms by side, left before right, fixed furniture (world frame), and the head camera's world
+    pose (x forward, z up)."""
 
     name: str
     arms: dict[str, Arm]
@@ -113,17 +110,16 @@ class Embodiment:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """The sides that have an arm, in the order of every vector."""
         return tuple(self.arms)
 
 
 def jaw_positions(gripper: Gripper, value: float) -> np.ndarray:
-    """Joint positions (J,) in m or rad of the jaws for a value 0 (closed) to 1 (open)."""
+    """Joint positions (J,) in m or rad for a value 0 (closed) to 1 (open)."""
     return np.array(gripper.closed) + value * (np.array(gripper.opened) - np.array(gripper.closed))
 
 
 def jaw_value(gripper: Gripper, positions: np.ndarray) -> float:
-    """Value 0-1 of measured jaw positions (J,) in m or rad; the mean of all joints."""
+    """Value 0-1 of measured jaw positions (J,); the mean of all joints."""
     closed, opened = np.array(gripper.closed), np.array(gripper.opened)
     return float(np.mean((positions - closed) / (opened - closed)))
 
@@ -134,7 +130,7 @@ LEAD = 0.05
 
 def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> float:
     """The value that a gripper at measured `positions` (J,) is driven to for a commanded one: in a
-    linkage no joint is driven further from their mean than LEAD, so that all stop at an object."""
+    linkage at most LEAD from the mean of the joints, so that all stop at an object."""
     if len(gripper.joints) <= 2:
         return value
     now = jaw_value(gripper, positions)
@@ -142,8 +138,7 @@ def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> floa
 
 
 def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
-    """Poses (..., 7) of the moved child frame in the unmoved one, for positions (...) in rad or
-    m."""
+    """Poses (..., 7) of the moved child frame in the unmoved one, for positions (...) in rad or m."""
     position = np.asarray(position, float)
     axis = np.asarray(joint.axis, float)
     moved = np.zeros((*position.shape, 7))
@@ -157,8 +152,8 @@ def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
 
 
 def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
-    """World poses (..., 7) of every link by its local name, for joint positions (...) by local
-    joint name; missing ones are 0."""
+    """World poses (..., 7) of every link by local name, for joint positions (...) by local name,
+    else 0."""
     poses = {root_link(arm): np.array(arm.base)}
     for joint in arm.joints:
         local = compose(joint.origin, joint_motion(joint, positions.get(joint.name, 0.0)))
@@ -176,24 +171,23 @@ def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
 
 
 def root_link(arm: Arm) -> str:
-    """Local name of the link that no joint moves, which `arm.base` places."""
+    """The link that no joint moves."""
     children = {joint.child for joint in arm.joints}
     return next(link.name for link in arm.links if link.name not in children)
 
 
 def arm_limits(arm: Arm) -> np.ndarray:
-    """Position limits of the arm joints, (dof, 2) rad: lower, upper."""
+    """Lower and upper limits of the arm joints, (dof, 2) rad."""
     by_name = {joint.name: joint for joint in arm.joints}
     return np.array([(by_name[n].lower, by_name[n].upper) for n in arm.arm_joints])
 
 
 class RobotError(DominoError):
-    """A robot whose spec is not sound: the message names the robot, the fault and the fix."""
+    """A robot whose spec is not sound."""
 
 
 def check_arm(name: str, side: str, arm: Arm) -> None:
-    """Raise RobotError for the first fault of an arm of robot `name`, beyond what reading its URDF
-    refuses."""
+    """Raise RobotError for the first fault of an arm, beyond what reading its URDF refuses."""
     for check in (_tree, _frames, _drives, _numbers):
         for problem in check(arm):
             raise RobotError(f"robot {name!r}, {side} arm: {problem}")

@@ -1,5 +1,5 @@
-"""A robot is a directory: `robot.urdf` (kinematics, inertia, collision), `meshes/` (what it
-looks like), `robot.toml` (what a URDF cannot say)."""
+"""A robot is a directory: `robot.urdf`, `meshes/` (what it looks like), `robot.toml` (what a URDF
+cannot say)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,8 +30,8 @@ class Tcp(Table):
 
 
 class Jaws(Table):
-    """The gripper: driven joints, two finger links, joint positions closed and open (rad or m),
-    opening of the pads (m)."""
+    """Driven joints, two finger links, joint positions closed and open (rad or m), opening of the
+    pads (m)."""
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]
@@ -45,7 +45,7 @@ class Jaws(Table):
 
 
 class WristCamera(Table):
-    """On the hand, `behind` and `above` the tool frame (m), pitched down by `pitch` (rad)."""
+    """Metres `behind` and `above` the tool frame, pitched down by `pitch` (rad)."""
 
     behind: float = 0.095
     above: float = 0.085
@@ -53,14 +53,14 @@ class WristCamera(Table):
 
 
 class RootPlace(Table):
-    """World pose of a root link: position (m) and unit quaternion wxyz."""
+    """World pose: position (m) and unit quaternion wxyz."""
 
     position: Triple
     quaternion: tuple[float, float, float, float]
 
 
 class JointDrives(Table):
-    """Stiffness N m/rad, damping N m s/rad; acceleration rad/s2 is a limit of planning."""
+    """N m/rad, N m s/rad; acceleration rad/s2 is a limit of planning."""
 
     stiffness: float = 5000.0
     damping: float = 500.0
@@ -68,7 +68,7 @@ class JointDrives(Table):
 
 
 class JointLimit(Table):
-    """Limits that replace those of the URDF: rad or m, rad/s or m/s, N m or N."""
+    """Replaces the URDF's: rad or m, rad/s or m/s, N m or N."""
 
     lower: float | None = None
     upper: float | None = None
@@ -77,16 +77,14 @@ class JointLimit(Table):
 
 
 class Torso(Table):
-    """What carries both arms in place of stands: a GLB and boxes (lower and upper corner, m), in
-    the world frame."""
+    """What carries both arms in place of stands: a GLB and boxes (lower and upper corner, m), world
+    frame."""
 
     mesh: str
     boxes: tuple[tuple[Triple, Triple], ...]
 
 
 class RobotToml(Table):
-    """`robot.toml`."""
-
     aliases: tuple[str, ...] = ()
     licence: str = "unknown"
     source: str = ""
@@ -105,8 +103,7 @@ class RobotToml(Table):
 
 
 class RobotModel:
-    """A robot of a directory. `settings` are read at once; links and joints when an arm is first
-    asked for."""
+    """A robot of a directory; links and joints are read when an arm is first asked for."""
 
     def __init__(self, directory: Path, name: str | None = None) -> None:
         self.directory = directory
@@ -114,14 +111,13 @@ class RobotModel:
         self.settings = read_settings(directory)
 
     def arm(self, side: str) -> Arm:
-        """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that
-        cannot be used."""
+        """The left or right arm at its place. Raises RobotError and UrdfError."""
         settings, place = self.settings, self.settings.place[side]
         base = np.array([*place.position, *place.quaternion])
         return replace(self._arm, base=base, home=settings.home[side])
 
     def body(self) -> Stand | None:
-        """What carries both arms instead of two stands, if both are this model."""
+        """What carries both arms instead of two stands."""
         body = self.settings.body
         if body is None:
             return None
@@ -185,7 +181,7 @@ _SIDES: Mapping[str, None] = {"left": None, "right": None}
 
 
 def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
-    """The joints from the root to a link, in this order; none for an unknown link."""
+    """The joints from the root to a link; none for an unknown link."""
     path: list[Joint] = []
     while hand in robot.parent_joint and len(path) <= len(robot.links):
         path.append(robot.parent_joint[hand])

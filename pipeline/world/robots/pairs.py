@@ -1,5 +1,4 @@
-"""The robots that exist, and two single arms as one embodiment. The randomized domain raises it
-and turns its head camera."""
+"""The robots that exist, and two single arms as one embodiment."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,8 +39,8 @@ def raised(embodiment: Embodiment, by: float) -> Embodiment:
 
 
 def looking(embodiment: Embodiment, shift: ArrayLike, turn: Sequence[float]) -> Embodiment:
-    """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad of roll, pitch, yaw, in
-    its own frame."""
+    """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad (roll, pitch, yaw) in
+    its frame."""
     return replace(
         embodiment, head_camera=compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn)))
     )
@@ -58,7 +57,7 @@ ALIASES: dict[str, str] = {}
 
 def register(directory: Path) -> RobotModel:
     """Enter the robot of a directory under the directory's name; one that is entered stays. Raises
-    RobotError for a name or alias that is taken or malformed, and for a wrong `robot.toml`."""
+    RobotError."""
     known = MODELS.get(directory.name)
     if known is not None and known.directory == directory:
         return known
@@ -89,8 +88,6 @@ def register_all(folder: Path) -> None:
 
 
 def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, Stand]:
-    """An arm and what stands under it; with layout "original" its base is where the original system
-    has it."""
     arm = model.arm(side)
     if layout == "original" and model.settings.original is not None:
         arm = replace(arm, base=np.concatenate([model.settings.original[side], arm.base[3:]]))
@@ -99,8 +96,8 @@ def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, S
 
 
 def pair(left: RobotModel | None, right: RobotModel | None, layout: Layout = "ours") -> Embodiment:
-    """Embodiment of the left arm of one model and the right arm of another, each on its own
-    stand. None stands for a missing arm. Raises RobotError for a spec that is not sound."""
+    """The left arm of one model and the right arm of another, each on its own stand; None for a
+    missing arm. Raises RobotError for a spec that is not sound."""
     models = {
         side: model for side, model in zip(SIDES, (left, right), strict=True) if model is not None
     }

@@ -1,5 +1,4 @@
-"""Notation of robots (URDF origins, cameras, boxes between corners) and what a single arm stands
-on."""
+"""Notation of robots (URDF origins, cameras, boxes) and what a single arm stands on."""
 
 from collections.abc import Iterable
 
@@ -27,12 +26,12 @@ def wrist_camera(
     tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
 ) -> Pose:
     """Camera pose (7,) in the hand link, `behind` and `above` the tool frame (m), pitched down by
-    `pitch` (rad). From here both fingers and what they hold are in view up to 9 cm."""
+    `pitch` (rad): both fingers and what they hold are in view up to 9 cm."""
     return compose(tcp, at((-behind, 0, above), (0, pitch, 0)))
 
 
 def box(lower: ArrayLike, upper: ArrayLike) -> Collider:
-    """Axis-aligned box between two corners (3,), m, link frame."""
+    """Box between two corners (3,), m."""
     a, b = np.asarray(lower, float), np.asarray(upper, float)
     return Collider("box", tuple(((b - a) / 2).tolist()), pose((a + b) / 2))
 
@@ -48,8 +47,8 @@ GAP = 0.003  # between the stand's collision and the base link, m
 
 
 def pedestal(base: Triple, half: float) -> Stand:
-    """A stand in the world frame for a base at `base` (m) whose foot fits a square of half edge
-    `half` (m). Only the plate under the foot may reach over the table."""
+    """A stand (world frame) for a base at `base` (m) whose foot fits a square of half edge `half`
+    (m). Only the plate under the foot may reach over the table."""
     x, y, z = base
     column_y = min(y, TABLE_EDGE - 0.015 - half)
     front = max(y, column_y) + half

@@ -1,5 +1,4 @@
-"""The shapes of a URDF as triangles in their link's frame: what is drawn, and hulls that
-collide."""
+"""The shapes of a URDF as triangles in their link's frame: what is drawn, and hulls that collide."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,9 +18,9 @@ LARGEST = 10.0  # m: no vertex of a robot's link is farther from its frame
 
 
 def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> Parts:
-    """Meshes (link frame, m) and materials of a link's shapes, about 1500 triangles at most. Colors
-    of a mesh file come before those of the URDF, as in ROS. `notes` gets a line for what was
-    guessed or left out. Raises UrdfError."""
+    """Meshes (link frame, m) and materials of a link's shapes, about 1500 triangles. Colors of a
+    mesh file come before those of the URDF, as in ROS. `notes` gets what was guessed or left out.
+    Raises UrdfError."""
     looks_of_parts = list[Part]()
     for shape in shapes:
         parts, read = parts_of(shape)
@@ -36,7 +35,7 @@ def _stated(look: MeshLook, shape: UrdfShape) -> MeshLook:
 
 
 def hull(shape: UrdfShape) -> Floats:
-    """Corners (N,3) m in the link frame of the convex hull of a mesh. Raises UrdfError."""
+    """Corners (N,3) m in the link frame of a mesh's convex hull. Raises UrdfError."""
     points = surface(shape)[0]
     try:
         return np.asarray(trimesh.convex.convex_hull(points).vertices, float)
@@ -52,8 +51,8 @@ def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
 
 
 def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
-    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and the
-    notes on its file. Raises UrdfError."""
+    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and notes
+    on its file. Raises UrdfError."""
     if shape.file is None:
         return [_solid(shape)], ()
     try:

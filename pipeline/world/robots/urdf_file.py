@@ -1,5 +1,4 @@
-"""Reads a URDF file. What a simulator would accept in silence and get wrong is refused in one
-line."""
+"""Reads a URDF file. What a simulator would accept in silence and get wrong is refused."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -40,7 +39,7 @@ class UrdfError(DominoError):
 class UrdfShape:
     """One `<visual>` or `<collision>`: a mesh, box (half extents), cylinder (radius, half length)
     or sphere (radius), placed in the link by `origin`. A mesh has a file, which may name others
-    below `within`, and a scale (3,). `color` is sRGB 0-1."""
+    below `within`. `color` is sRGB 0-1."""
 
     kind: str
     origin: Pose
@@ -53,8 +52,8 @@ class UrdfShape:
 
 @dataclass(frozen=True, eq=False)
 class UrdfLink:
-    """A link: mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes,
-    and its shapes."""
+    """Mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes, and
+    shapes."""
 
     mass: float
     com: Floats
@@ -65,7 +64,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint that follows another: position = `multiplier` x that of `joint` + `offset`."""
+    """position = `multiplier` x that of `joint` + `offset`."""
 
     joint: str
     multiplier: float
@@ -74,8 +73,8 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class UrdfRobot:
-    """Links by name in file order, the joint above each link by the link's name, and mimic rules by
-    joint name."""
+    """Links by name in file order, the joint above each link by the link's name, mimic rules by
+    joint."""
 
     path: Path
     links: dict[str, UrdfLink]
@@ -83,12 +82,11 @@ class UrdfRobot:
     mimics: dict[str, Mimic]
 
     def roots(self) -> list[str]:
-        """Links that hang on no joint."""
         return [link for link in self.links if link not in self.parent_joint]
 
     def link_poses(self, base: str, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
         """Poses (..., 7) of the links below `base` in its frame, for joint positions (...) rad or m
-        by child link; others 0."""
+        by child link, else 0."""
         poses = {base: pose()}
         for link in self.below(base)[1:]:
             joint = self.parent_joint[link]
@@ -112,8 +110,8 @@ class UrdfRobot:
 def read_urdf(
     path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> UrdfRobot:
-    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package or
-    the second one above it. `packages` are directories by name. Raises UrdfError."""
+    """Read a plain URDF whose meshes lie below `root`, by default the folder of its package or the
+    second one above it. `packages` are directories by name. Raises UrdfError."""
     document = _parse(path)
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
@@ -186,8 +184,6 @@ def _check_numbers(element: Any, path: Path) -> None:
 
 @dataclass(frozen=True)
 class _Shapes:
-    """Reads the shapes of a file's links."""
-
     folders: Folders
     paints: Mapping[str | None, Color | None]
 

@@ -1,5 +1,4 @@
-"""The object families by kind, with their descriptions in phrases/. Every module below registers
-its own."""
+"""The object families by kind, with their descriptions in phrases/."""
 
 import importlib
 import pkgutil

@@ -1,5 +1,4 @@
-"""Hollow boxes and bins: a basket to carry, one for bread, a small bin, and two beside the
-table."""
+"""Hollow boxes and bins: two baskets, a small bin, and two beside the table."""
 
 from dataclasses import replace
 
@@ -41,8 +40,7 @@ TONES = listed("tan, brown, beige, gold, rust, white, gray, charcoal, red, teal,
 
 
 def open_box(hx: float, hy: float, height: float, wall: float, corner: float) -> Mesh:
-    """A hollow open box of outer half extents with round vertical corners, its floor `wall`
-    thick."""
+    """A hollow open box of outer half extents with round vertical corners."""
     outline = rounded_rectangle(hx, hy, corner, 4)
     sx, sy = (hx - wall) / hx, (hy - wall) / hy
     levels = [(0, 1, 1), (height, 1, 1), (height, sx, sy), (wall, sx, sy)]
@@ -51,9 +49,8 @@ def open_box(hx: float, hy: float, height: float, wall: float, corner: float) ->
 
 @deferred
 def in_metres(mesh: Mesh, path: np.ndarray) -> Mesh:
-    """The mesh of an open box, lofted over the closed outline `path` (K,2), with uvs in tiles of
-    WEAVE: flat faces by x and y, the others by the way round and the height. A whole number of
-    tiles goes round."""
+    """The mesh of an open box over the closed outline `path` (K,2), its uvs in tiles of WEAVE, of
+    which a whole number goes round."""
     assert mesh.uvs is not None
     steps = np.linalg.norm(np.diff(np.vstack([path, path[:1]]), axis=0), axis=1)
     way = np.concatenate([[0], np.cumsum(steps)])
@@ -67,8 +64,7 @@ def in_metres(mesh: Mesh, path: np.ndarray) -> Mesh:
 
 @deferred
 def wound(tube: Mesh, path: np.ndarray) -> Mesh:
-    """A tube along `path` (N,3), closed where its last point is its first, with four turns of cord
-    every 4 cm."""
+    """A tube along `path` (N,3) with four turns of cord every 4 cm."""
     assert tube.uvs is not None
     way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     v = np.interp((1 - tube.uvs[:, 1]) * (len(path) - 1), np.arange(len(path)), way)
@@ -77,14 +73,13 @@ def wound(tube: Mesh, path: np.ndarray) -> Mesh:
 
 
 def corded_rim(outline: np.ndarray, z: float, radius: float) -> Mesh:
-    """A wound tube along an outline (K,2) at height `z`."""
     path = np.column_stack([outline, np.full(len(outline), z)])
     return wound(sweep(path, radius, 6, closed=True), np.concatenate([path, path[:1]]))
 
 
 @register("basket")
 class Basket(Parametric):
-    """Hollow, long along x, with an arched handle over its middle from -y to +y."""
+    """Long along x, with an arched handle over its middle from -y to +y."""
 
     colour: str = one_of(TONES)
     hx: float = between(0.105, 0.125, size=LARGE)  # half extent along x
@@ -96,7 +91,7 @@ class Basket(Parametric):
     seed: int = texture()
 
     def arch_path(self) -> np.ndarray:
-        """Axis of the handle (N,3), in the y-z plane."""
+        """Axis of the handle (N,3)."""
         angle = np.radians(np.linspace(180, 0, 11))
         low, top = 0.75 * self.height, self.arch - self.grip
         y = (self.hy - 0.5 * WALL) * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.75
@@ -144,8 +139,6 @@ class Basket(Parametric):
 
 @register("bread_basket")
 class BreadBasket(Parametric):
-    """A shallow bread basket, hollow, without handle."""
-
     colour: str = one_of(TONES)
     hx: float = between(0.085, 0.115, size=LARGE)
     hy: float = between(0.062, 0.08)
@@ -183,8 +176,6 @@ class BreadBasket(Parametric):
 
 @register("table_bin")
 class TableBin(Parametric):
-    """Round and tapered, with a rim."""
-
     radius: float = between(0.05, 0.065, size=LARGE)  # at the rim
     material: str = one_of(("plastic", "metal"))
     colour: str = one_of(COLOURS)
@@ -224,7 +215,7 @@ class TableBin(Parametric):
 
 @register("dustbin")
 class Dustbin(Parametric):
-    """A round bin on the floor, open at the top."""
+    """Stands on the floor."""
 
     radius: float = between(0.19, 0.22, size=WIDE)
     colour: str = one_of(COLOURS)
@@ -256,7 +247,7 @@ class Dustbin(Parametric):
 
 @register("big_bin")
 class BigBin(Parametric):
-    """A rectangular bin on the floor, open at the top."""
+    """Stands on the floor."""
 
     colour: str = one_of(COLOURS)
     hx: float = between(0.18, 0.22)

@@ -1,5 +1,4 @@
-"""A small cabinet with one drawer, as two bodies: the shell, facing -y, and the drawer that slides
-in it."""
+"""A small cabinet with one drawer, as two bodies."""
 
 from dataclasses import asdict
 from typing import Self
@@ -37,8 +36,8 @@ def _skin(colour: str, texture: int) -> Material:
 
 @register("drawer")
 class Drawer(Family):
-    """An open box with a front board and an upright bar handle, both towards -y; origin under the
-    middle of the box."""
+    """An open box with a front board and an upright bar handle towards -y; origin under the middle
+    of the box."""
 
     hx: float  # of the box
     hy: float
@@ -56,8 +55,7 @@ class Drawer(Family):
 
     @property
     def handle_at(self) -> tuple[float, float, float]:
-        """Middle of the handle bar: 4 cm before the front, so that fingertips find room on either
-        side of it."""
+        """Middle of the handle bar, 4 cm before the front: room for fingertips on either side."""
         return (0.0, -self.hy - BOARD - 0.040, self.front_height / 2)
 
     def shape(self) -> Shape:
@@ -107,8 +105,7 @@ class Drawer(Family):
 
 @register("cabinet")
 class Cabinet(Parametric):
-    """The shell: sides, back, top and bottom boards; the drawer's bay is open towards -y, below it
-    a closed front."""
+    """The shell; the drawer's bay is open towards -y, below it a closed front."""
 
     colour: str = one_of(TONES)
     hx: float = between(0.14, 0.17, size=LARGE)  # half extent along x
@@ -122,11 +119,9 @@ class Cabinet(Parametric):
 
     @property
     def height(self) -> float:
-        """Of the whole cabinet (m)."""
         return self.foot + self.bay + 2 * BOARD
 
     def drawer(self) -> Drawer:
-        """The drawer that fits; closed at `slot()`."""
         hx, hy, height = self.hx - BOARD - GAP, self.hy - BOARD - GAP, self.bay - 2 * GAP
         looks = self.drawer_colour, self.handle_colour, self.seed + 1
         return Drawer(hx, hy, 0.6 * self.bay, hx, height, self.bar, *looks)
@@ -136,7 +131,6 @@ class Cabinet(Parametric):
         return mark(0, 0, self.foot + BOARD + GAP)
 
     def slide(self) -> Slide:
-        """How the drawer moves, from closed to open."""
         return Slide((0.0, -1.0, 0.0), 0.0, 1.4 * self.hy)
 
     def boards(self) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:

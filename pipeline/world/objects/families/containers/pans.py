@@ -28,7 +28,7 @@ WALL = 0.004
 
 @register("pot")
 class Pot(Parametric):
-    """A kitchen pot with two loop handles, along x."""
+    """Two loop handles lie along x."""
 
     radius: float = between(0.075, 0.10, size=LARGE)
     material: str = one_of(("steel", "enamel"))
@@ -87,7 +87,7 @@ the pan is near the robot."""
 
 @register("skillet")
 class Skillet(Parametric):
-    """A frying pan; its handle points towards -y, the robot."""
+    """The handle points towards -y, the robot."""
 
     handle_material: str = one_of(("wood", "plastic"))
     radius: float = between(0.07, 0.09, size=LARGE)

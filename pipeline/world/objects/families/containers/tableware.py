@@ -30,8 +30,6 @@ WALL = 0.004
 
 @register("bowl")
 class Bowl(Parametric):
-    """A bowl on a low foot."""
-
     radius: float = between(0.052, 0.072, size=LARGE)
     colour: str = one_of(COLOURS)
     height: float = between(0.68, 0.88, of="radius")
@@ -41,7 +39,7 @@ class Bowl(Parametric):
     inside: str = one_of(PASTELS, also="colour", says="inside")
 
     def outer(self) -> list[tuple[float, float]]:
-        """Silhouette of the wall, (radius, z) upwards, in three straight pieces."""
+        """Silhouette of the wall, (radius, z) upwards."""
         share = np.array([0, 0.3, 0.65, 1.0])
         bulge = self.belly * self.radius * np.sin(np.pi * share)
         r = self.foot + (self.radius - self.foot) * share + bulge
@@ -78,8 +76,6 @@ PLATE_WALL = 0.005
 
 @register("plate")
 class Plate(Parametric):
-    """A dinner plate: a flat floor with a raised rim."""
-
     radius: float = between(0.085, 0.12, size=LARGE)
     colour: str = one_of(PASTELS + COLOURS)
     height: float = between(0.016, 0.024)
@@ -119,7 +115,7 @@ CUP_SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": 
 
 @register("cup")
 class Cup(Parametric):
-    """A cup without handle: a tumbler of plastic, ceramic or metal."""
+    """A tumbler of plastic, ceramic or metal."""
 
     radius: float = between(0.028, 0.034, size=LARGE)  # at the rim
     material: str = one_of(tuple(CUP_SKINS))

@@ -100,7 +100,7 @@ class QrSign(Parametric):
 
 @register("scale")
 class KitchenScale(Parametric):
-    """An electronic kitchen scale with a display towards -y."""
+    """The display lies towards -y."""
 
     hx: float = between(0.07, 0.09, size=LARGE)
     hy: float = drawn(lambda rng, scale: scale.hx + rng.uniform(0.012, 0.026))
@@ -146,7 +146,7 @@ LABEL = print_texture("white", "charcoal", "product", "SCAN")
 
 @register("scanner")
 class Scanner(Parametric):
-    """A handheld bar code scanner standing on its foot, its window towards -y."""
+    """Stands on its foot, its window towards -y."""
 
     colour: str = one_of(COLOURS)
     height: float = between(0.125, 0.155, size=LARGE)
@@ -159,7 +159,6 @@ class Scanner(Parametric):
 
     @property
     def window(self) -> tuple[float, float, float]:
-        """Middle of the window."""
         return (0.0, -0.62 * self.head, self.height - self.deep / 2)
 
     def shape(self) -> Shape:

@@ -146,8 +146,7 @@ class Microphone(Parametric):
 
     def frames(self) -> NamedFrames:
         def grips(share: float, kind: str, lean: int) -> list[Grasp]:
-            """Pinches whose hand leans back over the tail (lean 1) or over the head (-1), so that
-            two hands find room."""
+            """Pinches whose hand leans over the tail (1) or the head (-1): room for two hands."""
             x, _, z = map(float, self.axis(share))
             radius = self.tail + (self.neck - self.tail) * share / 0.82
             pitches, rolls = (15, 30, 45, 60, 75, 90), (-30, -15, 0, 15, 30)

@@ -33,7 +33,7 @@ SCREENS = ("navy", "sky blue", "lavender", "coral", "mint", "gold", "pink", "tea
 
 @register("phone")
 class Phone(Parametric):
-    """A phone lying on its back, screen up, its top towards +y."""
+    """Lies on its back, its top towards +y."""
 
     hx: float = between(0.03, 0.034)
     height: float = between(0.125, 0.152, size=LARGE)
@@ -66,7 +66,7 @@ class Phone(Parametric):
 
 @register("remote")
 class RemoteControl(Parametric):
-    """A remote control lying on its back, its top towards +y."""
+    """Lies on its back, its top towards +y."""
 
     noun = "remote control"
 
@@ -104,7 +104,7 @@ LEVELS = (
 
 @register("mouse")
 class Mouse(Parametric):
-    """A computer mouse, its buttons towards +y."""
+    """The buttons are towards +y."""
 
     colour: str = one_of(COLOURS)
     hx: float = between(0.027, 0.032)
@@ -114,7 +114,7 @@ class Mouse(Parametric):
     wheel: str = one_of(("black", "gray", "white", "red", "cyan", "lime"), other_than="colour")
 
     def outline(self) -> np.ndarray:
-        """Outline (20,2): an oval with a waist."""
+        """An oval (20,2) with a waist."""
         angle = 2 * np.pi * np.arange(20) / 20
         c, s, pinch = np.cos(angle), np.sin(angle), self.pinch
         x = self.hx * np.sign(c) * np.abs(c) ** 0.62 * (1 - pinch * (1 - s**2))

@@ -32,7 +32,7 @@ from pipeline.world.shapes import Material, Mesh, Shape
 
 @register("alarm_clock")
 class AlarmClock(Parametric):
-    """An alarm clock facing -y with a button on top: a twin-bell clock or a digital one."""
+    """Faces -y, with a button on top."""
 
     colour: str = one_of(COLOURS)
     height: float = between(0.085, 0.115, size=LARGE)
@@ -125,7 +125,7 @@ class AlarmClock(Parametric):
 
 
 def _standing(mesh: Mesh) -> Mesh:
-    """The mesh cut flat at the table: points below it are raised onto it."""
+    """The mesh cut flat at the table."""
     vertices = mesh.vertices.copy()
     vertices[:, 2] = np.maximum(vertices[:, 2], 0)
     return Mesh(vertices, mesh.triangles, mesh.normals, mesh.uvs)
@@ -136,7 +136,7 @@ COLLAR = 0.012  # m of upright wall at the foot of the dome, where it is held
 
 @register("bell")
 class Bell(Parametric):
-    """A service bell: a dome on a base, rung by the button on top."""
+    """A dome on a base, rung by the button on top."""
 
     radius: float = between(0.028, 0.034, size=LARGE)
     material: str = one_of(("metal", "painted"))
@@ -148,7 +148,6 @@ class Bell(Parametric):
 
     @property
     def height(self) -> float:
-        """To the top of the button (m)."""
         return self.foot + self.dome + 0.010
 
     def outline(self) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""Bottles (standing, lying, of pills), a drink can and a food can."""
+"""Bottles, a drink can and a food can."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
 BODY = ("low", "side", "high")
-"""Kinds of grasps around the body; they hold firmer than one around the neck."""
+"""Kinds of grasps around the body, firmer than one around the neck."""
 
 NECK_PITCHES = (0, 15, 30)
 # height of the shoulder in body radii
@@ -35,7 +35,7 @@ FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}
 
 @register("bottle")
 class Bottle(Parametric):
-    """A capped bottle with a label, standing."""
+    """Capped, with a label."""
 
     radius: float = between(0.026, 0.032)
     colour: str = one_of(COLOURS)
@@ -104,8 +104,7 @@ class Bottle(Parametric):
 
 @register("lying_bottle")
 class LyingBottle(Bottle):
-    """The origin is under the middle of its length, where it touches the table; frame "cap" looks
-    out of the bottle."""
+    """The origin is under the middle of its length; frame "cap" looks out of the bottle."""
 
     noun = "bottle"
 
@@ -136,8 +135,6 @@ class LyingBottle(Bottle):
 
 @register("pill_bottle")
 class PillBottle(Parametric):
-    """A pill bottle with a wide cap."""
-
     radius: float = between(0.02, 0.027)
     colour: str = one_of(("orange", "white", *COLOURS))
     height: float = between(0.07, 0.1, size=TALL)
@@ -178,8 +175,6 @@ class PillBottle(Parametric):
 
 @register("can")
 class Can(Parametric):
-    """A drink can."""
-
     colour: str = one_of(COLOURS)
     radius: float = between(0.026, 0.033)
     height: float = between(0.085, 0.125, size=TALL)
@@ -221,8 +216,6 @@ CONTENTS = ("TOMATO", "BEANS", "SOUP", "CORN", "PEAS", "CURRY", "PESTO", "CHILI"
 
 @register("sauce_can")
 class SauceCan(Parametric):
-    """A short food can with a paper label."""
-
     colour: str = one_of(COLOURS)
     radius: float = between(0.027, 0.033)
     height: float = between(0.07, 0.10, size=TALL)

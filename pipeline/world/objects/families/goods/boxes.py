@@ -46,7 +46,6 @@ def carton(
     texture: int,
     bevel: float = 0.0008,
 ) -> tuple:
-    """Visual part of a printed box standing on the table."""
     return at(box(hx, hy, hz, bevel), (0, 0, hz)), printed(
         print_texture(colour, ink, style, text, texture), 0.55
     )
@@ -80,7 +79,7 @@ class PlayingCards(Parametric):
 
 @register("tea_box")
 class TeaBox(Parametric):
-    """A standing tea box with a bar code block on each of its four sides."""
+    """Has a code block on each of its four sides."""
 
     colour: str = one_of(COLOURS)
     hx: float = between(0.026, 0.033)
@@ -105,7 +104,6 @@ class TeaBox(Parametric):
 
     @property
     def code_height(self) -> float:
-        """Height of the middle of the codes (m)."""
         return 0.25 * self.height
 
     def frames(self) -> NamedFrames:
@@ -122,8 +120,6 @@ class TeaBox(Parametric):
 
 @register("coffee_box")
 class CoffeeBox(Parametric):
-    """A standing coffee box, wider than deep."""
-
     colour: str = one_of(COLOURS)
     hx: float = between(0.038, 0.05)
     hy: float = between(0.026, 0.033)

@@ -1,4 +1,4 @@
-"""Bread in four forms: a bun, a tin loaf, a short baguette, a square roll."""
+"""A bun, a tin loaf, a short baguette, a square roll."""
 
 import numpy as np
 

@@ -1,5 +1,4 @@
-"""A low shoe, its toe towards +x: lofted upper on a sole, with collar, tongue, laces and a
-stripe."""
+"""A low shoe, its toe towards +x."""
 
 import numpy as np
 
@@ -55,11 +54,11 @@ class Shoe(Parametric):
     seed: int = texture()
 
     def x(self, share: np.ndarray | float) -> np.ndarray:
-        """x (m) of a share of the length, from the heel; the origin is under the middle."""
+        """x (m) of a share of the length, from the heel."""
         return (np.asarray(share) - 0.5) * self.length
 
     def sections(self) -> np.ndarray:
-        """Upright arches (S,K,3) from heel to toe: straight flanks, a rounded ridge."""
+        """Upright arches (S,K,3) from heel to toe."""
         flank = np.array(
             [(1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0)]
         )

@@ -1,4 +1,4 @@
-"""Flat things to set others on: a coaster, a large mat, a pad."""
+"""Flat things to set others on."""
 
 from typing import Self
 
@@ -40,8 +40,6 @@ TONES = {"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS, "pai
 
 @register("coaster")
 class Coaster(Parametric):
-    """Round or square, with a ring on it."""
-
     material: str = one_of(tuple(TONES))
     colour: str = one_of(TONES, by="material")
     radius: float = between(0.042, 0.055, size=LARGE)
@@ -117,8 +115,6 @@ PAD_SKINS = ("fabric", "rubber", "painted")
 
 @register("pad")
 class Pad(Parametric):
-    """A flat pad: a goal to set things on."""
-
     hx: float
     hy: float
     thickness: float

@@ -1,4 +1,4 @@
-"""What others stand, lean or hang on: a display stand, a phone stand, a mug rack."""
+"""What others stand, lean or hang on."""
 
 import numpy as np
 
@@ -41,7 +41,7 @@ TONES = {
 
 @register("display_stand")
 class DisplayStand(Parametric):
-    """A display stand: a plate on a column on a foot."""
+    """A plate on a column on a foot."""
 
     radius: float = between(0.055, 0.075, size=LARGE)  # of the plate; half extent of a square one
     material: str = one_of(tuple(TONES))
@@ -87,8 +87,7 @@ class DisplayStand(Parametric):
 
 
 def _edge(r: float, t: float) -> list[tuple[float, float]]:
-    """Radius and height (m) along the edge of a plate of radius `r` and thickness `t`: a round nose
-    below a step."""
+    """(radius, z) m along the edge of a plate of radius `r` and thickness `t`."""
     return [(r, 0.25 * t), (r - 0.0006, 0.58 * t), (r - 0.0025, 0.64 * t), (r - 0.003, t)]
 
 
@@ -101,10 +100,9 @@ PHONE_STAND_TONES = {
 
 @register("phone_stand")
 class PhoneStand(Parametric):
-    """Faces -y: a foot plate, a back rest that leans away, a level ledge and a lip at its end.
-
-    A phone that comes straight down is between lip and back rest only at the very end: a stand that
-    moves does not meet it before."""
+    """Faces -y: a foot plate, a back rest that leans away, a level ledge and a lip. A phone that
+    comes straight down is between lip and back rest only at the very end: a stand that moves does
+    not meet it before."""
 
     material: str = one_of(tuple(PHONE_STAND_TONES))
     hx: float = between(0.034, 0.045, size=WIDE)  # half extent
@@ -163,7 +161,7 @@ RACK_TONES = {"wood": tuple(WOODS), "metal": ("silver", "charcoal", "gold"), "pa
 
 @register("rack")
 class Rack(Parametric):
-    """A mug rack: a post on a foot with a peg that rises towards -y, the robot."""
+    """A post on a foot with a peg that rises towards -y, the robot."""
 
     noun = "mug rack"
 

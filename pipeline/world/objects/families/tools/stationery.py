@@ -32,7 +32,7 @@ from pipeline.world.shapes import Shape
 
 @register("seal")
 class Seal(Parametric):
-    """A stamp standing on its face: a block with a turned handle."""
+    """A stamp standing on its face."""
 
     noun = "stamp"
 
@@ -91,7 +91,7 @@ class Seal(Parametric):
 
 @register("stapler")
 class Stapler(Parametric):
-    """A stapler, its mouth towards +x."""
+    """The mouth is towards +x."""
 
     colour: str = one_of(COLOURS)
     length: float = between(0.12, 0.155, size=LONG)

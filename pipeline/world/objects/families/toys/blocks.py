@@ -1,4 +1,4 @@
-"""Blocks: a cube, a tall bar, wooden forms, a puzzle cube."""
+"""A cube, a tall bar, wooden forms, a puzzle cube."""
 
 from functools import partial
 
@@ -28,8 +28,6 @@ SKINS = {"painted": (painted, 600.0), "plastic": (plastic, 500.0), "rubber": (ru
 
 @register("block")
 class Block(Parametric):
-    """A cube, about 5 cm."""
-
     side: float = between(0.044, 0.056, size=LARGE)
     bevel: float = between(0.001, 0.006)
     material: str = one_of(tuple(SKINS))
@@ -60,17 +58,16 @@ class Block(Parametric):
 
 
 SHORT_OF_THE_MIDDLE = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020)
-"""Distances (m) by which the tcp may stay short of the middle: the block is wide, a palm that leans
-needs room."""
+"""Distances (m) of the tcp from the middle: the block is wide, a palm that leans needs room."""
 
 HALF = 0.03
 HEIGHT = 0.20
-"""Half width and height (m): the same for all, as the original's."""
+"""m, the same for all, as the original's."""
 
 
 @register("long_block")
 class LongBlock(Parametric):
-    """A tall square bar, standing: the giver takes it low, the receiver high."""
+    """The giver takes it low, the receiver high."""
 
     colour: str = one_of(("red", "maroon", "coral", "rust"))
     bevel: float = between(0.001, 0.005)
@@ -102,8 +99,6 @@ class LongBlock(Parametric):
 
 @register("wooden_block")
 class WoodenBlock(Parametric):
-    """A plain wooden block in one of three forms: brick, cylinder, half-round arch block."""
-
     form: str = one_of(("brick", "cylinder", "wedge"))
     length: float = between(0.06, 0.1, size=LARGE)  # along x; the height of a cylinder
     half: float = between(0.02, 0.031)  # half width, or radius
@@ -112,7 +107,7 @@ class WoodenBlock(Parametric):
     seed: int = texture()
 
     def wedge(self) -> np.ndarray:
-        """Outline (4,2) of the wedge in x and z."""
+        """Outline (4,2) in x and z."""
         a, h = self.length / 2, self.height
         return np.array([(-a, 0), (a, 0), (0.35 * a, h), (-0.35 * a, h)])
 
@@ -149,7 +144,7 @@ STICKERS = ("white", "yellow", "red", "orange", "blue", "green")
 
 @register("rubiks_cube")
 class RubiksCube(Parametric):
-    """A puzzle cube, scrambled: nine stickers on each of six sides."""
+    """Scrambled: nine stickers on each of six sides."""
 
     noun = "puzzle cube"
 

@@ -28,8 +28,6 @@ from pipeline.world.shapes import Shape
 
 @register("ball")
 class Ball(Parametric):
-    """A small ball, such as is tipped out of a bin."""
-
     radius: float = between(0.007, 0.010, size=LARGE)
     density: float = between(900, 1500)
     material: str = one_of(("plastic", "rubber"))
@@ -51,7 +49,7 @@ class Ball(Parametric):
 
 @register("play_ball")
 class PlayBall(Ball):
-    """A ball that fits a gripper, with a stripe that shows how it rolls."""
+    """Fits a gripper; a stripe shows how it rolls."""
 
     noun = "ball"
 
