@@ -18,8 +18,8 @@ DISTANCES = (*NEAR, *FAR, 0.4, 0.5, 0.6)
 
 @dataclass(frozen=True, eq=False)
 class Unreached:
-    """A skill whose arm cannot reach the tcp pose (7,) that it `wanted`, and the `nearest` one of
-    that orientation, if any, at which arm and held body touch nothing."""
+    """A skill whose arm cannot reach the tcp pose (7,) that it `wanted`. `nearest` is the next one
+    of that orientation at which arm and held body touch nothing."""
 
     skill: str
     side: str
@@ -57,8 +57,8 @@ def find_unreached(failure: Failure) -> Unreached | None:
 
 
 def nearest(arm: ArmPlanner, wanted: NDArray[np.float64]) -> tuple[Pose, Pose] | None:
-    """One of the tcp poses `wanted` (N,7), and the nearest free one of its orientation, to a tenth
-    of the step between DISTANCES; None if none is found."""
+    """One of the tcp poses `wanted` (N,7), and the nearest free one of its orientation, if any. It
+    is right to a tenth of the step between DISTANCES."""
     free = arm.checker()
 
     def first(poses: NDArray[np.float64]) -> int | None:

@@ -24,7 +24,7 @@ class Table(BaseModel):
 
 
 def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:
-    """The settings in a file. Raises `wrong`, one line that names the file, the key and the fault."""
+    """The settings in a file. Raises `wrong`, one line with the file, the key and the fault."""
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise wrong(f"{file}: is larger than {LARGEST_FILE} bytes")

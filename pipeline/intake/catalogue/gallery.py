@@ -53,8 +53,8 @@ def portrait(
     size: tuple[int, int] = (320, 240),
     preset: str = "raster-smooth",
 ) -> Image:
-    """Image (H,W,3) uint8 RGB of one instance on the table, from the robot's side; with `marks`
-    also its frames and up to MARKED of its grasps. Raises NoRenderer."""
+    """Image (H,W,3) uint8 RGB of an instance on the table. With `marks` it shows frames and up to
+    MARKED grasps. Raises NoRenderer."""
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
     away = np.array([0.35, -0.8, 0.62])

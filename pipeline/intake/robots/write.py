@@ -19,8 +19,8 @@ from pipeline.world.robots.directory import TOML, URDF
 
 @dataclass(frozen=True, eq=False)
 class RobotDraft:
-    """An arm before it is written, two of it at their places, position, approach and opening of the
-    tcp in the hand's frame, half the edge of the foot (m), lines on what was guessed."""
+    """An arm before it is written, and two of it at their places. `tcp` is position, approach and
+    opening in the hand's frame; `foot` is half its edge (m)."""
 
     arm: Arm
     site: Embodiment

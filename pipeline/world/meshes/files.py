@@ -185,7 +185,7 @@ class Folders:
 def folders_of(
     urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> Folders:
-    """The folders of a file. The default root is that of its package, else FOLDERS_ABOVE its own."""
+    """The folders of a file; the default root is that of its package, else FOLDERS_ABOVE."""
     above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
     packaged = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
     return Folders(

@@ -72,7 +72,7 @@ class ObjectToml(Table):
 
 
 class Directory:
-    """The files of an object, read when they are first asked for. Raises ObjectError and GlbError."""
+    """The files of an object, read when first asked for. Raises ObjectError and GlbError."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.settings = path, read_settings(path)

@@ -188,7 +188,7 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
 
 @deferred
 def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
-    """Round tube of `radius` (m; one or per point) along `path` (N,3), with flat ends or `closed`."""
+    """Round tube of `radius` (m; one or per point) along `path` (N,3); flat ends, or `closed`."""
     path = np.asarray(path, float)
     radius = np.broadcast_to(np.asarray(radius, float), len(path))
     ahead = np.roll(path, -1, 0) - path

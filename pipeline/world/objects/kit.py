@@ -47,7 +47,7 @@ def seed(rng: Generator) -> int:
 def mark(
     x: float, y: float, z: float, normal: ArrayLike = (0, 0, 1), heading: ArrayLike = (1, 0, 0)
 ) -> Pose:
-    """A functional frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as that allows."""
+    """A functional frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as can be."""
     n = np.asarray(normal, float)
     n = n / np.linalg.norm(n)
     h = np.asarray(heading, float)

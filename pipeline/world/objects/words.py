@@ -1,4 +1,4 @@
-"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts."""
+"""Descriptions of an instance: phrases/<family>.txt beside the module, filled with facts."""
 
 import re
 import sys

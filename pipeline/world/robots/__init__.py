@@ -1,4 +1,4 @@
-"""The embodiments by name: "piper", "piper+franka-panda" (left, right), "piper+none" (left alone)."""
+"""The embodiments by name: "piper", "piper+franka-panda" (left, right), "piper+none"."""
 
 from functools import cache
 from pathlib import Path

@@ -138,7 +138,7 @@ def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> floa
 
 
 def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
-    """Poses (..., 7) of the moved child frame in the unmoved one, for positions (...) in rad or m."""
+    """Poses (..., 7) of the moved child frame in the unmoved one, for positions (...)."""
     position = np.asarray(position, float)
     axis = np.asarray(joint.axis, float)
     moved = np.zeros((*position.shape, 7))

@@ -1,4 +1,4 @@
-"""The shapes of a URDF as triangles in their link's frame: what is drawn, and hulls that collide."""
+"""The shapes of a URDF as triangles in their link's frame: drawn ones, and hulls."""
 
 from collections.abc import Sequence
 from dataclasses import replace
