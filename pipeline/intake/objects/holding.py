@@ -36,7 +36,7 @@ type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
 
 
 def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
-    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow enough."""
+    """Grasps of an object in its standing frame, spread over it; none without a narrow part."""
     halves = np.pi * np.arange(OPENINGS) / OPENINGS
     found = [row for angle in halves for row in _along(pieces, angle, _spans, 0.0)]
     found += [row for angle in 2 * halves for row in _along(pieces, angle, _walls, FROM_ABOVE)]
