@@ -79,10 +79,13 @@ HUB = {
 
 def read_catalogue(source: str) -> tuple[FetchedObject, ...]:
     with Path(__file__).with_name("fetched_objects.csv").open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row.pop("source") == source]
+        rows: list[dict[str, Any]] = [
+            row for row in csv.DictReader(file) if row.pop("source") == source
+        ]
     for row in rows:
-        row |= {"scale": float(row["scale"]), "words": tuple(row["words"].split("|"))}
-    return tuple(FetchedObject(**row | {"up": row["up"] or None}) for row in rows)
+        row["scale"], row["up"] = float(row["scale"]), row["up"] or None
+        row["words"] = tuple(row["words"].split("|"))
+    return tuple(FetchedObject(**row) for row in rows)
 
 
 def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[str]:

@@ -124,7 +124,7 @@ class Pad(Parametric):
     seed: int
 
     @classmethod
-    def draw(
+    def draw(  # pyright: ignore[reportIncompatibleMethodOverride]
         cls,
         rng: Generator,
         half: tuple[float, float] | None = None,
