@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.motion.carried import Carried
 from pipeline.motion.contract import Features, TargetMotion
 from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats
@@ -57,8 +58,9 @@ class Changed:
 
     @property
     def others(self) -> Mapping[str, TargetMotion]:
-        """What moves beside it, which no event changes."""
-        return getattr(self.base, "others", {})
+        """What moves beside it; an event changes what is carried along."""
+        others: Mapping[str, TargetMotion] = getattr(self.base, "others", {})
+        return {n: Carried(self, m.at) if isinstance(m, Carried) else m for n, m in others.items()}
 
     def _clock(self, t: ArrayLike) -> tuple[Floats, Floats]:
         """The time (...,) of `base`, and its rate, at times t (...,)."""

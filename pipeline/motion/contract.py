@@ -88,6 +88,7 @@ class MotionRequest:
     `workspace`, also for `tail` s after the meeting at its last velocity. `visible(path (N,K,3 or
     7)) -> (N,)` accepts paths, `free(motion)` a motion. At most `candidates` shapes are drawn.
     `radius` and `height` (m) are the target's at `end_pose`, `floor` (m) its height on the table.
+    `company` are x, y and radius (m) then of the bodies that are carried with it.
     Raises ValueError for numbers that make no sense."""
 
     level: int
@@ -107,6 +108,7 @@ class MotionRequest:
     radius: float = 0.04
     height: float = 0.08
     floor: float = 0.0
+    company: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.alpha, self.duration, self.lead]).all() and self.duration > 0):

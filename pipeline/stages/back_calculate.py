@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.expert.actor import SWEEP_HZ
+from pipeline.motion.carried import CARRIED, Carried
 from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, TargetMotion
 from pipeline.motion.models import Company, back_calculate_motion
 from pipeline.planning.collision_pieces import Sweep
-from pipeline.poses import Floats, inverse, quat_rotate
+from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene
@@ -42,7 +43,7 @@ def beside(
     times = np.arange(len(poses)) / SWEEP_HZ
     for other, motion in moving.items():
         poses[:, dry.names.index(other)] = motion.pose(times)
-    waiting = set(scene.task.movers) - set(moving)
+    waiting = {scene.task.target, *scene.task.movers} - set(moving)
     pieces = _others(scene, dry, {name, *waiting})
     sweep = Sweep(pieces, poses, scene.bodies[name].instance.shape().collision, MARGIN)
     return lambda motion: sweep.first_contact(motion.pose(times)) is None
@@ -134,27 +135,42 @@ def strictness(setup: Setup, alpha: float) -> tuple[tuple[float, ...], float | N
 def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
     """Draw the motions of the target and of the bodies that move beside it. Raises
     Failure("back_calculate", "no_motion")."""
-    task = scene.task
+    task, clear = scene.task, Clearance(scene, dry)
+    at = {n: relative(scene, n) for n, model in task.movers.items() if model == CARRIED}
+    clear_of = {name: beside(scene, dry, name, {}) for name in at}
+    mover = Mover(task.target, setup.motion or task.motion, "target_motion", tuple(at))
     found = _drawn(
         scene,
         dry,
         setup,
-        Mover(task.target, setup.motion or task.motion, "target_motion"),
-        Clearance(scene, dry).free,
+        mover,
+        lambda motion: (
+            clear.free(motion)
+            and all(clear_of[name](Carried(motion, pose)) for name, pose in at.items())
+        ),
     )
-    others = dict[str, TargetMotion]()
+    others: dict[str, TargetMotion] = {n: Carried(found, pose) for n, pose in at.items()}
     for name, model in task.movers.items():
+        if name in at:
+            continue
         free = beside(scene, dry, name, {task.target: found, **others})
         others[name] = _drawn(scene, dry, setup, Mover(name, model, f"motion/{name}"), free)
     return Company(found, others) if others else found
 
 
+def relative(scene: Scene, name: str) -> Pose:
+    """The pose (7,) of a body relative to the target at the meeting."""
+    return compose(inverse(scene.bodies[scene.task.target].pose), scene.bodies[name].pose)
+
+
 class Mover(NamedTuple):
-    """A body that moves by a model; its motion is drawn from the streams `purpose`."""
+    """A body that moves by a model; its motion is drawn from the streams `purpose`, and carries
+    `company` along."""
 
     name: str
     model: str
     purpose: str
+    company: tuple[str, ...] = ()
 
 
 def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) -> TargetMotion:
@@ -173,6 +189,7 @@ def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) ->
         return np.asarray(scene.sees(points, setup.camera).all(-1))
 
     moving, jump_limit = strictness(setup, spec.alpha)
+    carried = [scene.bodies[name] for name in mover.company]
     try:
         asked = MotionRequest(
             spec.level if spec.moving else 0,
@@ -191,6 +208,9 @@ def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) ->
             radius=body.instance.shape().footprint_radius(),
             floor=TABLE_TOP,
             height=float(np.ptp(body.instance.shape().aabb()[:, 2])),
+            company=tuple(
+                (*b.pose[:2].tolist(), b.instance.shape().footprint_radius()) for b in carried
+            ),
         )
         streams = Streams(spec.slot_rng(mover.purpose), spec.rng(mover.purpose))
         return back_calculate_motion(asked, streams, mover.model)

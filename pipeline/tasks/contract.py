@@ -40,9 +40,9 @@ class Limit[T]:
         return self.strict if rules.name == "strict" or self.domino is None else self.domino
 
 
-def by_name[T](**limits: Limit[T]) -> Mapping[str, Limit[T]]:
-    """Limits by name, read-only."""
-    return MappingProxyType(limits)
+def by_name[T](**values: T) -> Mapping[str, T]:
+    """Limits or subgoals by name, read-only."""
+    return MappingProxyType(values)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Task(ABC):
     limits: ClassVar[Mapping[str, Limit[float]]] = by_name()
     sizes: ClassVar[Mapping[str, Limit[Any]]] = by_name()
     own_conditions: ClassVar[tuple[str, ...]] = ("at_rest", "released")
-    subgoals: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    subgoals: ClassVar[Mapping[str, tuple[str, ...]]] = by_name()
     families: ClassVar[tuple[str, ...]] = ()
     seen: ClassVar[tuple[str, ...]]
     unseen: ClassVar[tuple[str, ...]]

@@ -210,14 +210,19 @@ class Outcome:
         for finger in self.fingers(side):
             yield from self.contacts(finger, name)
 
-    def took(self, name: str) -> bool:
-        """Whether a hand ever held a body: all its fingers touched it at one frame."""
-        return any(
+    def first_held(self, name: str) -> int | None:
+        """The first frame at which all fingers of one hand touched a body, None for never."""
+        held = [
             set[int].intersection(
                 *({int(f) for f in self.contacts(link, name)["frame"]} for link in fingers)
             )
             for fingers in map(self.fingers, self.log.sides)
-        )
+        ]
+        return min(set[int]().union(*held), default=None)
+
+    def took(self, name: str) -> bool:
+        """Whether a hand ever held a body."""
+        return self.first_held(name) is not None
 
     def touched(self, side: str, name: str) -> bool:
         """Whether a finger of an arm ever touched a body."""

@@ -304,6 +304,6 @@ def test_an_episode_can_be_cut():
 def test_a_body_was_taken_where_all_fingers_of_one_hand_touched_it_at_once():
     left, other, right = FINGERS[0], FINGERS[1], FINGERS[2]
     once = outcome(contacts=[(3, left, "can", ORIGIN), (3, other, "can", ORIGIN)])
-    assert once.took("can") and not once.took("plate") and not once.until(3).took("can")
+    assert once.first_held("can") == 3 and not once.took("plate") and not once.until(3).took("can")
     apart = [(3, left, "can", ORIGIN), (4, other, "can", ORIGIN), (3, right, "can", ORIGIN)]
     assert not outcome(contacts=apart).took("can")

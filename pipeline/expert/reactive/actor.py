@@ -15,6 +15,8 @@ from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
 from pipeline.expert.reactive.imagination import PACE, MeetingPlan, Script, imagine
 from pipeline.expert.reactive.prediction import TargetFilter
+from pipeline.motion.carried import Carried
+from pipeline.motion.models import others_of
 from pipeline.motion.workspace import Workspace
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
@@ -88,6 +90,14 @@ class ReactiveActor(Actor):
             self._late.append((now, seen))
         while self._late and self._late[0][0] <= now - self.sight.delay + 1e-9:
             self.track.see(*self._late.pop(0))
+
+    @property
+    def _carried(self) -> list[str]:
+        """What moves with the target, on the same belt or disc."""
+        if self.simulation.released:
+            return []
+        others = others_of(self.simulation.motion)
+        return [name for name, motion in others.items() if isinstance(motion, Carried)]
 
     @property
     def watched_for(self) -> float:
@@ -180,6 +190,7 @@ class ReactiveActor(Actor):
     def _imagine(self, script: Script, aim: Pose, *, rest: bool) -> MeetingPlan:
         target, measured = self.simulation.target, self.simulation.pose
         riders = [name for name, body in self.bodies.items() if body.inside == target]
+        riders += self._carried
         self.believed = {target: aim} | {
             n: compose(aim, compose(inverse(measured(target)), measured(n))) for n in riders
         }
@@ -227,7 +238,8 @@ class ReactiveActor(Actor):
         """A test whether a command (A,) is free: hands `hands` (m) apart, both arms `margin` (m)
         from the table and bodies but the target, and what is held."""
         now = self.planning_scene()
-        others = {n: o for n, o in now.obstacles.items() if n != self.simulation.target}
+        moving = {self.simulation.target, *self._carried}
+        others = {name: o for name, o in now.obstacles.items() if name not in moving}
         held = [(name, other) for name in now.carried for other in (*others, "table", "furniture")]
         scene = self.planner.world.with_objects(
             others, now.carried, ignore=held, margin=margin, hands=hands

@@ -8,9 +8,11 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
+from pipeline.motion.carried import CARRIED, Carried
 from pipeline.motion.changed import Changed, changes_of
 from pipeline.motion.contract import (
     Features,
@@ -153,13 +155,17 @@ def motion_from_json(text: str) -> TargetMotion:
     if not isinstance(others := values.pop("others", {}), dict):
         raise ValueError("this is not a target motion: its others are no JSON object")
     target = MODELS[name].read(values)
-    return (
-        Company(
-            target, {who: motion_from_json(json.dumps(values)) for who, values in others.items()}
-        )
-        if others
-        else target
-    )
+    beside = {who: _beside(target, values) for who, values in others.items()}
+    return Company(target, beside) if beside else target
+
+
+def _beside(target: TargetMotion, values: Any) -> TargetMotion:
+    if not isinstance(values, dict) or values.get("model") != CARRIED:
+        return motion_from_json(json.dumps(values))
+    at = np.asarray(values.get("at"), float)
+    if at.shape != (7,) or not np.isfinite(at).all():
+        raise ValueError("this is not a target motion: what it carries has no pose of 7 numbers")
+    return Carried(target, at)
 
 
 def back_calculate_motion(

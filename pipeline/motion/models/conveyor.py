@@ -17,6 +17,7 @@ from pipeline.poses import Floats, pose, yawed
 
 RUBBER, RAIL, SLAT = (0.13, 0.14, 0.15), (0.62, 0.64, 0.66), (0.85, 0.72, 0.20)
 MARGIN = 0.025  # m of belt on either side of what rides on it
+LANE = 0.03  # m from the target's line, at most, of what the belt carries besides
 GAP = 0.08  # m between slats
 AFTER = 1.0  # s after the meeting for which there are slats
 SUNK = 0.005  # m
@@ -73,14 +74,17 @@ class Conveyor(Along):
 
 
 class ConveyorModel(ClosedFormModel[Conveyor]):
-    """Directions along the table's length come first, as belts lie."""
+    """Directions along the table's length come first, as belts lie; company is on the belt."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Conveyor]:
         pace = draw_pace(asked, streams.shape)
+        bodies = np.array([(*asked.end[:2], asked.radius), *asked.company])
+        away = bodies[:, :2] - bodies[0, :2]
         for heading in sorted(headings(streams), key=lambda a: abs(np.sin(a)) > 0.4):
-            yield Conveyor(
-                **common(asked), pace=pace, heading=heading, width=2 * (asked.radius + MARGIN)
-            )
+            aside = np.abs(away @ (-np.sin(heading), np.cos(heading)))
+            if aside.max() <= LANE:
+                width = 2 * float((aside + bodies[:, 2]).max() + MARGIN)
+                yield Conveyor(**common(asked), pace=pace, heading=heading, width=width)
 
 
 register(ConveyorModel(Conveyor))

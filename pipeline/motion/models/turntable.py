@@ -83,22 +83,23 @@ class Turntable(Along):
 
 
 class TurntableModel(ClosedFormModel[Turntable]):
-    """The axis lies in one direction after another from the meeting place."""
+    """The axis lies in one direction after another from the meeting place, or amid the company."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Turntable]:
         pace, radius = draw_pace(asked, streams.shape), streams.shape.uniform(*RADIUS)
-        x, y = np.asarray(asked.end_pose, float)[:2].tolist()
+        bodies = np.array([(*asked.end[:2], asked.radius), *asked.company])
+        x, y = asked.end[:2].tolist()
         for angle in headings(streams):
             centre = (float(x + radius * np.cos(angle)), float(y + radius * np.sin(angle)))
+            if asked.company:
+                centre = (float(bodies[:, 0].mean()), float(bodies[:, 1].mean()))
             sense = int(streams.direction.choice([-1, 1]))
-            motion = Turntable(
-                **common(asked),
-                pace=pace,
-                centre=centre,
-                sense=sense,
-                disc=float(radius + asked.radius + RIM),
+            disc = radius + asked.radius
+            if asked.company:
+                disc = (np.hypot(*(bodies[:, :2] - centre).T) + bodies[:, 2]).max()
+            yield Turntable(
+                **common(asked), pace=pace, centre=centre, sense=sense, disc=float(disc + RIM)
             )
-            yield motion
 
 
 register(TurntableModel(Turntable))

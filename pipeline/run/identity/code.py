@@ -14,6 +14,7 @@ import pipeline
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.names import NONE
 from pipeline.data.setup.rules import Rules
+from pipeline.motion.carried import CARRIED
 from pipeline.motion.models import MODELS as MOTIONS
 from pipeline.plugins import outside_modules
 from pipeline.run.identity.core import (
@@ -79,7 +80,7 @@ def cell_code(root: Path, task: str, robots: str, randomized: bool, motion: str 
     named = sorted(families_of(this))
     placed = sorted({*named, *(CLUTTER_FAMILIES if randomized else ())})
     contents = robot_contents(root, robots)
-    motions = (motion or this.motion, *this.movers.values())
+    motions = (motion or this.motion, *(m for m in this.movers.values() if m != CARRIED))
     physics = {
         **shared_physics(root),
         "task": _hash_modules(root, [this]),

@@ -158,6 +158,8 @@ class Simulation(PhysicsScene):
     def change(self, change: Change) -> None:
         """Change the target's own motion from now on, and the scenery with it."""
         self.motion = changed(cast(TargetMotion, self.motion), change)
+        others = others_of(self.motion)
+        self._beside = {name: others[name] for name in self._beside}
         self.scenery, self._upcoming = self.motion.scenery(), self._upcoming[:0]
 
     def shift(self, name: str, velocity: Floats) -> None:

@@ -1,0 +1,66 @@
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skills
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
+from pipeline.motion.carried import CARRIED
+from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.library.decide.choose.named import COLOURS, lies_in, look_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+RADIUS = 0.105  # m of the train's circle
+
+
+@register
+class LoadNamedWagon(Task):
+    """Grasp a can or a bottle and set it down in the wagon of the colour asked for, one of three
+    that go round.
+
+    Success: it lies in that wagon, released."""
+
+    category = "tracking"
+    step_limit = 500
+    target, manipulated = "wagon", "cargo"
+    motion, movers = "turntable", {"second": CARRIED, "third": CARRIED}
+    limits = by_name(lift=Limit(0.03))
+    own_conditions = ()
+
+    def layout(self, draw: Draw) -> Bodies:
+        side = draw.side()
+        x, y = side * draw.uniform(0.02, 0.08), draw.uniform(-0.08, 0.0)
+        first = draw.uniform(-np.pi, np.pi)
+        colours = draw.several(COLOURS, 3)
+        for i, (name, colour) in enumerate(zip(("wagon", *self.movers), colours, strict=True)):
+            angle = first + i * 2 * np.pi / 3
+            at = x + RADIUS * np.cos(angle), y + RADIUS * np.sin(angle)
+            yaw = angle + np.pi / 2
+            yield Placement(
+                name,
+                draw.one_of("wagon", colour=colour),
+                Region(x=(at[0], at[0]), y=(at[1], at[1]), yaw=(yaw, yaw)),
+                gap=0.004,
+            )
+        cargo = Region(x=(side * 0.26, side * 0.32), y=(-0.20, -0.02))
+        yield Placement("cargo", draw.one_of("can", "pill_bottle"), cargo)
+
+    def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"choice": look_of(bodies["wagon"])}
+
+    def meet(self, a: Actor) -> Skills:
+        arm, inside = a.arms["arm"], a.frame("wagon", "inside")
+        goals = list(resting_poses(a.frames("cargo")["base"], inside, ROUND))
+        yield grasp(arm, "cargo", goals=[goals])
+        yield lift(arm, 0.10)
+        yield place(arm, "base", inside, yaws=ROUND, opening=0.02)
+
+    def finish(self, a: Actor) -> Skills:
+        return let_go(a.arms["arm"])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        return {
+            "in_wagon": lies_in(o, "cargo", "wagon"),
+            "wagon_upright": o.upright("wagon"),
+            "released": not o.handled("cargo"),
+            "grippers_open": o.grippers_open(),
+        }

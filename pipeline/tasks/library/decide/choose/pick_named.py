@@ -1,0 +1,33 @@
+from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
+from pipeline.tasks.library.decide.choose.named import COLOURS, look_of, others_left
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+
+@register
+class PickNamed(PickFromBelt):
+    """Grasp the block of the colour asked for, while two others move too, and lift it.
+
+    Success: the acting arm holds it off the table; no hand has held another."""
+
+    target = manipulated = "block"
+    motion, movers = "planar", {"second": "planar", "third": "planar"}
+
+    def layout(self, draw: Draw) -> Bodies:
+        named, *colours = draw.several(COLOURS, 3)
+        near = Region(x=(-0.24, 0.24), y=(-0.20, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
+        yield Placement("block", draw.one_of("block", colour=named), near)
+        for name, colour in zip(self.movers, colours, strict=True):
+            yield Placement(
+                name,
+                draw.one_of("block", colour=colour),
+                Region(x=(-0.32, 0.32), y=(-0.20, 0.12), yaw=(-0.7, 0.7)),
+                distances=dict.fromkeys(("block", "second"), 0.15),
+            )
+
+    def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"choice": look_of(bodies[self.target])}
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        return super().success(o, arms) | others_left(o, self.movers)

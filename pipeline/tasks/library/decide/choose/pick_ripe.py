@@ -1,0 +1,29 @@
+from pipeline.motion.carried import CARRIED
+from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.library.decide.choose.named import look_of, row
+from pipeline.tasks.library.decide.choose.pick_named import PickNamed
+from pipeline.world.physics.body import Body
+
+
+@register
+class PickRipe(PickNamed):
+    """Grasp the only ripe one of three tomatoes that ride on a belt, and lift it.
+
+    Success: as `pick_named`."""
+
+    target = manipulated = "tomato"
+    motion, movers = "conveyor", {"second": CARRIED, "third": CARRIED}
+
+    def layout(self, draw: Draw) -> Bodies:
+        middle = draw.side() * draw.uniform(0.08, 0.18), draw.uniform(-0.20, -0.05)
+        places = draw.several(row(middle, draw.uniform(-0.3, 0.3), 0.12, 3).tolist(), 3)
+        looks = ("ripe", "unripe", "unripe")
+        for name, (x, y), ripeness in zip(("tomato", *self.movers), places, looks, strict=True):
+            yield Placement(
+                name,
+                draw.one_of("tomato", ripeness=ripeness),
+                Region(x=(x, x), y=(y, y), yaw=(-3.14, 3.14)),
+            )
+
+    def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"choice": look_of(bodies["tomato"], "ripeness")}

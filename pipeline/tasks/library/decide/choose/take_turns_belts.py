@@ -1,0 +1,53 @@
+from pipeline.expert.actor import Actor, Skills
+from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register, side_of
+from pipeline.tasks.library.decide.choose.named import COLOURS, drop_in, lies_in, look_of, take
+from pipeline.tasks.library.decide.choose.sort_two_belt import SortTwoBelt
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+
+@register
+class TakeTurnsBelts(SortTwoBelt):
+    """Take a block off each of two belts and drop both into one basket, one arm after the other,
+    the colour that is asked for first.
+
+    Success: both lie in the basket, released; the second was not held before the first was in."""
+
+    motion, movers = "conveyor", {"other": "conveyor"}
+
+    def layout(self, draw: Draw) -> Bodies:
+        basket = Region(x=(-0.03, 0.03), y=(0.08, 0.14), yaw=(-0.2, 0.2))
+        yield Placement("basket", draw.one_of("bread_basket"), basket, fixed=True)
+        side, colours = draw.side(), draw.several(COLOURS, 2)
+        for name, where, colour in zip(("block", "other"), (side, -side), colours, strict=True):
+            block = draw.one_of("block", colour=colour)
+            region = Region(x=(where * 0.14, where * 0.24), y=(-0.20, -0.05), yaw=(-0.7, 0.7))
+            yield Placement(name, block, region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["block"]), "other_arm": side_of(bodies["other"])}
+
+    def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"first": look_of(bodies["block"]), "second": look_of(bodies["other"])}
+
+    def meet(self, a: Actor) -> Skills:
+        yield take(a, a.arms["arm"], "block", "basket", self._aside(a, "arm"))
+
+    def finish(self, a: Actor) -> Skills:
+        yield from drop_in(a, a.arms["arm"], "basket", self._aside(a, "arm"))
+        aside = self._aside(a, "other_arm")
+        yield take(a, a.arms["other_arm"], "other", "basket", aside)
+        yield from drop_in(a, a.arms["other_arm"], "basket", aside)
+
+    def _aside(self, a: Actor, role: str) -> float:
+        return -0.045 if a.arms[role] == "left" else 0.045
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        held = o.first_held("other")
+        before = o if held is None else o.until(held + 1)
+        return {
+            "first_in_basket": lies_in(o, "block", "basket"),
+            "second_in_basket": lies_in(o, "other", "basket"),
+            "in_turn": lies_in(before, "block", "basket"),
+            "released": not (o.handled("block") or o.handled("other")),
+        }
