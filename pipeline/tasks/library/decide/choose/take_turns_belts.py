@@ -8,8 +8,8 @@ from pipeline.world.physics.body import Body
 
 @register
 class TakeTurnsBelts(SortTwoBelt):
-    """Take a block off each of two belts and drop both into one basket, one arm after the other,
-    the colour that is asked for first.
+    """Take a block off each of two belts, one arm after the other, and drop both into one basket.
+    The colour that is asked for is first.
 
     Success: both lie in the basket, released; the second was not held before the first was in."""
 
