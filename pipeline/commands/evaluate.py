@@ -25,6 +25,7 @@ from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.commands.serve import BatchWait
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
+from pipeline.data.spec import MOST_CONDITIONS
 from pipeline.data.store.place import with_urls
 
 Baselines = Annotated[
@@ -149,6 +150,13 @@ def evaluate(
             help="Run every scene without its events, too: the difference is that of the events.",
         ),
     ] = False,
+    conditions: Annotated[
+        bool,
+        typer.Option(
+            "--conditions",
+            help="Run every scene with every set of its events: two events make a 2x2 table.",
+        ),
+    ] = False,
     films: Annotated[
         int,
         typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films)."),
@@ -218,14 +226,19 @@ def evaluate(
         answer_seconds=answer_seconds,
         baselines=baselines,
         paired=paired,
+        conditions=conditions,
     )
     if frozen is not None:
         cells = tuple(frozen.choose(recipe, given.values, given.values.get("tasks", ())))
         scenes = episodes or frozen.head.scenes
         evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
-    if paired and not setup.events:
-        raise UsageError("--paired compares scenes with and without --events: name some")
+    if (paired or conditions) and not setup.events:
+        raise UsageError("--paired and --conditions withhold --events: name some")
+    if paired and conditions:
+        raise UsageError("--paired and --conditions: give one of the two")
+    if conditions and len(setup.events) > MOST_CONDITIONS:
+        raise UsageError(f"--conditions takes {MOST_CONDITIONS} events at most")
     together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
@@ -250,7 +263,9 @@ def evaluate(
 
 def _mean_lines(outcome: "EvaluationResult") -> list[str]:
     """Means over tasks, each followed by what the baselines score on the same scenes."""
-    same = ("level", "alpha", "domain", "embodiment", "category")
+    from pipeline.evaluate.scoring.summary import two_by_two
+
+    same = ("level", "alpha", "domain", "condition", "embodiment", "category")
 
     def line(mean: dict[str, Any], name: str) -> str:
         scores = (
@@ -261,15 +276,15 @@ def _mean_lines(outcome: "EvaluationResult") -> list[str]:
 
     out = list[str]()
     for mean in outcome.means:
-        out.append(
-            line(mean, f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}")
-        )
+        where = f" [{mean['condition']}]" if mean["condition"] else ""
+        name = f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}{where}"
+        out.append(line(mean, name))
         beside = [row for row in outcome.baselines if all(row[key] == mean[key] for key in same)]
         out += [
             line(row, f"   {row['policy']} on {row['episodes']} of these {mean['episodes']} scenes")
             for row in beside
         ]
-    return out
+    return [*out, *two_by_two(outcome.means)]
 
 
 def named_policy(

@@ -17,6 +17,14 @@ DOMAINS = ("clean", "randomized")
 EVENTFUL, CONTROL = "event", "control"
 """The arms of a pair: a scene with its events, and the same scene in which they are withheld."""
 
+MOST_CONDITIONS = 4
+"""Events that may be conditions of one scene, which has an arm for every set of them."""
+
+
+def condition_arms(events: int) -> tuple[str, ...]:
+    """The arms of a scene with so many events: a digit for each, 1 if it happens."""
+    return tuple(format(number, f"0{events}b") for number in range(1 << events))
+
 
 @dataclass(frozen=True)
 class EpisodeSpec:
@@ -24,7 +32,8 @@ class EpisodeSpec:
 
     `alpha` is in m/s (DOMINO@alpha), `slot` the index in its cell, `seed` the attempt's own. What
     `slot_seed` draws is kept in later attempts that share it. Slots 2k and 2k + 1 of paired events
-    are the arms EVENTFUL and CONTROL of one scene; `arm` is "" otherwise.
+    are the arms EVENTFUL and CONTROL of one scene; of events as conditions a scene has the arms
+    `condition_arms`. `arm` is "" otherwise.
 
     Raises ValueError for names that are not plain (paths are made from them) and values out of
     range."""
@@ -57,8 +66,19 @@ class EpisodeSpec:
             raise ValueError(f"domain {self.domain!r} is unknown: domains are {', '.join(DOMAINS)}")
         if self.slot < 0 or self.seed < 0 or (self.slot_seed or 0) < 0:
             raise ValueError("slot and seeds must not be negative")
-        if self.arm not in ("", EVENTFUL, CONTROL):
+        if self.arm and self.arm not in self.arms:
             raise ValueError(f"arm {self.arm!r} is unknown: arms are {EVENTFUL} and {CONTROL}")
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms of the scene that this spec is one arm of; none for a spec of no arm."""
+        if self.arm and len(self.arm) <= MOST_CONDITIONS and not {*self.arm} - {*"01"}:
+            return condition_arms(len(self.arm))
+        return (EVENTFUL, CONTROL) if self.arm else ()
+
+    def withholds(self, event: int) -> bool:
+        """Whether this arm withholds the event of that number."""
+        return self.arm == CONTROL or self.arm[event : event + 1] == "0"
 
     @property
     def moving(self) -> bool:
@@ -80,7 +100,7 @@ class EpisodeSpec:
         )
 
     def _stream(self, seed: int, purpose: str) -> np.random.Generator:
-        slot = self.slot // 2 if self.arm else self.slot
+        slot = self.slot // max(len(self.arms), 1)
         key = json.dumps([self.task, self.embodiment, slot, seed, purpose]).encode()
         return np.random.Generator(
             np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little"))
@@ -88,10 +108,10 @@ class EpisodeSpec:
 
     @property
     def pair(self) -> str:
-        """An id (16 hex digits) that the two arms of a pair share; "" for none."""
+        """An id (16 hex digits) that the arms of a scene share; "" for none."""
         if not self.arm:
             return ""
-        text = replace(self, slot=self.slot // 2, arm=EVENTFUL).to_json()
+        text = replace(self, slot=self.slot // len(self.arms), arm=EVENTFUL).to_json()
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_json(self) -> str:

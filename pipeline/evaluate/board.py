@@ -19,7 +19,7 @@ from pipeline.evaluate.scoring.summary import (
 )
 from pipeline.html import render_page
 
-LINE = ("policy", "rules", "embodiment", "level", "alpha", "domain")
+LINE = ("policy", "rules", "embodiment", "level", "alpha", "domain", "condition")
 ALL = "all tasks"
 
 MOST_SCENES = 12

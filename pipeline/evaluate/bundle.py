@@ -17,7 +17,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.episode import EpisodeJob, play
+from pipeline.evaluate.episode import CONDITIONS, EpisodeJob, play
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
 from pipeline.evaluate.scenes.case import Case
@@ -78,6 +78,10 @@ class RecordedResult(BaseModel):
     @property
     def compounding(self) -> bool:
         return self.options[2] is True
+
+    @property
+    def conditions(self) -> bool:
+        return CONDITIONS in self.options
 
     def read_cells(self) -> list[Cell]:
         return [Cell(**cell) for cell in self.cells]

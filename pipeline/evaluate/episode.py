@@ -34,6 +34,9 @@ from pipeline.world.cameras import setup_cameras
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
 
+CONDITIONS = "conditions"
+"""The option of an episode that is one arm of a scene with events as conditions."""
+
 
 @dataclass(frozen=True)
 class EpisodeJob:
@@ -69,6 +72,8 @@ class EpisodeJob:
             options.append(f"benchmark {self.benchmark}")
         if self.paired:
             options.append("paired")
+        if case.spec.arm:
+            options.append(CONDITIONS)
         names = (self.code, self.policy.label, self.clock.name)
         return (*names, case.spec.to_json(), case.digest, options)
 
@@ -183,7 +188,10 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
     if asked.unreachable is not None:
         row["unreachable"] = asked.unreachable
     if (script := trial.simulation.script) is not None:
-        happened = sorted((e for e in script.events if e.phase), key=lambda event: event.fired)
+        given = [event for event in script.events if not event.withheld]
+        happened = sorted((e for e in given if e.phase), key=lambda event: event.fired)
+        if spec.arm not in ("", CONTROL):
+            row["condition"] = "+".join(event.drawn.name for event in given) or "none"
         row["event"] = "+".join(event.drawn.kind for event in happened) or "none"
         row["phase"] = script.first.phase if script.first else "none"
         row["events"] = [

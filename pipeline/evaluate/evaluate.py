@@ -33,7 +33,7 @@ from pipeline.evaluate.names import is_built_in
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
 from pipeline.evaluate.scenes.benchmark import Benchmark
 from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
-from pipeline.evaluate.scenes.case import BLIND, BenchmarkError, Case, blind
+from pipeline.evaluate.scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.page import Film, caption, page
@@ -51,7 +51,7 @@ class Evaluation:
     """What is to be evaluated. `code` is the version of this program: results of another one do not
     count. The first `films` episodes of every cell are filmed. With `baselines`, BASELINES try the
     same scenes. Those of a `benchmark` are taken from it. `paired` runs every scene with and
-    without its events."""
+    without its events, `conditions` with every set of them."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -66,6 +66,7 @@ class Evaluation:
     answer_seconds: float = ANSWER_SECONDS
     baselines: bool = False
     paired: bool = False
+    conditions: bool = False
     made_by: Mapping[str, Any] = field(default_factory=dict)
     benchmark: Benchmark | None = None
 
@@ -136,6 +137,8 @@ def evaluate(
         _check_identity(evaluation, results)
         tell("admitting seeds")
         admitted = frozen or seeds.admitted(evaluation.cells, evaluation.episodes, run)
+        if evaluation.conditions:
+            admitted = in_every_arm(admitted, len(evaluation.setup.events))
         beside = [_baseline(evaluation, name) for name in BASELINES]
         tried = [evaluation, *(beside if evaluation.baselines else ())]
 

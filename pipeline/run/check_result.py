@@ -22,7 +22,7 @@ from pipeline.evaluate.bundle import (
     unpack,
 )
 from pipeline.evaluate.scenes.benchmark import Benchmark, read_benchmark, shipped_benchmarks
-from pipeline.evaluate.scenes.case import BenchmarkError, Case, start_of_trial
+from pipeline.evaluate.scenes.case import BenchmarkError, Case, in_every_arm, start_of_trial
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.evaluate.scoring.clock import Clock, parse_clock
@@ -128,6 +128,8 @@ def _cases(
     else:
         seeds = Manifests(manifests, result.seed, result.read_setup().calm, result.apart)
         admitted = {cell: seeds.read(cell).cases[: result.episodes] for cell in cells}
+    if result.conditions:
+        admitted = in_every_arm(admitted, len(result.read_setup().events))
     return {
         (case.spec.to_json(), case.digest): case for cases in admitted.values() for case in cases
     }
@@ -141,7 +143,8 @@ def _differences(
         yield "its scenes are not those that it was made on"
     if hash_rows(rows) != result.rows:
         yield "its rows are not those that were written"
-    wanted = result.episodes * len(result.cells)
+    arms = 2 ** len(result.read_setup().events) if result.conditions else 1
+    wanted = result.episodes * len(result.cells) * arms
     if len(cases) < wanted:
         yield f"{wanted - len(cases)} of {wanted} scenes are missing from the manifests"
     tried = {tuple(json.loads(row["key"])[3:5]) for row in rows}

@@ -138,8 +138,8 @@ def attempt(
         drawn, meeting = motion.features(), dry.meeting
         with phases("replay"):
             scene = scene.furnished(motion)
-            if spec.arm:  # a pair is kept if both of its arms succeed
-                steps += demonstrator.show(scene.twin(), dry, motion, setup.fps).steps
+            for twin in scene.twins():  # a scene is kept if all of its arms succeed
+                steps += demonstrator.show(twin, dry, motion, setup.fps).steps
             done = demonstrator.show(scene, dry, motion, setup.fps)
     except Failure as failure:
         failure.steps += steps

@@ -1,6 +1,6 @@
 """The scene of one attempt: everything that follows from its spec before physics starts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from pipeline.data.episode.events import DrawnEvent, draw_events
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.episode.visuals import Visuals
 from pipeline.data.setup.rules import STRICT, Rules
-from pipeline.data.spec import CONTROL, EVENTFUL, EpisodeSpec
+from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor
 from pipeline.motion.scenery import Prop
 from pipeline.planning.failure import PlanFailure
@@ -77,10 +77,11 @@ class Scene:
         script = self._script(motion)
         return replace(self, scenery=(*motion.scenery(), *(script.props if script else ())))
 
-    def twin(self) -> "Scene":
-        """The other arm of a pair."""
-        arm = EVENTFUL if self.spec.arm == CONTROL else CONTROL
-        return replace(self, spec=replace(self.spec, arm=arm))
+    def twins(self) -> Iterator["Scene"]:
+        """The other arms of a scene with paired events."""
+        for arm in self.spec.arms:
+            if arm != self.spec.arm:
+                yield replace(self, spec=replace(self.spec, arm=arm))
 
     @cached_property
     def events(self) -> tuple[DrawnEvent, ...]:
@@ -94,7 +95,8 @@ class Scene:
         if not self.events:
             return None
         meeting = float(getattr(motion, "duration", np.inf))
-        eye, withheld = self.embodiment.head_camera, self.spec.arm == CONTROL
+        withheld = [self.spec.withholds(number) for number in range(len(self.events))]
+        eye = self.embodiment.head_camera
         return EventScript(self.events, eye, meeting, goal=self.goal, withheld=withheld)
 
     @property

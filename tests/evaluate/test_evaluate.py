@@ -16,6 +16,7 @@ from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.summary import over_tasks, two_by_two
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.slot_keys import code_version
 from tests.evaluate.environment.test_env import case_of
@@ -256,3 +257,20 @@ def test_bad_input_is_one_line(tmp_path, arguments, said):
     assert said in error
     assert len(error.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_conditions_try_a_scene_with_every_set_of_its_events():
+    setup = Setup(cameras=(), events=("push@0.5", "stop@0.2"))
+    job = EpisodeJob(case_of("click_bell", 1), policy_name("interceptor"), parse_clock("sim"))
+    rows = [run_episode(replace(job, case=case, setup=setup)) for case in job.case.arms(2)]
+    assert [row["condition"] for row in rows] == ["none", "stop", "push", "push+stop"]
+    assert [row["event"] for row in rows] == ["none", "stop", "push", "stop+push"]
+    plain = run_episode(replace(job, setup=Setup(cameras=())))
+    same = ("route_completion", "manipulation_score", "periods", "success")
+    assert [rows[0][key] for key in same] == [plain[key] for key in same]
+    assert len({row["manipulation_score"] for row in rows}) > 1
+    means = over_tasks(rows)
+    table = two_by_two(means)
+    rates = [100.0 * row["success"] for row in rows]
+    assert [float(line.split()[-2]) for line in table[1:3]] == [rates[0], rates[2]]
+    assert float(table[3].split()[1]) == rates[3] - rates[1] - rates[2] + rates[0]

@@ -15,7 +15,15 @@ from pipeline.data.parsing import line, show_value
 from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.setup import RecipeError, Seed, Setup
 from pipeline.data.setup.rules import Corrections, Expert, Perturbation, Sight, Takeover
-from pipeline.data.spec import CONTROL, EVENTFUL, HIGHEST_LEVEL, EpisodeSpec, attempt_seed
+from pipeline.data.spec import (
+    CONTROL,
+    EVENTFUL,
+    HIGHEST_LEVEL,
+    MOST_CONDITIONS,
+    EpisodeSpec,
+    attempt_seed,
+    condition_arms,
+)
 
 MOST_SLOTS = 10_000_000
 """Episodes of one dataset: its index has a row for each."""
@@ -82,7 +90,7 @@ class Recipe(Setup):
     total: Annotated[int, Field(ge=1, le=MOST_SLOTS, strict=True)] | None = None
     """Exact number of episodes of all cells, spread evenly over them; `episodes` are then the
     weights of the domains."""
-    paired: tuple[Literal["levels", "domains", "alpha", "events"], ...] = ()
+    paired: tuple[Literal["levels", "domains", "alpha", "events", "conditions"], ...] = ()
     """Cells that differ only in these keys try the same scenes slot by slot: same layout, objects
     and looks. With `events`, slots 2k and 2k + 1 are one scene with and without its events."""
     attempts: _Thousand = 30
@@ -143,7 +151,9 @@ class Recipe(Setup):
     @field_validator("paired")
     @classmethod
     def _in_order(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(key for key in ("levels", "domains", "alpha", "events") if key in value)
+        return tuple(
+            sorted(value, key=("levels", "domains", "alpha", "events", "conditions").index)
+        )
 
     @field_validator("alpha")
     @classmethod
@@ -231,8 +241,8 @@ class Recipe(Setup):
         fast motion, which fits more seldom, is not replaced by a slow one. Paired cells have the
         same seeds."""
         cell, index, arm = slot.cell, slot.index, ""
-        if "events" in self.paired:
-            index, arm = index // 2, (EVENTFUL, CONTROL)[index % 2]
+        if arms := self.arms:
+            index, arm = index // len(arms), arms[index % len(arms)]
         scenes = cell.scenes(self.paired)
         seed = attempt_seed(self.seed, scenes, index, attempt)
         shared = (
@@ -240,6 +250,13 @@ class Recipe(Setup):
         )
         drawn = {"slot": slot.index, "seed": seed, "slot_seed": shared, "arm": arm}
         return EpisodeSpec(**vars(cell), **drawn)
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms of every scene if its events are paired."""
+        if "conditions" in self.paired:
+            return condition_arms(len(self.events))
+        return (EVENTFUL, CONTROL) if "events" in self.paired else ()
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""
@@ -273,10 +290,17 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
     if (cells := math.prod(map(len, lists))) > MOST_SLOTS:
         many, fix = f"has {cells} cells", "name fewer tasks, robots or alphas"
         raise RecipeError(f"{source}: {many}: a dataset has 1 to {MOST_SLOTS} episodes; {fix}")
-    odd = any(count % 2 for count in recipe.counts().values())
-    if "events" in recipe.paired and (not recipe.events or odd):
+    of_events = [key for key in recipe.paired if key in ("events", "conditions")]
+    if of_events and (not recipe.events or len(of_events) > 1):
         raise RecipeError(
-            f"{source}: paired: events needs events, and an even number of episodes in every cell"
+            f"{source}: paired: {' and '.join(of_events)} needs events, and one of both"
+        )
+    if "conditions" in of_events and len(recipe.events) > MOST_CONDITIONS:
+        raise RecipeError(f"{source}: paired: conditions takes {MOST_CONDITIONS} events at most")
+    arms = len(recipe.arms)
+    if arms and any(count % arms for count in recipe.counts().values()):
+        raise RecipeError(
+            f"{source}: paired: {of_events[0]} needs a multiple of {arms} episodes in every cell"
         )
     episodes = recipe.variants * sum(recipe.counts().values())
     if not 0 < episodes <= MOST_SLOTS:

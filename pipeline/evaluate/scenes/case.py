@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
+from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import DEFAULT, Setup
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.spec import EpisodeSpec, condition_arms
 from pipeline.evaluate.scenes.frozen import FrozenScene
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
@@ -80,6 +81,11 @@ class Case:
     def digest(self) -> str:
         """Short hash of the motion and of the first frame."""
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
+
+    def arms(self, events: int) -> Iterator["Case"]:
+        """The same case in every arm of a scene with so many events as conditions."""
+        for arm in condition_arms(events):
+            yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
         """The scene, under the rules of a setup of the same physics. Raises Failure("layout"), and
@@ -161,3 +167,11 @@ def expert_actions(case: Case) -> NDArray[np.float64]:
         return expert(case.spec, case.setup).replay.log.action[:-1]
     done = attempt(case.spec, case.setup, Phases(), frozen=case.scene())
     return done.replay.log.action[:-1]
+
+
+def in_every_arm(admitted: Mapping[Cell, Sequence[Case]], events: int) -> dict[Cell, list[Case]]:
+    """The cases in every arm of their scenes, which have so many events as conditions."""
+    return {
+        cell: [arm for case in cases for arm in case.arms(events)]
+        for cell, cases in admitted.items()
+    }

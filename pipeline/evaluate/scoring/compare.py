@@ -49,9 +49,10 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
     """Each policy of paired evaluations without events and with them, for each clock and rules. Its
     name has the clock, rules or run that sets it apart."""
-    found = list[dict[str, Any]]()
+    found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
     for run in runs:
         for arm in _arms([run]):
+            out += _conditions(arm)
             paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
             for (clock, rules), rows in _group(paired, lambda r: (r["clock"], r["rules"])).items():
                 words = {"name": arm.name, "clock": clock, "rules": rules, "run": run}
@@ -62,12 +63,33 @@ def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy
             if len({one[key] for one in alike}) > 1:
                 for one in alike:
                     one["name"] += f", {one[key]}"
-    out = list[tuple[ComparedPolicy, ComparedPolicy]]()
     for name, arm in ((one["name"], one["arm"]) for one in found):
         calm = tuple(row | row["control"] for row in arm.rows)
         without = ComparedPolicy(f"{name}, no events", calm, arm.networks)
         out.append((without, replace(arm, name=name)))
     return out
+
+
+def _conditions(arm: ComparedPolicy) -> Iterator[tuple[ComparedPolicy, ComparedPolicy]]:
+    """Every condition of a policy against none of them, scene by scene."""
+    whole = [_without_arm(row) for row in arm.rows if row.get("condition")]
+    groups = _group(whole, lambda r: (r["clock"], r["rules"]))
+    for which, rows in groups.items():
+        name = ", ".join((arm.name, *(which if len(groups) > 1 else ())))
+        by_condition = _group(rows, lambda row: row["condition"])
+        for condition in sorted(by_condition.keys() - {"none"}):
+            first, second = (
+                ComparedPolicy(f"{name}, {each}", tuple(by_condition[each]))
+                for each in ("none", condition)
+            )
+            yield first, second
+
+
+def _without_arm(row: Row) -> Row:
+    """A row whose key is that of all arms of its scene."""
+    key = json.loads(row["key"])
+    spec = {name: value for name, value in json.loads(key[3]).items() if name != "arm"}
+    return row | {"key": json.dumps([*key[:3], json.dumps(spec), *key[4:]])}
 
 
 def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
@@ -232,7 +254,7 @@ def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
     all."""
     yield "all", [True] * len(rows)
     known = {"all"}
-    for key in ("level", "alpha", "domain", "category", "task", "event", "phase"):
+    for key in ("level", "alpha", "domain", "category", "task", "condition", "event", "phase"):
         values = sorted({row.get(key, "") for row in rows})
         for value in values if len(values) > 1 else ():
             name = f"{key} {value:g}" if key in ("level", "alpha") else value

@@ -9,7 +9,7 @@ WIDTH, HEIGHT = 260.0, 180.0
 """Size of the area of a panel, in the units of its picture."""
 
 COLORS = ("#2563eb", "#d97706", "#059669", "#dc2626", "#7c3aed", "#0891b2", "#be185d", "#4d7c0f")
-PARTS = ("policy", "clock", "rules", "embodiment", "domain")
+PARTS = ("policy", "clock", "rules", "embodiment", "domain", "condition")
 
 
 @dataclass(frozen=True)

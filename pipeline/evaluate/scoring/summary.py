@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.evaluate.scoring.statistics import bootstrap, wilson
 
-CELL = ("policy", "clock", "rules", "task", "embodiment", "level", "alpha", "domain")
+CELL = ("policy", "clock", "rules", "task", "embodiment", "level", "alpha", "domain", "condition")
 
 MOST_FAULTS = 5
 """Different faults that a cell lists."""
@@ -34,7 +34,7 @@ def summarise(rows: Sequence[Row]) -> list[Row]:
     """One row for each combination of CELL, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
-        groups[tuple(row[key] for key in CELL)].append(row)
+        groups[tuple(row.get(key, "") for key in CELL)].append(row)
     return [
         dict(zip(CELL, key, strict=True)) | {"category": group[0]["category"]} | numbers(group)
         for key, group in groups.items()
@@ -85,7 +85,7 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
     by = [key for key in CELL if key != "task"]
     for row in rows:
         for category in ("all", row["category"]):
-            cells[(*(row[key] for key in by), category)][row["task"]].append(row)
+            cells[(*(row.get(key, "") for key in by), category)][row["task"]].append(row)
     out = []
     for key, tasks in cells.items():
         values = {
@@ -109,6 +109,29 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
         truth = {"sees_truth": any(row["sees_truth"] for row in every)}
         truth |= {"process": _processes(every)}
         out.append(head | counts | truth | means | intervals)
+    return out
+
+
+def two_by_two(means: Sequence[Row]) -> list[str]:
+    """The success rates (per cent) of two conditions as a table of two rows and two columns, for
+    each group of means over all tasks that has all four; and their interaction, in points."""
+    groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
+    for mean in means:
+        if mean["category"] == "all":
+            key = tuple(mean[name] for name in CELL if name not in ("task", "condition"))
+            groups[key][mean["condition"]] = mean["success_rate"]
+    out = list[str]()
+    for key, rates in groups.items():
+        one, _, two = max(rates, key=lambda name: name.count("+")).partition("+")
+        if "+" in two or {*rates} != {"none", one, two, f"{one}+{two}"}:
+            continue
+        neither, first, second, both = (rates[n] for n in ("none", one, two, f"{one}+{two}"))
+        out += [
+            f"SR %, {key[0]}, level {key[4]}{'':10}no {two:10} {two}",
+            f"{'no ' + one:>30} {neither:10.1f} {second:10.1f}",
+            f"{one:>30} {first:10.1f} {both:10.1f}",
+            f"{'interaction':>30} {both - first - second + neither:+10.1f} points",
+        ]
     return out
 
 
@@ -155,6 +178,7 @@ def table(cells: Sequence[Row]) -> str:
             why += f"{', ' if why else ''}unreachable poses {c['unreachable']}"
         scores = f"{c['route_completion']:6.1f} {c['manipulation_score']:6.1f}"
         hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
+        why += f"  [{c['condition']}]" if c["condition"] else ""
         lines.append(
             f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10}"
             f" {c['rules']:15} {'sees' if c['sees_truth'] else '-':5} {c['process']:9}"

@@ -62,16 +62,18 @@ class EventfulWorld(Protocol):
 @dataclass(eq=False)
 class RunningEvent:
     """An event of this simulation: when it fired and ended (s), inf if not yet, and in which phase.
-    `place` is where its scenery stands."""
+    `place` is where its scenery stands. A `withheld` one notes when it would have happened, and
+    changes nothing."""
 
     drawn: DrawnEvent
+    withheld: bool = False
     fired: float = np.inf
     ended: float = np.inf
     phase: Phase | None = None
     place: Pose = field(default_factory=lambda: AWAY)
 
     def is_active(self, time: float) -> bool:
-        return self.fired <= time < self.ended
+        return not self.withheld and self.fired <= time < self.ended
 
     def at(self, t: ArrayLike) -> Floats:
         """The pose (...,7) of the scenery of this event."""
@@ -96,8 +98,8 @@ class RunningEvent:
 
 class EventScript:
     """The events of one simulation. `eye` (7,) is the pose of the camera that an occluder stands
-    before, `meeting` the planned time (s), `goal` the body that is moved as the goal. A `withheld`
-    script notes when its events would have happened, and changes nothing."""
+    before, `meeting` the planned time (s), `goal` the body that is moved as the goal, `withheld`
+    whether each event is."""
 
     def __init__(
         self,
@@ -106,10 +108,10 @@ class EventScript:
         meeting: float,
         *,
         goal: str = "",
-        withheld: bool = False,
+        withheld: Sequence[bool],
     ) -> None:
-        self.events = tuple(map(RunningEvent, events))
-        self._eye, self._meeting, self._withheld, self._goal = eye, meeting, withheld, goal
+        self.events = tuple(map(RunningEvent, events, withheld))
+        self._eye, self._meeting, self._goal = eye, meeting, goal
 
     @property
     def props(self) -> tuple[Prop, ...]:
@@ -130,7 +132,7 @@ class EventScript:
     def hides(self, point: Floats, time: float) -> bool:
         """Whether an occluder stands between the camera and a world point (3,)."""
         for event in self.events:
-            if self._withheld or event.drawn.kind != "occluder":
+            if event.withheld or event.drawn.kind != "occluder":
                 continue
             board = event.board(time)
             away = compose(inverse(board), self._eye)[:3]
@@ -151,7 +153,7 @@ class EventScript:
                 np.inf if event.drawn.lasts is None else event.drawn.lasts
             ):
                 event.ended = simulation.time
-                if not self._withheld:
+                if not event.withheld:
                     simulation.events.append(Event(ENDED, event.ended, event.drawn.name))
                     self._change(event.drawn, simulation)
             before = event.fired
@@ -159,15 +161,13 @@ class EventScript:
                 self._move_goal(event, simulation)
 
     def _move_goal(self, event: RunningEvent, s: EventfulWorld) -> None:
-        if self._goal and not self._withheld and s.time < event.fired + MOVED:
+        if self._goal and s.time < event.fired + MOVED:
             way = np.array([np.cos(event.drawn.turn), np.sin(event.drawn.turn), 0.0])
             s.shift(self._goal, event.drawn.amount / MOVED * way)
 
     def commanded(self, command: Floats, time: float, grippers: Sequence[int]) -> Floats:
         """What the drives are told: a gripper that slips opens, whatever is commanded."""
-        if self._withheld or not any(
-            event.drawn.kind == "slip" and event.is_active(time) for event in self.events
-        ):
+        if not any(event.drawn.kind == "slip" and event.is_active(time) for event in self.events):
             return command
         slipped = command.copy()
         slipped[list(grippers)] = 1.0
@@ -178,7 +178,7 @@ class EventScript:
         return sum(
             event.drawn.amount
             for event in self.events
-            if not self._withheld and event.drawn.kind == kind and event.is_active(time)
+            if event.drawn.kind == kind and event.is_active(time)
         )
 
     def _is_due(self, event: DrawnEvent, before: float, s: EventfulWorld) -> bool:
@@ -198,8 +198,8 @@ class EventScript:
     def _fire(self, event: RunningEvent, s: EventfulWorld) -> None:
         drawn = event.drawn
         event.fired, event.phase = s.time, phase_of(s)
-        s.events.append(Event(WITHHELD if self._withheld else FIRED, s.time, drawn.name))
-        if self._withheld:
+        s.events.append(Event(WITHHELD if event.withheld else FIRED, s.time, drawn.name))
+        if event.withheld:
             return
         if drawn.kind == "occluder":
             event.place = self._place(s)

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from pipeline.data.intact import count_pairs
 from pipeline.data.recipe.cells import Cell, Slot, evenly, largest_remainder, spread
 from pipeline.data.recipe.growth import differences, left_out
+from pipeline.data.recipe.model import RecipeError
+from pipeline.data.spec import EpisodeSpec
 from pipeline.run.names import recipe_from
 
 WEIGHTS = st.lists(st.integers(1, 300), min_size=1, max_size=7)
@@ -159,3 +161,21 @@ def test_seeds_of_recipes_that_pair_nothing_stay_what_they_were():
 
 FIRST, SHARED, SECOND = 2843299916294182776, 2209047519188021894, 2492708319668480249
 """As version 0.1 drew them."""
+
+
+def test_conditions_are_arms_of_one_scene_and_cells_multiply():
+    wanted = {"tasks": "click_bell", "levels": 1, "episodes": 8}
+    wanted |= {"events": ["stop@0.5", "push@0.8"]}
+    recipe = recipe_from(wanted | {"paired": ["conditions"]})
+    specs = [recipe.spec(slot, 1) for slot in recipe.physical_slots()]
+    assert [spec.arm for spec in specs] == ["00", "01", "10", "11"] * 2
+    assert len({spec.seed for spec in specs[:4]}) == len({spec.pair for spec in specs[:4]}) == 1
+    assert specs[0].pair != specs[4].pair
+    first = [spec.rng("placement").random() for spec in specs]
+    assert first == [first[0]] * 4 + [first[4]] * 4 and first[0] != first[4]
+    withheld = [[spec.withholds(n) for n in (0, 1)] for spec in specs[:4]]
+    assert withheld == [[True, True], [True, False], [False, True], [False, False]]
+    assert all(EpisodeSpec.from_json(spec.to_json()) == spec for spec in specs)
+    for bad in ({"episodes": 6}, {"events": []}, {"paired": ["conditions", "events"]}):
+        with pytest.raises(RecipeError, match="paired: "):
+            recipe_from(wanted | {"paired": ["conditions"]} | bad)
