@@ -113,8 +113,8 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
 
 
 def two_by_two(means: Sequence[Row]) -> list[str]:
-    """The success rates (per cent) of two conditions as a table of two rows and two columns, for
-    each group of means over all tasks that has all four; and their interaction, in points."""
+    """The success rates (per cent) of two conditions as lines of a table, with their interaction in
+    points. Only of groups of means over all tasks that have all four sets."""
     groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
     for mean in means:
         if mean["category"] == "all":
