@@ -1,5 +1,6 @@
 """An arm's spec as a SAPIEN articulation with drives."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -134,7 +135,10 @@ class BuiltArm:
     gripper: Gripper
 
     def __post_init__(self) -> None:
-        self._driven, self._speeds = (*self.joints, *self.jaws), list[float]()
+        driven = (*self.joints, *self.jaws)
+        self._aim = [joint.set_drive_target for joint in driven]
+        self._rate = [joint.set_drive_velocity_target for joint in driven]
+        self._goals, self._speeds = [math.nan] * len(driven), list[float]()
 
     def drive(self, command: Floats, velocity: Floats) -> None:
         """Set the drives of the next physics step: positions and velocities (n+1,) of the joints,
@@ -146,12 +150,13 @@ class BuiltArm:
         for closed, opened in zip(self.gripper.closed, self.gripper.opened, strict=True):
             goals.append(closed + value * (opened - closed))
             speeds.append(rate * (opened - closed))
-        for joint, goal in zip(self._driven, goals, strict=True):
-            joint.set_drive_target(goal)
+        for aim, goal, before in zip(self._aim, goals, self._goals, strict=True):
+            if goal != before:
+                aim(goal)
         if speeds != self._speeds:  # within a control period they are the same
-            for joint, speed in zip(self._driven, speeds, strict=True):
-                joint.set_drive_velocity_target(speed)
-            self._speeds = speeds
+            for set_rate, speed in zip(self._rate, speeds, strict=True):
+                set_rate(speed)
+        self._goals, self._speeds = goals, speeds
         self.robot.set_qf(self.robot.compute_passive_force())
 
     def jaw_positions(self) -> Floats:

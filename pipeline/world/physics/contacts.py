@@ -2,7 +2,7 @@
 contacts in no fixed order."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -19,59 +19,77 @@ Pair = tuple[int, int, float, Floats, int]
 """Indices a < b of two bodies, impulse in N s, mean contact point (3,), number of points."""
 
 
-def pushes(contact: Any) -> bool:
-    """Whether a contact has an impulse."""
-    return any(np.dot(p.impulse, p.impulse) > TOUCH_IMPULSE**2 for p in contact.points)
+Push = tuple[list[float], Any]
+"""Impulse (3,) in N s and SAPIEN's point."""
 
 
-def points_on(body: Any, side_of: Mapping[Any, str], contacts: Sequence[Any]) -> dict[str, Floats]:
-    """Points (N,3) at which components push `body`, by the sides that `side_of` gives them, in a
-    fixed order."""
-    found: dict[str, list[list[float]]] = {}
-    for contact in contacts:
-        a, b = contact.bodies
-        if a is not body and b is not body:
-            continue
-        side = side_of.get(b if a is body else a)
-        if side is None or not pushes(contact):
-            continue
-        points = [p.position.tolist() for p in contact.points if p.impulse.any()]
-        if points:
-            found.setdefault(side, []).extend(points)
-    return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
+class Contacts:
+    """The contacts of one step, each read through the binding once: that costs more than all that is
+    done with them."""
 
+    def __init__(self, found: Sequence[Any]) -> None:
+        self._found, self._pushing = found, dict[int, list[Push]]()
+        self.pairs: list[tuple[Any, Any]] = [tuple(contact.bodies) for contact in found]
 
-def touching_pairs(index: Mapping[Any, int], contacts: Sequence[Any]) -> list[Pair]:
-    """Pairs of the components of `index` that push each other, sorted."""
-    # A pair of bodies may touch with many pieces: the strongest is the pair's contact, and only its
-    # points are read. Plain floats: for a dozen pairs with four points each numpy takes five times
-    # as long.
-    found: dict[tuple[int, int], tuple[float, list[list[Any]]]] = {}
-    for contact in contacts:
-        first, second = contact.bodies
-        a, b = index.get(first), index.get(second)
-        if a is None or b is None:
-            continue
-        pushing = [(push, p) for p in contact.points if any(push := p.impulse.tolist())]
+    def pushing(self, k: int) -> list[Push]:
+        """The points of contact `k` that have an impulse."""
+        known = self._pushing.get(k)
+        if known is None:
+            points = self._found[k].points
+            known = [(push, p) for p in points if any(push := p.impulse.tolist())]
+            self._pushing[k] = known
+        return known
+
+    def pushes(self, k: int) -> bool:
+        """Whether a contact has an impulse above the least."""
+        return any(x * x + y * y + z * z > TOUCH_IMPULSE**2 for (x, y, z), _ in self.pushing(k))
+
+    def strength(self, k: int) -> float:
+        """The impulse of a contact, N s."""
+        pushing = self.pushing(k)
         if not pushing:
-            continue
-        strength = math.hypot(*map(math.fsum, zip(*(push for push, _ in pushing), strict=True)))
-        pair = (a, b) if a < b else (b, a)
-        most, pieces = found.get(pair, (TOUCH_IMPULSE, []))
-        if strength > most:
-            found[pair] = strength, [[p for _, p in pushing]]
-        elif strength == most and pieces:
-            pieces.append([p for _, p in pushing])
-    out = list[Pair]()
-    for pair, (strength, pieces) in sorted(found.items(), key=lambda item: item[0]):
-        point, n = max(map(_mean_point, pieces))
-        out.append((*pair, strength, np.array(point), n))
-    return out
+            return 0.0
+        return math.hypot(*map(math.fsum, zip(*(push for push, _ in pushing), strict=True)))
+
+    def points_on(self, body: Any, side_of: Mapping[Any, str]) -> dict[str, Floats]:
+        """Points (N,3) at which components push `body`, by the sides that `side_of` gives them, in
+        a fixed order."""
+        found: dict[str, list[list[float]]] = {}
+        for k, (a, b) in enumerate(self.pairs):
+            if a is not body and b is not body:
+                continue
+            side = side_of.get(b if a is body else a)
+            if side is not None and self.pushes(k):
+                points = [p.position.tolist() for _, p in self.pushing(k)]
+                found.setdefault(side, []).extend(points)
+        return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
+
+    def touching(self, index: Mapping[Any, int]) -> list[Pair]:
+        """Pairs of the components of `index` that push each other, sorted."""
+        # A pair of bodies may touch with many pieces: the strongest is the pair's contact, and only
+        # its points are read. Plain floats: for a dozen pairs with four points each numpy takes
+        # five times as long.
+        found: dict[tuple[int, int], tuple[float, list[list[Push]]]] = {}
+        for k, (first, second) in enumerate(self.pairs):
+            a, b = index.get(first), index.get(second)
+            if a is None or b is None or not self.pushing(k):
+                continue
+            strength, pair = self.strength(k), (a, b) if a < b else (b, a)
+            most, pieces = found.get(pair, (TOUCH_IMPULSE, []))
+            if strength > most:
+                found[pair] = strength, [self.pushing(k)]
+            elif strength == most and pieces:
+                pieces.append(self.pushing(k))
+        out = list[Pair]()
+        for pair, (strength, pieces) in sorted(found.items(), key=lambda item: item[0]):
+            point, n = max(map(_mean_point, pieces))
+            out.append((*pair, strength, np.array(point), n))
+        return out
 
 
-def _mean_point(points: Sequence[Any]) -> tuple[tuple[float, ...], int]:
+def _mean_point(pushing: Sequence[Push]) -> tuple[tuple[float, ...], int]:
     """Mean position (3,) and number of the points of one contact."""
-    at = [p.position.tolist() for p in points]
+    at = [p.position.tolist() for _, p in pushing]
     return tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True)), len(at)
 
 
@@ -142,18 +160,14 @@ class ForceWatch:
         self._names = names
         self._limits = {pair: most[kind] / PHYSICS_HZ for pair, kind in found.items() if kind}
 
-    def overloads(self, contacts: Iterable[Any], rigid: str = "") -> list[Overload]:
+    def overloads(self, contacts: Contacts, rigid: str = "") -> list[Overload]:
         """The contacts of a step that exceed their limits, sorted. The part `rigid` is left out: a
         target touched in this step is kinematic and gives way in the next."""
         found = list[Overload]()
-        for contact in contacts:
-            limit = self._limits.get(tuple(contact.bodies))
-            if limit is None:
-                continue
-            pushes = [p.impulse.tolist() for p in contact.points]
-            impulse = math.hypot(*map(math.fsum, zip(*pushes, strict=True)))
-            if impulse > limit:
-                one, other = sorted(self._names[part] for part in contact.bodies)
+        for k, pair in enumerate(contacts.pairs):
+            limit = self._limits.get(pair)
+            if limit is not None and (impulse := contacts.strength(k)) > limit:
+                one, other = sorted(self._names[part] for part in pair)
                 if rigid not in (one, other):
                     found.append(Overload(one, other, impulse * PHYSICS_HZ))
         return sorted(found)

@@ -19,7 +19,7 @@ from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, Pose, compose, frame, inverse
 from pipeline.world.physics.arms import add_arm, to_sapien
 from pipeline.world.physics.body import TABLE_COLLISION, TABLE_TOP, Body, colliders_of
-from pipeline.world.physics.contacts import Pair, touching_pairs
+from pipeline.world.physics.contacts import Contacts, Pair
 from pipeline.world.robots.contract import (
     Embodiment,
 )
@@ -173,6 +173,7 @@ class PhysicsScene:
         self.embodiment, self.bodies = embodiment, tuple(bodies)
         self.scenery, self._props = scenery, props
         self.steps, self._stood = 0, math.inf
+        self._read: Contacts | None = None
         self._before: tuple[sapien.Pose, list[NDArray[np.float32]]] | None = None
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
@@ -189,6 +190,7 @@ class PhysicsScene:
                 add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
         arms = embodiment.arms
         self._arms = {side: add_arm(self._scene, side, arm) for side, arm in arms.items()}
+        self._read_joints = [arm.robot.get_qpos for arm in self._arms.values()]
         links = [(side, link) for side, arm in self._arms.items() for link in arm.robot.links]
         self._link_names = tuple(f"{side}_{link.name}" for side, link in links)
         self._side_of: dict[Any, str] = {link: side for side, link in links}
@@ -261,7 +263,7 @@ class PhysicsScene:
         return now, (now - before) * PHYSICS_HZ
 
     def _joint_positions(self) -> list[NDArray[np.float32]]:
-        return [arm.robot.qpos for arm in self._arms.values()]
+        return [read() for read in self._read_joints]
 
     def state_vector(self, qpos: Floats) -> Floats:
         """Measured vector (A,) in the layout of the command, from `qpos` (J,)."""
@@ -275,6 +277,13 @@ class PhysicsScene:
         """Measured tcp pose (7,) of one arm."""
         return compose(as_pose(self._hands[side].pose), self.embodiment.arms[side].tcp)
 
+    @property
+    def touches(self) -> Contacts:
+        """The contacts of the last step."""
+        if self._read is None:
+            self._read = Contacts(self._scene.get_contacts())
+        return self._read
+
     def contacts(self) -> list[Pair]:
         """Touching pairs now, without the floor, in the order of `names`."""
-        return touching_pairs(self._index, self._scene.get_contacts())
+        return self.touches.touching(self._index)

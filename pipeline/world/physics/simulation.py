@@ -25,12 +25,7 @@ from pipeline.poses import (
 )
 from pipeline.world.physics.arms import to_sapien
 from pipeline.world.physics.body import BORNE, Body, Motion, StillMotion
-from pipeline.world.physics.contacts import (
-    ForceWatch,
-    Overload,
-    points_on,
-    pushes,
-)
+from pipeline.world.physics.contacts import ForceWatch, Overload
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold, ImperfectDrives
 from pipeline.world.physics.events import EventScript
 from pipeline.world.physics.scene_building import PhysicsScene, as_pose, move_solid
@@ -139,11 +134,9 @@ class Simulation(PhysicsScene):
         self._before = self._entities[self.target].pose, self._joint_positions()
         self._scene.step()
         self.steps += 1
-        self.command = command
-        if (self._untouched or self._beside or not self.touched_by) and (
-            contacts := self._scene.get_contacts()
-        ):
-            self._watch(contacts)
+        self.command, self._read = command, None
+        if self._untouched or self._beside or not self.touched_by:
+            self._watch()
         if self._drive is not None and self._drive.is_held(self._touching()):
             self.release()
 
@@ -191,23 +184,22 @@ class Simulation(PhysicsScene):
     def _rests(self) -> bool:
         return all(self.speed(name) < _QUIET for name in self._free)
 
-    def _watch(self, contacts: Sequence[Any]) -> None:
+    def _watch(self) -> None:
         """Note the first touch of the target and of every distractor. SAPIEN lists contacts in no
         fixed order: of several that touch the target in one step, the first of `names` counts."""
-        touching, disturbed = list[int](), set[str]()
+        touching, disturbed, contacts = list[int](), set[str](), self.touches
         beside = {self._rigid[name]: name for name in self._beside}
         watched = {*beside, *self._untouched, self._moved}
-        for contact in contacts:
-            a, b = contact.bodies
-            if a not in watched and b not in watched:
+        for k, (a, b) in enumerate(contacts.pairs):
+            if (a not in watched and b not in watched) or not contacts.pushes(k):
                 continue
             for one, other in ((a, b), (b, a)):
                 is_toucher = other in self._touchers
-                if one is self._moved and not self.touched_by and is_toucher and pushes(contact):
+                if one is self._moved and not self.touched_by and is_toucher:
                     touching.append(self._index[other])
-                if one in beside and is_toucher and pushes(contact):
+                if one in beside and is_toucher:
                     self._let_go(beside.pop(one))
-                if one in self._untouched and other not in self._harmless and pushes(contact):
+                if one in self._untouched and other not in self._harmless:
                     disturbed.add(self._untouched[one])
         for name in sorted(disturbed):
             self.events.append(Event("clutter_touched", self.time, name))
@@ -255,10 +247,11 @@ class Simulation(PhysicsScene):
         body.wake_up()
 
     def _touching(self) -> set[str]:
+        """What touches the target."""
         pairs = (
-            contact.bodies
-            for contact in self._scene.get_contacts()
-            if self._moved in contact.bodies and pushes(contact)
+            pair
+            for k, pair in enumerate(self.touches.pairs)
+            if self._moved in pair and self.touches.pushes(k)
         )
         return {self.names[self._index[b]] for pair in pairs for b in pair if b in self._touchers}
 
@@ -280,9 +273,9 @@ class Simulation(PhysicsScene):
         """Points (N,3) at which links of an arm push the target now, by side, in a fixed order;
         only of `sides`."""
         side_of = {link: side for link, side in self._side_of.items() if side in sides}
-        return points_on(self._moved, side_of, self._scene.get_contacts())
+        return self.touches.points_on(self._moved, side_of)
 
     def overloads(self) -> list[Overload]:
         """Contacts of the robot in the last step that are stronger than `Forces` allows."""
         rigid = self.target if self.steps == self.touched_at else ""
-        return self._forces.overloads(self._scene.get_contacts(), rigid)
+        return self._forces.overloads(self.touches, rigid)
