@@ -223,18 +223,15 @@ def touching(core, size, half, bound, points, t, a, b, reach, s, weights, trial,
 
 
 @kernel
-def balls_far_apart(frames, frame, balls, a, b, margin):
-    """True when the bounding balls (x, y, z, radius) of a and b are over `margin` m apart."""
-    square = 0.0
-    i, j = frame[a], frame[b]
-    for c in range(3):
-        u, w = frames[i, 9 + c], frames[j, 9 + c]
-        for k in range(3):
-            u += frames[i, 3 * c + k] * balls[a, k]
-            w += frames[j, 3 * c + k] * balls[b, k]
-        square += (u - w) * (u - w)
-    far = balls[a, 3] + balls[b, 3] + margin
-    return square > far * far
+def place_balls(frames, frame, balls, out):
+    """Write the world centres (O,3) of bounding balls (x, y, z, radius)."""
+    for o in range(frame.shape[0]):
+        i = frame[o]
+        for c in range(3):
+            x = frames[i, 9 + c]
+            for k in range(3):
+                x += frames[i, 3 * c + k] * balls[o, k]
+            out[o, c] = x
 
 
 @kernel
@@ -243,16 +240,27 @@ def first_contact(parent, origin, prismatic, pieces, pairs, q):
     _, frame, local, core, size, radius, half, bound, points = pieces
     owner_frame, balls, bodies, starts, margin, pair_a, pair_b = pairs
     frames, t = np.empty((parent.shape[0] + 1, 12)), np.empty((frame.shape[0], 12))
+    centres, placed = np.empty((owner_frame.shape[0], 3)), np.full(frame.shape[0], -1)
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
     for row in range(q.shape[0]):
         place_frames(parent, origin, prismatic, q, row, frames)
-        for p in range(frame.shape[0]):
-            chain_transforms(frames, frame[p], local, p, t, p)
+        place_balls(frames, owner_frame, balls, centres)
         for g in range(bodies.shape[0]):
-            if balls_far_apart(frames, owner_frame, balls, bodies[g, 0], bodies[g, 1], margin[g]):
+            i, j = bodies[g, 0], bodies[g, 1]
+            dx, dy, dz = (
+                centres[i, 0] - centres[j, 0],
+                centres[i, 1] - centres[j, 1],
+                centres[i, 2] - centres[j, 2],
+            )
+            far = balls[i, 3] + balls[j, 3] + margin[g]
+            if dx * dx + dy * dy + dz * dz > far * far:
                 continue
             for m in range(starts[g], starts[g + 1]):
                 a, b = pair_a[m], pair_b[m]
+                for p in (a, b):
+                    if placed[p] != row and (frame[p] > 0 or placed[p] < 0):
+                        chain_transforms(frames, frame[p], local, p, t, p)
+                        placed[p] = row
                 reach = radius[a] + radius[b] + margin[g]
                 if touching(core, size, half, bound, points, t, a, b, reach, s, weights, trial, v):
                     return row, m

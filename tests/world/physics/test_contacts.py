@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.world.physics.contacts import FORCES, ContactKinds, ForceWatch
+from pipeline.world.physics.contacts import FORCES, ContactKinds, Contacts, ForceWatch, Overload
 from pipeline.world.robots import get_embodiment
 
 ROBOT = get_embodiment("aloha")
@@ -43,29 +43,31 @@ def contact(one: str, other: str, *forces: tuple[float, float, float]) -> Simple
     return SimpleNamespace(bodies=[one, other], points=points)
 
 
-def watch() -> ForceWatch:
-    return ForceWatch(ROBOT, {name: name for name in (FINGER, OTHER, HAND, LINK, "can", "table")})
+def overloads(*contacts: SimpleNamespace, rigid: str = "") -> list[Overload]:
+    """What a watch finds in one step."""
+    names = {name: name for name in (FINGER, OTHER, HAND, LINK, "can", "table")}
+    return ForceWatch(ROBOT, names).overloads(Contacts(contacts), rigid)
 
 
 def test_forces_of_a_contact_add_up_as_vectors():
     half = FORCES.table / 2
-    assert not watch().overloads([contact(FINGER, "table", (0, 0, half), (0, 0, 0.9 * half))])
-    [found] = watch().overloads([contact(FINGER, "table", (0, 0, half), (0, 0, 1.2 * half))])
+    assert not overloads(contact(FINGER, "table", (0, 0, half), (0, 0, 0.9 * half)))
+    [found] = overloads(contact(FINGER, "table", (0, 0, half), (0, 0, 1.2 * half)))
     assert (found.one, found.other) == (FINGER, "table")
     assert found.force == pytest.approx(2.2 * half)
     # forces in different directions
     across = contact("table", FINGER, (0.8 * FORCES.table, 0, 0), (0, 0, 0.8 * FORCES.table))
-    assert watch().overloads([across])[0].force == pytest.approx(0.8 * 2**0.5 * FORCES.table)
+    assert overloads(across)[0].force == pytest.approx(0.8 * 2**0.5 * FORCES.table)
 
 
 def test_each_contact_is_judged_by_its_own_limit():
     grip = contact(FINGER, "can", (0.9 * FORCES.finger, 0, 0))
     palm = contact(HAND, "can", (0, 1.1 * FORCES.palm, 0))
-    [found] = watch().overloads([grip, palm])
+    [found] = overloads(grip, palm)
     assert {found.one, found.other} == {HAND, "can"}
-    assert len(watch().overloads([contact(FINGER, "can", (1.1 * FORCES.finger, 0, 0)), palm])) == 2
+    assert len(overloads(contact(FINGER, "can", (1.1 * FORCES.finger, 0, 0)), palm)) == 2
 
 
 def test_a_target_that_cannot_give_way_yet_is_left_out():
     hard = contact(HAND, "can", (0, 0, 10 * FORCES.palm))
-    assert watch().overloads([hard]) and not watch().overloads([hard], rigid="can")
+    assert overloads(hard) and not overloads(hard, rigid="can")
