@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 Triple = tuple[float, float, float]
 
-FIRST_LOOK, LOOK = 1, 2
-"""How light is computed: `Visuals` without a number were stored before soft shadows."""
+FIRST_LOOK, SECOND_LOOK, LOOK = 1, 2, 3
+"""How images are computed. `Visuals` without a number were stored before soft shadows; those of the
+second look before poses were rounded."""
 
 
 @dataclass(frozen=True)

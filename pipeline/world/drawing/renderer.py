@@ -70,7 +70,7 @@ class Renderer:
         self._names = tuple(visual_bodies)
         self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
         solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
-        look = look_of(visuals.look)
+        self._look = look = look_of(visuals.look)
         planes: dict[str, Parts] = {
             TABLE: table_top(visuals, images),
             **shell(visuals, self._preset.shader != "rt", images),
@@ -146,15 +146,21 @@ class Renderer:
             index = np.arange(len(next(iter(poses.values()))))
         poses = {name: p[index] for name, p in poses.items()}
         views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
-        seen = [self._watch(view, poses) for view in views] if self._shadows is not None else []
+        poses = {name: self._look.rounded(p) for name, p in poses.items()}
+        places = [self._places(c, poses, len(index)) for c in self.cameras]
+        seen = [
+            self._watch(c, at, poses)
+            for c, at in zip(self.cameras, places, strict=True)
+            if self._shadows is not None
+        ]
         if self._shadows is not None:
             self._shadows.follow(poses)
         buffers = list[Callable[[], Depths] | None]([None] * len(views))
         for k in range(len(index)):
             now = {name: poses[name][k] for name in self._moving}
             if self._shadows is None:
-                for view in views:
-                    self._read(self._take(self._scenes[0], view, k, now), view, k)
+                for view, at in zip(views, places, strict=True):
+                    self._read(self._take(self._scenes[0], view, at[k], now), view, k)
                 continue
             changed = self._shadows.draw(k) if self._preset.shadow else NOTHING
             taken = list[tuple[Any, Any] | None]()
@@ -169,7 +175,7 @@ class Renderer:
                 ]
                 scene.show(shown)
                 here = {name: now[name] for name in shown if name in now}
-                taken.append(cameras := self._take(scene, view, k, here))
+                taken.append(cameras := self._take(scene, view, places[i][k], here))
                 if self._preset.samples == 1:
                     buffers[i] = partial(cameras[0].get_picture, "GbufferDepth")
             # All are under way before the first is waited for.
@@ -182,14 +188,14 @@ class Renderer:
                         images[k] = images[k - 1]
         return views
 
-    def _watch(self, view: View, poses: Mapping[str, Floats]) -> Seen:
-        """What the camera of a view sees at each frame."""
-        still = np.repeat(IDENTITY[None], len(view.poses), 0)
+    def _watch(self, camera: Camera, places: Floats, poses: Mapping[str, Floats]) -> Seen:
+        """What a camera sees from where it is at each frame (F,7)."""
+        still = np.repeat(IDENTITY[None], len(places), 0)
         placed = [poses[name] if name in self._moving else still for name in self._bounds]
         centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
         return Seen(
-            view.camera.type,
-            view.poses,
+            camera.type,
+            places,
             np.stack(placed, 1),
             (centres, halves),
             self._sun,
@@ -214,36 +220,35 @@ class Renderer:
         depth: bool,
         segmentation: bool,
     ) -> View:
-        mount = np.asarray(camera.pose, float)
-        world = np.repeat(mount[None], frames, 0)
-        if camera.link is not None:
-            world = compose(poses[camera.link], mount)
         shape = (frames, camera.type.height, camera.type.width)
         return View(
             camera,
-            world,
+            self._places(camera, poses, frames),
             np.empty((*shape, 3), np.uint8),
             np.empty(shape, np.uint16) if depth else None,
             np.empty(shape, np.uint8) if segmentation else None,
         )
 
+    def _places(self, camera: Camera, poses: Mapping[str, Floats], frames: int) -> Floats:
+        """Where a camera is at each frame, (F,7)."""
+        mount = np.asarray(camera.pose, float)
+        if camera.link is None:
+            return np.repeat(mount[None], frames, 0)
+        return compose(poses[camera.link], mount)
+
     def _take(
-        self, scene: DrawnScene, view: View, k: int, poses: Mapping[str, Floats]
+        self, scene: DrawnScene, view: View, at: Floats, poses: Mapping[str, Floats]
     ) -> tuple[Any, Any]:
-        """Start drawing a frame of a view; the components that hold the image and, on request,
-        depth and masks."""
+        """Start drawing a frame of a view from `at` (7,); the components that hold the image and,
+        on request, depth and masks."""
         for name, pose in poses.items():
             scene.place(name, pose)
         kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None
         # Masks must not be blended at edges: they come from the same pass only where that has one
         # sample per pixel.
         together = not self._preset.stock and self._preset.samples == 1
-        camera = scene.take(
-            kind, "raster_masks" if truth and together else self._preset.shader, view.poses[k]
-        )
-        return camera, (
-            scene.take(kind, "masks", view.poses[k]) if truth and not together else camera
-        )
+        camera = scene.take(kind, "raster_masks" if truth and together else self._preset.shader, at)
+        return camera, (scene.take(kind, "masks", at) if truth and not together else camera)
 
     def _read(self, cameras: tuple[Any, Any], view: View, k: int) -> None:
         image = cameras[0].get_picture(self._preset.target)

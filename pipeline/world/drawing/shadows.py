@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, Visuals
+from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, SECOND_LOOK, Visuals
 from pipeline.poses import Floats
 from pipeline.world.drawing.masks import (
     ALL,
@@ -33,20 +33,27 @@ from pipeline.world.shapes import Mesh, Parts, merge
 
 @dataclass(frozen=True)
 class Look:
-    """How light is computed: a suffix of our shader folders, the planes' shadow masks, and
-    whether edges may be smoothed. `prepare` gets bodies ready, `surface` the table for the sun's
-    direction."""
+    """How images are computed: a suffix of our shader folders, the planes' shadow masks, whether
+    edges may be smoothed, and what poses are rounded to (m, 0: nothing). `prepare` gets bodies
+    ready, `surface` the table for the sun's direction."""
 
     shaders: str
     masks: Callable[[Depths, Ground, Masks | None, Area], Masks]
     prepare: Callable[[Parts], Parts]
     surface: Callable[[Parts, ArrayLike], Parts]
     edges: bool
+    step: float = 0.0
+
+    def rounded(self, poses: Floats) -> Floats:
+        """Poses (...,7) as they are drawn."""
+        return np.rint(poses / self.step) * self.step if self.step else poses
 
 
 LOOKS = {
     FIRST_LOOK: Look("_first", hard, lambda parts: parts, lambda parts, _: parts, edges=False),
-    LOOK: Look("", soft, opened, embossed, edges=True),
+    SECOND_LOOK: Look("", soft, opened, embossed, edges=True),
+    # an arm at rest trembles by 1e-9 m; a hundredth of a pixel is 1e-5 m at least
+    LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17),
 }
 
 

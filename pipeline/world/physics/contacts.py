@@ -24,8 +24,8 @@ Push = tuple[list[float], Any]
 
 
 class Contacts:
-    """The contacts of one step, each read through the binding once: that costs more than all that is
-    done with them."""
+    """The contacts of one step. Each is read through the binding once, which costs more than all
+    that is done with it."""
 
     def __init__(self, found: Sequence[Any]) -> None:
         self._found, self._pushing = found, dict[int, list[Push]]()

@@ -2,7 +2,7 @@
 its own until it is touched. Equal commands give equal bytes."""
 
 from collections.abc import Collection, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import sapien
