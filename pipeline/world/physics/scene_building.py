@@ -190,7 +190,7 @@ class PhysicsScene:
                 add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
         arms = embodiment.arms
         self._arms = {side: add_arm(self._scene, side, arm) for side, arm in arms.items()}
-        self._read_joints = [arm.robot.get_qpos for arm in self._arms.values()]
+        self._robots = [arm.robot for arm in self._arms.values()]
         links = [(side, link) for side, arm in self._arms.items() for link in arm.robot.links]
         self._link_names = tuple(f"{side}_{link.name}" for side, link in links)
         self._side_of: dict[Any, str] = {link: side for side, link in links}
@@ -263,7 +263,7 @@ class PhysicsScene:
         return now, (now - before) * PHYSICS_HZ
 
     def _joint_positions(self) -> list[NDArray[np.float32]]:
-        return [read() for read in self._read_joints]
+        return [robot.qpos for robot in self._robots]
 
     def state_vector(self, qpos: Floats) -> Floats:
         """Measured vector (A,) in the layout of the command, from `qpos` (J,)."""
