@@ -55,6 +55,14 @@ class Pace:
         return speed * (1 + self.swell * np.cos(np.pi * share))
 
 
+def draw_forward(asked: MotionRequest, rng: np.random.Generator) -> Pace:
+    """As `draw_pace`, without a piece that goes backwards."""
+    pace = draw_pace(asked, rng)
+    while min(pace.speeds) < 0:
+        pace = draw_pace(asked, rng)
+    return pace
+
+
 def draw_pace(asked: MotionRequest, rng: np.random.Generator, steepest: float = 1.0) -> Pace:
     """The pace of a level within the request's bound, on a path whose speed is at most `steepest`
     times that of the advance."""

@@ -12,13 +12,18 @@ from pipeline.poses import Floats, Pose, pose
 
 SHEET = 0.0015  # m, thickness of belts and discs
 
+AWAY: Pose = pose((0.0, 0.0, -5.0))
+"""Where scenery waits unseen: below the floor, which hides it from every camera."""
+
+HOOD, STRIPS = (0.16, 0.30, 0.42), ((0.07, 0.07, 0.08), (0.10, 0.10, 0.11))
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A box or cylinder at a pose (7,) in its prop, with an sRGB colour 0-1. `size` (m): half
-    extents, or radius and half length along z."""
+    """A box, cylinder or sphere at a pose (7,) in its prop, with an sRGB colour 0-1. `size` (m):
+    half extents, radius and half length along z, or radius."""
 
-    kind: Literal["box", "cylinder"]
+    kind: Literal["box", "cylinder", "sphere"]
     size: tuple[float, ...]
     at: Pose
     colour: tuple[float, float, float]
@@ -49,6 +54,30 @@ def flat(
 ) -> Piece:
     """A piece from its prop's origin up to `height` m; `size` without its half height."""
     return Piece(kind, (*size, height / 2), pose((0, 0, height / 2)), colour)
+
+
+def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, ...]:
+    """A tunnel along x on the table, `half_width` and `height` (m) inside: two walls, a roof, and
+    curtains of strips at both ends, so that nothing is seen of what is inside."""
+    wall = 0.002
+    walls = [
+        Piece("box", (half_length, wall, height / 2), pose((0, y, height / 2)), HOOD)
+        for y in (half_width + wall, -half_width - wall)
+    ]
+    roof = Piece("box", (half_length, half_width + 2 * wall, wall), pose((0, 0, height)), HOOD)
+    strips = max(4, round(half_width / 0.006))
+    wide = half_width / strips
+    curtains = [
+        Piece(
+            "box",
+            (0.0008, wide, height / 2),
+            pose((x, (2 * k + 1 - strips) * wide, height / 2)),
+            STRIPS[k % 2],
+        )
+        for x in (half_length - 0.002, 0.002 - half_length)
+        for k in range(strips)
+    ]
+    return (*walls, roof, *curtains)
 
 
 def rod(

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import Floats, Pose, compose, pose
 from pipeline.world.objects.contract import Family, Slide
-from pipeline.world.objects.geometry import box, cylinder
+from pipeline.world.objects.geometry import box, cylinder, sphere
 from pipeline.world.shapes import Collider, Material, Mesh, Parts
 
 TABLE_TOP = 0.74
@@ -130,5 +130,7 @@ def _mesh(piece: Piece) -> Mesh:
     if piece.kind == "box":
         hx, hy, hz = piece.size
         return box(hx, hy, hz).moved(piece.at)
+    if piece.kind == "sphere":
+        return sphere(piece.size[0], 12, 20).moved(piece.at)
     radius, half = piece.size
     return cylinder(radius, 2 * half, 48).moved(compose(piece.at, pose((0, 0, -half))))

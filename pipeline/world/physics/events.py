@@ -12,13 +12,10 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.events import CHANGES, ENDED, FIRED, NEAR, WITHHELD, DrawnEvent, Phase
 from pipeline.data.episode.state_log import Event
 from pipeline.motion.changed import Change
-from pipeline.motion.scenery import Piece, Prop
+from pipeline.motion.scenery import AWAY, Piece, Prop
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.physics.body import TABLE_TOP, Motion
 from pipeline.world.robots.contract import Embodiment
-
-AWAY: Pose = pose((0.0, 0.0, -5.0))
-"""Where scenery of events waits: below the floor, which hides it from every camera."""
 
 PROP = "event_"
 """What the names of such scenery begin with."""

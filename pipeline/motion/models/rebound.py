@@ -1,0 +1,138 @@
+"""A ball rolls towards a goal line, and may rebound from a wall on its way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.motion.closed_form import ClosedFormModel, common, headings
+from pipeline.motion.contract import MotionRequest, Streams
+from pipeline.motion.models import register
+from pipeline.motion.models.rolling import Rolling
+from pipeline.motion.pace import SLOWEST, Pace, draw_forward
+from pipeline.motion.scenery import Piece, Prop, flat, standing
+from pipeline.poses import Floats, pose, yawed
+
+OFTEN = 0.6  # share of the shapes that rebound
+TURN = (0.9, 1.9)  # rad by which a rebound turns the path
+SLOWED = (0.4, 0.6)  # share of its speed that a rebound leaves at level 3
+LATE = (1.6, 2.6)  # s from the meeting to the line
+NEAREST, BESIDE = 0.06, 0.05  # m: the line from the meeting, a wall that is passed from the ball
+WALL, GOAL = 0.07, 0.09  # m, half lengths
+EDGE = (0.58, 0.33)  # m from the middle of the table within which the line lies
+BRICK, WHITE, RED = (0.55, 0.30, 0.24), (0.93, 0.93, 0.90), (0.80, 0.12, 0.12)
+
+
+@dataclass(frozen=True)
+class Rebound(Rolling):
+    """A roll that comes along `incoming` (rad) until `bounce` m before the end, then along
+    `heading`; the two are mirrored by the wall. `wall` is the middle of its face (x, y; m) and the
+    direction of its normal (rad), `line` how far (m) the goal line is beyond the end."""
+
+    kind: ClassVar[str] = "rebound"
+    incoming: float
+    bounce: float
+    wall: tuple[float, float, float]
+    line: float
+
+    @cached_property
+    def _legs(self) -> tuple[Rolling, Rolling]:
+        """The rolls before and after the wall, each with its own advance, 0 at its end."""
+        after = Rolling(**{field.name: getattr(self, field.name) for field in fields(Rolling)})
+        x, y, z, *turned = after.at(np.array(-self.bounce)).tolist()
+        end = (x, y, z, turned[0], turned[1], turned[2], turned[3])
+        return replace(after, end=end, heading=self.incoming), after
+
+    def _picked(self, s: Floats, before: Floats, after: Floats) -> Floats:
+        return np.where((np.asarray(s) < -self.bounce)[..., None], before, after)
+
+    def centre(self, s: Floats) -> Floats:
+        before, after = self._legs
+        return self._picked(s, before.centre(s + self.bounce), after.centre(s))
+
+    def at(self, s: Floats) -> Floats:
+        before, after = self._legs
+        return self._picked(s, before.at(s + self.bounce), after.at(s))
+
+    def slope(self, s: Floats) -> Floats:
+        before, after = self._legs
+        return self._picked(s, before.slope(s + self.bounce), after.slope(s))
+
+    @property
+    def _struck(self) -> float:
+        """Time (s) of the rebound."""
+        times = np.linspace(-self.lead, self.duration, 20001)
+        return float(np.interp(-self.bounce, self.pace.advance(times), times))
+
+    def breakpoints(self) -> Floats:
+        edges = super().breakpoints()
+        return edges if len(edges) or not self.bounce else np.array([self._struck])
+
+    def scenery(self) -> tuple[Prop, ...]:
+        """The wall, and the goal line, whose x axis points the way that the ball must not go."""
+        x, y, normal = self.wall
+        brick = Piece("box", (0.004, WALL, 0.02), pose((-0.004, 0, 0.02)), BRICK)
+        stripe = flat("box", (0.004, GOAL), 0.0015, WHITE)
+        posts = [
+            Piece("cylinder", (0.005, 0.02), pose((0, side * GOAL, 0.02)), RED) for side in (1, -1)
+        ]
+        h = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        goal = yawed(np.array(self.end[:3]) + self.line * h, self.heading)
+        return (
+            Prop("wall", (brick,), standing(yawed((x, y, self.end[2]), normal)), solid=True),
+            Prop("goal_line", (stripe, *posts), standing(goal)),
+        )
+
+
+class ReboundModel(ClosedFormModel[Rebound]):
+    """At levels 1 and 2 a rebound keeps the speed; at level 3 it is where the speed drops. A wall
+    that is not struck stands beside the path, parallel to it."""
+
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Rebound]:
+        rng = streams.shape
+        strikes = bool(asked.level) and rng.random() < OFTEN
+        pace = _slowed(asked, rng) if strikes and asked.level == 3 else draw_forward(asked, rng)
+        way = -float(pace.advance(np.array(-asked.lead)))
+        bounce = way * float(rng.uniform(0.35, 0.55)) if strikes else 0.0
+        if strikes and len(pace.edges) == 2:
+            bounce = -float(pace.advance(np.array(pace.edges[0])))
+        turn = float(rng.uniform(*TURN)) if strikes else 0.0
+        margin = float(rng.uniform(*LATE) * pace.rate(np.array(asked.duration)))
+        line = max(margin, NEAREST if asked.level else 2 * NEAREST)
+        end, radius = np.asarray(asked.end_pose, float)[:2], asked.height / 2
+        for heading in headings(streams):
+            side = int(streams.direction.choice([-1, 1]))
+            h = np.array([np.cos(heading), np.sin(heading)])
+            goal = end + line * h + np.array([[GOAL], [-GOAL]]) * [-h[1], h[0]]
+            if (np.abs(goal) > EDGE).any():
+                continue
+            incoming = heading - side * turn
+            normal = heading + side * (np.pi - turn) / 2 if strikes else heading + side * np.pi / 2
+            gap = radius if strikes else radius + BESIDE
+            n = np.array([np.cos(normal), np.sin(normal)])
+            x, y = (end - (bounce if strikes else way / 2) * h - gap * n).tolist()
+            yield Rebound(
+                **common(asked),
+                pace=pace,
+                heading=heading,
+                radius=radius,
+                incoming=incoming,
+                bounce=bounce,
+                wall=(x, y, float(normal)),
+                line=line,
+            )
+
+
+def _slowed(asked: MotionRequest, rng: np.random.Generator) -> Pace:
+    """Two speeds, the second that after the rebound."""
+    kept, share = float(rng.uniform(*SLOWED)), float(rng.uniform(0.4, 0.6))
+    fast = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
+    if asked.speed_bound == "average":
+        fast /= share + kept * (1 - share)
+    edge = -asked.lead + share * (asked.lead + asked.duration)
+    return Pace(-asked.lead, (edge, asked.duration), (fast, kept * fast))
+
+
+register(ReboundModel(Rebound))

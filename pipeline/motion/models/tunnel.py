@@ -1,0 +1,134 @@
+"""The target is hidden on its way: it rolls through a tunnel, or turns back inside a hood."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
+from pipeline.motion.contract import MotionRequest, Streams
+from pipeline.motion.models import register
+from pipeline.motion.models.rolling import Rolling
+from pipeline.motion.pace import SLOWEST, Pace, draw_forward
+from pipeline.motion.scenery import Prop, hood, standing
+from pipeline.poses import Floats, yawed
+
+CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
+LONGEST, SEEN = 0.16, 0.03  # m of tunnel, and of path before it
+ROOM = 0.012  # m between the target and the walls
+
+
+@dataclass(frozen=True)
+class Tunnel(Rolling):
+    """A roll through a tunnel of `length` m, whose exit is `clear` m before the end."""
+
+    kind: ClassVar[str] = "tunnel"
+    clear: float
+    length: float
+
+    def scenery(self) -> tuple[Prop, ...]:
+        middle = self.centre(np.array(-self.clear - self.length / 2))
+        at = yawed((middle[0], middle[1], self.end[2]), self.heading)
+        pieces = hood(self.length / 2, self.radius + ROOM, 2 * self.radius + ROOM)
+        return (Prop("tunnel", pieces, standing(at), solid=True),)
+
+
+class TunnelModel(ClosedFormModel[Tunnel]):
+    """The target never rolls back. Where its path is short, it begins inside the tunnel."""
+
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
+        pace, radius = draw_forward(asked, streams.shape), asked.height / 2
+        clear = radius + float(streams.shape.uniform(*CLEAR))
+        way = -float(pace.advance(np.array(-asked.lead)))
+        length = float(np.clip(way - clear - radius - SEEN, 3.2 * radius, LONGEST))
+        for heading in headings(streams):
+            yield Tunnel(
+                **common(asked),
+                pace=pace,
+                heading=heading,
+                radius=radius,
+                clear=clear,
+                length=length,
+            )
+
+
+LANES = (0.03, 0.045)  # m, half the distance of the two lanes
+FASTER, TURNED = 1.6, 0.66  # speed of the second pass over the first, time share of the first
+HALF = 0.45  # share of the way that the second pass takes
+
+
+@dataclass(frozen=True)
+class Twice(Along):
+    """Past the end against `heading` (rad) on a lane to the `side` (+1 left), round half a circle
+    of radius `turn` m, and back along `heading` for `back` m. A hood hides the turn."""
+
+    kind: ClassVar[str] = "twice"
+    heading: float
+    side: int
+    turn: float
+    back: float
+    radius: float
+    height: float
+
+    def _parts(self, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """The angle turned back (rad) from the second pass, and what is left for the second and the
+        first pass (m), at advances s."""
+        arc = np.pi * self.turn
+        angle = np.clip((-self.back - s) / self.turn, 0.0, np.pi)
+        return angle, np.maximum(s, -self.back), np.maximum(-self.back - arc - s, 0.0)
+
+    def at(self, s: Floats) -> Floats:
+        angle, second, first = self._parts(np.asarray(s))
+        ahead = second - self.turn * np.sin(angle) + first
+        return self.carried_by(*self._world(ahead, self.side * self.turn * (1 - np.cos(angle))))
+
+    def slope(self, s: Floats) -> Floats:
+        angle = self._parts(np.asarray(s))[0]
+        return twists(*self._world(np.cos(angle), -self.side * np.sin(angle)))
+
+    def _world(self, ahead: Floats, aside: Floats) -> tuple[Floats, Floats]:
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        return c * ahead - s * aside, s * ahead + c * aside
+
+    def scenery(self) -> tuple[Prop, ...]:
+        front, rear = -self.back + self.radius, -self.back - self.turn - self.radius - ROOM
+        x, y = self._world(np.array((front + rear) / 2), np.array(self.side * self.turn))
+        at = yawed((self.end[0] + x, self.end[1] + y, self.end[2]), self.heading)
+        wide = self.turn + self.radius + ROOM
+        pieces = hood((front - rear) / 2, wide, self.height + ROOM)
+        return (Prop("hood", pieces, standing(at), solid=True),)
+
+
+class TwiceModel(ClosedFormModel[Twice]):
+    """At level 3 the second pass is FASTER than the first, by always the same factor."""
+
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Twice]:
+        rng = streams.shape
+        pace = _faster(asked, rng) if asked.level == 3 else draw_forward(asked, rng)
+        way = -float(pace.advance(np.array(-asked.lead)))
+        turn = max(0.01, min(float(rng.uniform(*LANES)), 0.12 * way))
+        second = -float(pace.advance(np.array(pace.edges[0]))) if asked.level == 3 else HALF * way
+        back = max(0.08, second - np.pi * turn / 2)
+        for heading in headings(streams):
+            yield Twice(
+                **common(asked),
+                pace=pace,
+                heading=heading,
+                side=int(streams.direction.choice([-1, 1])),
+                turn=turn,
+                back=back,
+                radius=asked.radius,
+                height=asked.height,
+            )
+
+
+def _faster(asked: MotionRequest, rng: np.random.Generator) -> Pace:
+    slow = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
+    slow /= FASTER if asked.speed_bound == "maximum" else TURNED + FASTER * (1 - TURNED)
+    edge = -asked.lead + TURNED * (asked.lead + asked.duration)
+    return Pace(-asked.lead, (edge, asked.duration), (slow, FASTER * slow))
+
+
+register(TunnelModel(Tunnel))
+register(TwiceModel(Twice))

@@ -1,0 +1,54 @@
+from pipeline.expert.actor import Actor, Skills
+from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.skills import ROUND
+from pipeline.tasks.contract import (
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
+from pipeline.tasks.outcome import Outcome, within
+
+
+@register
+class LidPassingCup(Task):
+    """Grasp a lid and put it on a cup that passes, turns back inside a hood, and passes again on
+    another lane.
+
+    Success: the lid lies level on the middle of the upright cup, released."""
+
+    category = "tracking"
+    step_limit = 500
+    target, manipulated = "cup", "lid"
+    motion = "twice"
+    limits = by_name(plane=Limit(0.02), height=Limit(0.012), lift=Limit(0.03))
+    own_conditions = ()
+
+    def layout(self, draw: Draw) -> Bodies:
+        side = draw.side()
+        lid = Region(x=(side * 0.22, side * 0.30), y=(-0.20, 0.0))
+        yield Placement("lid", draw.one_of("lid"), lid)
+        cup = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0))
+        yield Placement("cup", draw.one_of("cup"), cup, distances={"lid": 0.16})
+
+    def meet(self, a: Actor) -> Skills:
+        return set_down_on(a, a.arms["arm"], "lid", a.frame("cup", "top"), ROUND)
+
+    def finish(self, a: Actor) -> Skills:
+        return let_go(a.arms["arm"])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        d = o.offset(o.frame("lid", "base"), o.frame("cup", "top"))
+        return {
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "level": o.upright("lid"),
+            "cup_upright": o.upright("cup"),
+            "released": not o.handled("lid"),
+            "gripper_open": o.gripper_open(arms["arm"]),
+        }
