@@ -15,6 +15,7 @@ from pipeline.poses import (
     Pose,
     angle_between,
     compose,
+    inverse,
     quat_about,
     quat_multiply,
     quat_rotate,
@@ -108,6 +109,17 @@ class Outcome:
         """Whether a body's z axis is within `tolerance` rad of the vertical."""
         return bool(quat_rotate(self.pose(name)[3:], [0, 0, 1.0])[2] > np.cos(tolerance))
 
+    def crossed(self, name: str, point: str, line: str) -> bool:
+        """Whether a named frame of a body was ever beyond a line of the motion's scenery, the way
+        that the line's x axis points; False where there is no such line."""
+        if line not in self.log.bodies:
+            return False
+        at = compose(inverse(self.log.pose(line)), self._frame_path(name, point))
+        return bool((at[:, 0] > 0).any())
+
+    def _frame_path(self, name: str, point: str) -> Floats:
+        return compose(self.log.pose(name), self.bodies[name].instance.frames()[point])
+
     def turned(self, name: str) -> float:
         """Angle (rad) between a body's first and last orientation, of a target since it was met."""
         return angle_between(self.pose(name)[3:], self.pose(name, self._began(name))[3:])
@@ -120,10 +132,11 @@ class Outcome:
         ]
         return min(angle_between(a[3:], goal) for goal in goals)
 
-    def at_rest(self, name: str, speed: float = 0.03) -> bool:
-        """Whether a body moved slower than `speed` m/s over the last three frames: in the world, or
-        relative to a target still on its motion."""
-        p, t = self.log.pose(name)[-4:, :3], self.log.times[-4:]
+    def at_rest(self, name: str, speed: float = 0.03, point: str = "") -> bool:
+        """Whether a body, or a named frame of it, moved slower than `speed` m/s over the last
+        three frames: in the world, or relative to a target still on its motion."""
+        poses = self._frame_path(name, point) if point else self.log.pose(name)
+        p, t = poses[-4:, :3], self.log.times[-4:]
         if self.log.event("release") is None and name != self.target:
             p = p - self.log.pose(self.target)[-4:, :3]
         return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])

@@ -2,7 +2,7 @@
 calculation."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -102,9 +102,9 @@ def test_the_greatest_speed_can_be_bounded(name):
 @every_model
 def test_levels_are_constant_smooth_and_abrupt(name):
     for seed in range(3):
-        assert not len(drawn(name, 1, seed).breakpoints()) and not len(
-            drawn(name, 2, seed).breakpoints()
-        )
+        for level in (1, 2):
+            steady = drawn(name, level, seed)
+            assert len(steady.breakpoints()) == (name == "rebound" and steady.bounce > 0)
         abrupt = drawn(name, 3, seed)
         jumps = [
             np.linalg.norm(np.diff(abrupt.twist([at - 1e-9, at])[:, :3], axis=0))
@@ -254,3 +254,91 @@ def test_a_motion_without_a_formula_is_refused_before_any_is_drawn():
     unborne = type("Unborne", (Ballistic,), {"kind": "unborne"})
     with pytest.raises(MotionError, match="motion 'unborne': has no carried: write it in Unborne"):
         BallisticModel(unborne)
+
+
+@given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_a_ball_rebounds_from_its_wall_as_from_a_mirror(level, seed):
+    motion = drawn("rebound", level, seed)
+    wall, goal = (prop.pose(0.0) for prop in motion.scenery())
+    n = quat_rotate(wall[3:], np.array([1.0, 0, 0]))
+    centre = lambda t: motion.centre(motion.pace.advance(t))  # noqa: E731
+    off = (centre(np.linspace(0, 3.0, 3001)) - wall[:3]) @ n
+    assert off.min() > motion.radius - 1e-9
+    if motion.bounce:
+        [at] = motion.breakpoints()
+        assert (centre(at) - wall[:3]) @ n == pytest.approx(motion.radius, abs=1e-4)
+        before, after = np.diff(centre(at + np.array([-2e-5, -1e-5, 1e-5, 2e-5])), axis=0)[[0, 2]]
+        kept = np.linalg.norm(after) / np.linalg.norm(before)
+        np.testing.assert_allclose(before - 2 * (before @ n) * n, after / kept, atol=1e-9)
+        assert 0.39 < kept < 0.61 if level == 3 else kept == pytest.approx(1, abs=1e-3)
+    ahead = quat_rotate(goal[3:], np.array([1.0, 0, 0]))
+    assert (centre(np.array(3.0)) - goal[:3]) @ ahead == pytest.approx(-motion.line)
+
+
+@given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_a_ball_goes_into_a_tunnel_and_comes_out_before_the_meeting(level, seed):
+    motion = drawn("tunnel", level, seed, lead=1.0)
+    [tunnel], t = motion.scenery(), np.linspace(-1.0, 3.0, 2001)
+    box = np.abs(np.array([piece.at[:3] for piece in tunnel.pieces])).max(0)
+    along = (motion.centre(motion.pace.advance(t)) - tunnel.pose(0.0)[:3]) @ [
+        np.cos(motion.heading),
+        np.sin(motion.heading),
+        0,
+    ]
+    hidden = np.abs(along) < motion.length / 2 - motion.radius
+    assert tunnel.solid and hidden.any() and (np.diff(along) > 0).all()
+    assert along[-1] > motion.length / 2 + motion.radius + 0.03
+    assert box[1] > motion.radius and box[2] > 2 * motion.radius
+
+
+@given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_what_passes_twice_comes_back_on_another_lane(level, seed):
+    motion, t = drawn("twice", level, seed, lead=2.0), np.linspace(-2.0, 3.0, 4001)
+    c, s = np.cos(motion.heading), np.sin(motion.heading)
+    local = (motion.pose(t)[:, :3] - END[:3]) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    x, y, z = local.T
+    first, second = np.abs(y - 2 * motion.side * motion.turn) < 1e-12, np.abs(y) < 1e-12
+    assert (np.diff(x[first]) < 0).all() and (np.diff(x[second]) > 0).all()
+    turning = ~first & ~second
+    r = np.hypot(x[turning] + motion.back, y[turning] - motion.side * motion.turn)
+    np.testing.assert_allclose(r, motion.turn, atol=1e-12)
+    assert not z.any() and x[first].max() > -motion.turn
+    if level == 3:
+        fast, slow = (motion.speed(t[of]).mean() for of in (second, first))
+        assert fast / slow == pytest.approx(1.6)
+
+
+@given(level=st.integers(1, 3), seed=st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_two_that_change_places_are_opposite_and_the_ball_is_under_one(level, seed):
+    other_end, t = yawed((0.20, -0.03, 0.74), 0.0), np.linspace(0.0, 3.0, 61)
+    streams = [Streams(np.random.default_rng(seed), np.random.default_rng(k)) for k in (1, 2)]
+    target = MODELS["shuffle"].draw(asked(level, others=(other_end,)), streams[0])
+    other = MODELS["shuffle"].draw(
+        replace(asked(level, target=target), end_pose=other_end), streams[1]
+    )
+    middle = (END[:3] + other_end[:3]) / 2
+    at, opposite = target.pose(t)[:, :3], other.pose(t)[:, :3]
+    np.testing.assert_allclose((at + opposite) / 2, np.tile(middle, (61, 1)), atol=1e-12)
+    [ball] = target.scenery()
+    np.testing.assert_allclose(ball.pose(0.0)[:3], middle, atol=1e-12)
+    under = t >= target.covered
+    np.testing.assert_allclose(ball.pose(t)[under, :3], at[under], atol=1e-12)
+    assert not other.scenery() and np.linalg.norm(ball.pose(0.1)[:3] - middle) > 0
+
+
+def test_the_plate_under_the_target_flashes_green_and_the_other_red():
+    right = drawn("flash", 1, 0)
+    other = drawn("flash", 1, 5, target=right)
+    for motion, hue in ((right, 1), (other, 0)):
+        plate, light = motion.scenery()
+        assert int(np.argmax(light.pieces[0].colour)) == hue
+        t = np.linspace(0, 3, 3001)
+        lit = np.abs(light.pose(t)[:, 2] - END[2]) < 1e-9
+        assert lit.sum() / 1000 == pytest.approx(0.6, abs=0.002) and not lit[:300].any()
+        np.testing.assert_allclose(light.pose(t)[lit, :3], motion.pose(t)[lit, :3], atol=1e-12)
+        np.testing.assert_allclose(plate.pose(t)[:, :3], motion.pose(t)[:, :3], atol=1e-12)
+    assert right.on == other.on

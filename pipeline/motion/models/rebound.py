@@ -1,27 +1,27 @@
 """A ball rolls towards a goal line, and may rebound from a wall on its way."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import ClosedFormModel, common, headings
+from pipeline.motion.closed_form import ClosedFormModel, common, headings, turns
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.models import register
 from pipeline.motion.models.rolling import Rolling
 from pipeline.motion.pace import SLOWEST, Pace, draw_forward
 from pipeline.motion.scenery import Piece, Prop, flat, standing
-from pipeline.poses import Floats, pose, yawed
+from pipeline.poses import Floats, pose, quat_multiply, yawed
 
 OFTEN = 0.6  # share of the shapes that rebound
 TURN = (0.9, 1.9)  # rad by which a rebound turns the path
 SLOWED = (0.4, 0.6)  # share of its speed that a rebound leaves at level 3
-LATE = (1.6, 2.6)  # s from the meeting to the line
+LATE = (1.4, 2.2)  # s from the meeting to the line
 NEAREST, BESIDE = 0.06, 0.05  # m: the line from the meeting, a wall that is passed from the ball
 WALL, GOAL = 0.07, 0.09  # m, half lengths
-EDGE = (0.58, 0.33)  # m from the middle of the table within which the line lies
+EDGE = (0.34, 0.27)  # m from the middle of the table within which the line is seen
 BRICK, WHITE, RED = (0.55, 0.30, 0.24), (0.93, 0.93, 0.90), (0.80, 0.12, 0.12)
 
 
@@ -37,28 +37,30 @@ class Rebound(Rolling):
     wall: tuple[float, float, float]
     line: float
 
-    @cached_property
-    def _legs(self) -> tuple[Rolling, Rolling]:
-        """The rolls before and after the wall, each with its own advance, 0 at its end."""
-        after = Rolling(**{field.name: getattr(self, field.name) for field in fields(Rolling)})
-        x, y, z, *turned = after.at(np.array(-self.bounce)).tolist()
-        end = (x, y, z, turned[0], turned[1], turned[2], turned[3])
-        return replace(after, end=end, heading=self.incoming), after
+    @property
+    def _came(self) -> tuple[Floats, Floats]:
+        """Direction and axis (3,) of the roll before the wall."""
+        c, s = np.cos(self.incoming), np.sin(self.incoming)
+        return np.array([c, s, 0.0]), np.array([-s, c, 0.0])
 
-    def _picked(self, s: Floats, before: Floats, after: Floats) -> Floats:
-        return np.where((np.asarray(s) < -self.bounce)[..., None], before, after)
+    def _split(self, s: Floats) -> tuple[Floats, Floats]:
+        """The parts of advances s (...,) after and before the wall."""
+        s = np.asarray(s)
+        return np.maximum(s, -self.bounce), np.minimum(s + self.bounce, 0.0)
 
     def centre(self, s: Floats) -> Floats:
-        before, after = self._legs
-        return self._picked(s, before.centre(s + self.bounce), after.centre(s))
+        after, before = self._split(s)
+        return super().centre(after) + before[..., None] * self._came[0]
 
-    def at(self, s: Floats) -> Floats:
-        before, after = self._legs
-        return self._picked(s, before.at(s + self.bounce), after.at(s))
+    def _turn(self, s: Floats) -> Floats:
+        after, before = self._split(s)
+        came = turns(self._came[1], before / self.radius)
+        return quat_multiply(came, super()._turn(after))
 
-    def slope(self, s: Floats) -> Floats:
-        before, after = self._legs
-        return self._picked(s, before.slope(s + self.bounce), after.slope(s))
+    def _leg(self, s: Floats) -> tuple[Floats, Floats]:
+        struck = (s >= -self.bounce)[..., None]
+        forward, axis = super()._leg(s)
+        return np.where(struck, forward, self._came[0]), np.where(struck, axis, self._came[1])
 
     @property
     def _struck(self) -> float:
@@ -102,8 +104,8 @@ class ReboundModel(ClosedFormModel[Rebound]):
         margin = float(rng.uniform(*LATE) * pace.rate(np.array(asked.duration)))
         line = max(margin, NEAREST if asked.level else 2 * NEAREST)
         end, radius = np.asarray(asked.end_pose, float)[:2], asked.height / 2
-        for heading in headings(streams):
-            side = int(streams.direction.choice([-1, 1]))
+        both = product(headings(streams), streams.direction.permutation([-1, 1]).tolist())
+        for heading, side in both:
             h = np.array([np.cos(heading), np.sin(heading)])
             goal = end + line * h + np.array([[GOAL], [-GOAL]]) * [-h[1], h[0]]
             if (np.abs(goal) > EDGE).any():

@@ -40,15 +40,24 @@ class Rolling(Along):
             + np.asarray(s)[..., None] * self._forward
         )
 
+    def _turn(self, s: Floats) -> Floats:
+        """How the body is turned (..., 4) against its end pose at advances s (...,)."""
+        return turns(self._axis, s / self.radius)
+
+    def _leg(self, s: Floats) -> tuple[Floats, Floats]:
+        """Direction and axis (..., 3) of the roll at advances s (...,)."""
+        return self._forward, np.broadcast_to(self._axis, (*np.shape(s), 3))
+
     def at(self, s: Floats) -> Floats:
-        turn = turns(self._axis, np.asarray(s) / self.radius)
+        turn = self._turn(np.asarray(s))
         place = self.centre(s) - quat_rotate(turn, np.array([0.0, 0.0, self.radius]))
         return np.concatenate([place, quat_multiply(turn, np.array(self.end[3:]))], -1)
 
     def slope(self, s: Floats) -> Floats:
-        spin = np.broadcast_to(self._axis / self.radius, (*np.shape(s), 3))
+        forward, axis = self._leg(np.asarray(s))
+        spin = axis / self.radius
         arm = self.at(s)[..., :3] - self.centre(s)
-        return np.concatenate([self._forward + np.cross(spin, arm), spin], -1)
+        return np.concatenate([forward + np.cross(spin, arm), spin], -1)
 
     def speed(self, t: ArrayLike) -> Floats:
         return np.abs(self.pace.rate(np.maximum(t, -self.lead))) * (np.asarray(t) >= -self.lead)

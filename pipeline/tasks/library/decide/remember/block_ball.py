@@ -1,8 +1,11 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
-from pipeline.tasks.contract import register
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
 from pipeline.tasks.library.beyond.take.stop_rolling_ball import StopRollingBall
 from pipeline.tasks.outcome import Outcome
+
+WATCHED = 1.0  # s for which the arm stays at home: the ball comes near the wall
 
 
 @register
@@ -12,7 +15,16 @@ class BlockBall(StopRollingBall):
     Success: a finger touched the ball, it is at rest, and its middle was never beyond the line."""
 
     motion = "rebound"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.25)
     limits = {}
+
+    def layout(self, draw: Draw) -> Bodies:
+        region = Region(x=(-0.18, 0.18), y=(-0.16, 0.02), yaw=(-3.14, 3.14), away_from_centre=0.03)
+        yield Placement("ball", draw.one_of("play_ball"), region)
+
+    def meet(self, a: Actor) -> Skills:
+        yield pause(a.arms["arm"], WATCHED)
+        yield from super().meet(a)
 
     def finish(self, a: Actor) -> Skills:
         yield pause(a.arms["arm"], 0.5)
@@ -20,6 +32,6 @@ class BlockBall(StopRollingBall):
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         return {
             "touched": any(o.touched(side, "ball") for side in o.log.sides),
-            "at_rest": o.at_rest("ball"),
+            "at_rest": o.at_rest("ball", point="middle"),
             "before_line": not o.crossed("ball", "middle", "goal_line"),
         }

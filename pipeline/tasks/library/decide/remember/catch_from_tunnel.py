@@ -1,5 +1,9 @@
+from pipeline.expert.actor import Actor, Skills
+from pipeline.expert.skills import pause
 from pipeline.tasks.contract import register
 from pipeline.tasks.library.beyond.take.stop_rolling_ball import StopRollingBall
+
+WATCHED = 1.2  # s for which the arm stays at home: the ball goes into the tunnel
 
 
 @register
@@ -9,3 +13,7 @@ class CatchFromTunnel(StopRollingBall):
     Success: as `pick_from_belt`."""
 
     motion = "tunnel"
+
+    def meet(self, a: Actor) -> Skills:
+        yield pause(a.arms["arm"], WATCHED)
+        yield from super().meet(a)
