@@ -2,7 +2,7 @@
 calculation."""
 
 import json
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from pipeline.motion.carried import Carried
 from pipeline.motion.closed_form import MotionError, first_that_fits
 from pipeline.motion.contract import MotionRequest, NoMotion, Streams, derived
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.models.ballistic import Ballistic, BallisticModel
 from pipeline.motion.workspace import Workspace
-from pipeline.poses import quat_multiply, quat_rotate, yawed
+from pipeline.poses import compose, inverse, quat_multiply, quat_rotate, yawed
 
 END = yawed((0.05, -0.05, 0.74), 0.4)
 OWN = [name for name in MODELS if name != "planar"]
@@ -315,30 +316,23 @@ def test_what_passes_twice_comes_back_on_another_lane(level, seed):
 @settings(max_examples=10, deadline=None)
 def test_two_that_change_places_are_opposite_and_the_ball_is_under_one(level, seed):
     other_end, t = yawed((0.20, -0.03, 0.74), 0.0), np.linspace(0.0, 3.0, 61)
-    streams = [Streams(np.random.default_rng(seed), np.random.default_rng(k)) for k in (1, 2)]
-    target = MODELS["shuffle"].draw(asked(level, others=(other_end,)), streams[0])
-    other = MODELS["shuffle"].draw(
-        replace(asked(level, target=target), end_pose=other_end), streams[1]
-    )
+    motion = drawn("shuffle", level, seed, company=((0.20, -0.03, 0.03),))
+    other = Carried(motion, compose(inverse(END), other_end))
     middle = (END[:3] + other_end[:3]) / 2
-    at, opposite = target.pose(t)[:, :3], other.pose(t)[:, :3]
+    at, opposite, ball = motion.pose(t)[:, :3], other.pose(t)[:, :3], motion.scenery()[-1].pose(t)
     np.testing.assert_allclose((at + opposite) / 2, np.tile(middle, (61, 1)), atol=1e-12)
-    [ball] = target.scenery()
-    np.testing.assert_allclose(ball.pose(0.0)[:3], middle, atol=1e-12)
-    under = t >= target.covered
-    np.testing.assert_allclose(ball.pose(t)[under, :3], at[under], atol=1e-12)
-    assert not other.scenery() and np.linalg.norm(ball.pose(0.1)[:3] - middle) > 0
+    np.testing.assert_allclose(ball[0, :3], middle, atol=1e-12)
+    under = t >= motion.covered
+    np.testing.assert_allclose(ball[under, :3], at[under], atol=1e-12)
+    assert 0 < np.linalg.norm(ball[5, :3] - middle) < 0.9 * np.linalg.norm(at[5] - middle)
 
 
-def test_the_plate_under_the_target_flashes_green_and_the_other_red():
-    right = drawn("flash", 1, 0)
-    other = drawn("flash", 1, 5, target=right)
-    for motion, hue in ((right, 1), (other, 0)):
+def test_plates_light_up_for_a_moment_in_two_colours():
+    for name, hue in (("flash", 1), ("flash_red", 0)):
+        motion, t = drawn(name, 1, 0), np.linspace(0, 3, 3001)
         plate, light = motion.scenery()
         assert int(np.argmax(light.pieces[0].colour)) == hue
-        t = np.linspace(0, 3, 3001)
         lit = np.abs(light.pose(t)[:, 2] - END[2]) < 1e-9
         assert lit.sum() / 1000 == pytest.approx(0.6, abs=0.002) and not lit[:300].any()
         np.testing.assert_allclose(light.pose(t)[lit, :3], motion.pose(t)[lit, :3], atol=1e-12)
         np.testing.assert_allclose(plate.pose(t)[:, :3], motion.pose(t)[:, :3], atol=1e-12)
-    assert right.on == other.on

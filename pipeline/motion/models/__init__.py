@@ -98,10 +98,10 @@ PLANAR = "planar"
 STILL = Level("the target stands still", "#6b7280")
 """Level 0 of every model."""
 
-_MODULES = {"drop": "ballistic", "toss": "ballistic", "twice": "tunnel"}
+_MODULES = {"drop": "ballistic", "toss": "ballistic", "twice": "tunnel", "flash_red": "flash"}
 _NAMES = (
-    "drop toss circle conveyor flash handed pendulum planar pushed ramp rebound rolling shuffle"
-    " sinusoid tunnel turntable twice"
+    "drop toss circle conveyor flash flash_red handed pendulum planar pushed ramp rebound rolling"
+    " shuffle sinusoid tunnel turntable twice"
 )
 MODELS: Registry[MotionModel] = Registry(
     "motion", {n: f"{__name__}.{_MODULES.get(n, n)}" for n in _NAMES.split()}

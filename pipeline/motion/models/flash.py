@@ -1,5 +1,4 @@
-"""The target rides on a plate that lights up for a moment: green under the target, red under what
-moves beside it."""
+"""The target rides on a plate that lights up for a moment, green or red."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,21 +21,16 @@ DARK, GREEN, RED = (0.20, 0.21, 0.23), (0.20, 0.95, 0.30), (0.98, 0.15, 0.12)
 
 @dataclass(frozen=True)
 class Flash(Conveyor):
-    """Straight on like `conveyor`, on a plate of `width` m that is lit from `on` s for LASTS s:
-    green if it is `right`, else red."""
+    """Straight on like `conveyor`, on a plate of `width` m that is lit from `on` s for LASTS s."""
 
     kind: ClassVar[str] = "flash"
+    colour: ClassVar[tuple[float, float, float]] = GREEN
     on: float
-    right: bool
 
     def scenery(self) -> tuple[Prop, ...]:
         plate = flat("cylinder", (self.width / 2,), SHEET, DARK)
-        light = flat("cylinder", (self.width / 2 - 0.004,), SHEET + 0.001, self._colour)
+        light = flat("cylinder", (self.width / 2 - 0.004,), SHEET + 0.001, self.colour)
         return (Prop("plate", (plate,), self._under), Prop("light", (light,), self._light))
-
-    @property
-    def _colour(self) -> tuple[float, float, float]:
-        return GREEN if self.right else RED
 
     def _under(self, t: ArrayLike) -> Floats:
         poses = self.pose(t)
@@ -49,20 +43,27 @@ class Flash(Conveyor):
         return np.where(lit[..., None], self._under(t), AWAY)
 
 
-class FlashModel(ClosedFormModel[Flash]):
-    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Flash]:
+@dataclass(frozen=True)
+class RedFlash(Flash):
+    """As `flash`, in red."""
+
+    kind: ClassVar[str] = "flash_red"
+    colour: ClassVar[tuple[float, float, float]] = RED
+
+
+class FlashModel[F: Flash](ClosedFormModel[F]):
+    """Either colour: `flashes` is the class of the motion."""
+
+    def __init__(self, flashes: type[F]) -> None:
+        super().__init__(flashes)
+        self._flashes = flashes
+
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[F]:
         pace, on = draw_pace(asked, streams.shape), float(streams.shape.uniform(*ON))
-        if isinstance(asked.target, Flash):
-            on = asked.target.on
+        width = 2 * (asked.radius + MARGIN)
         for heading in headings(streams):
-            yield Flash(
-                **common(asked),
-                pace=pace,
-                heading=heading,
-                width=2 * (asked.radius + MARGIN),
-                on=on,
-                right=asked.target is None,
-            )
+            yield self._flashes(**common(asked), pace=pace, heading=heading, width=width, on=on)
 
 
 register(FlashModel(Flash))
+register(FlashModel(RedFlash))

@@ -4,6 +4,7 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, pause
+from pipeline.motion.carried import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 
@@ -12,14 +13,14 @@ WATCHED = 1.2  # s for which the arms stay at home: the ball is under a cup by t
 
 @register
 class BallUnderCups(Task):
-    """Watch a ball roll under one of two equal cups, which change places, and lift the cup that
-    hides it.
+    """Watch a ball roll under one of two equal cups, which change places on a turntable, and lift
+    the cup that hides it.
 
     Success: a hand holds that cup above where they met, and the other cup was never touched."""
 
     category = "interception"
     target = "cup"
-    motion, movers = "shuffle", {"other": "shuffle"}
+    motion, movers = "shuffle", {"other": CARRIED}
     limits = by_name(rise=Limit(0.05))
     own_conditions = ()
 

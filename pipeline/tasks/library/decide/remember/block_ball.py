@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import Bodies, Draw, Placement, Region, by_name, register
 from pipeline.tasks.library.beyond.take.stop_rolling_ball import StopRollingBall
 from pipeline.tasks.outcome import Outcome
 
@@ -16,7 +16,7 @@ class BlockBall(StopRollingBall):
 
     motion = "rebound"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.25)
-    limits = {}
+    limits = by_name()
 
     def layout(self, draw: Draw) -> Bodies:
         region = Region(x=(-0.18, 0.18), y=(-0.16, 0.02), yaw=(-3.14, 3.14), away_from_centre=0.03)

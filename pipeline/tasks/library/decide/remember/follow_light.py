@@ -14,7 +14,7 @@ class FollowLight(ClickBell):
 
     Success: closed fingers touched that bell near its button, and none touched the other."""
 
-    motion, movers = "flash", {"other": "flash"}
+    motion, movers = "flash", {"other": "flash_red"}
 
     def layout(self, draw: Draw) -> Bodies:
         bell, side = draw.one_of("bell"), draw.side()

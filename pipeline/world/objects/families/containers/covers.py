@@ -36,8 +36,10 @@ class ShellCup(Parametric):
         skin = made_of(self.material, self.colour)
         band = [(r + (f - r) * s + 0.0004, h * s) for s in (0.2, 0.34)]
         return Shape(
-            ((revolve([*inside, *outside[1:]], 28, crease=50), skin),)
-            + ((revolve(band, 28), plastic(self.stripe)),),
+            (
+                (revolve([*inside, *outside[1:]], 28, crease=50), skin),
+                (revolve(band, 28), plastic(self.stripe)),
+            ),
             disc(f, wall, h - wall) + ring_of_boxes(r, wall, h - wall, 16, top=f),
             mass=1200 * wall * np.pi * (f**2 + (f + r) * h),
             friction=0.5,
