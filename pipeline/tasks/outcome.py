@@ -111,7 +111,7 @@ class Outcome:
 
     def crossed(self, name: str, point: str, line: str) -> bool:
         """Whether a named frame of a body was ever beyond a line of the motion's scenery, the way
-        that the line's x axis points; False where there is no such line."""
+        its x axis points. False without such a line."""
         if line not in self.log.bodies:
             return False
         at = compose(inverse(self.log.pose(line)), self._frame_path(name, point))

@@ -60,8 +60,8 @@ HALF = 0.45  # share of the way that the second pass takes
 
 @dataclass(frozen=True)
 class Twice(Along):
-    """Past the end against `heading` (rad) on a lane to the `side` (+1 left), round half a circle
-    of radius `turn` m, and back along `heading` for `back` m. A hood hides the turn."""
+    """A first pass against `heading` (rad) on a lane to the `side` (+1 left) of the end. Then half a
+    circle of radius `turn` m under a hood, and back along `heading` for `back` m."""
 
     kind: ClassVar[str] = "twice"
     heading: float
