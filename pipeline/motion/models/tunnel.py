@@ -60,8 +60,9 @@ HALF = 0.45  # share of the way that the second pass takes
 
 @dataclass(frozen=True)
 class Twice(Along):
-    """A first pass against `heading` (rad) on a lane to the `side` (+1 left) of the end. Then half a
-    circle of radius `turn` m under a hood, and back along `heading` for `back` m."""
+    """A first pass against `heading` (rad) on a lane to the `side` (+1 left) of the end. A hood
+    hides half a circle of radius `turn` m, after which it comes back along `heading` for `back`
+    m."""
 
     kind: ClassVar[str] = "twice"
     heading: float
