@@ -95,7 +95,7 @@ class Twice(Along):
     def scenery(self) -> tuple[Prop, ...]:
         front, rear = -self.back + self.radius, -self.back - self.turn - self.radius - ROOM
         x, y = self._world(np.array((front + rear) / 2), np.array(self.side * self.turn))
-        at = yawed((self.end[0] + x, self.end[1] + y, self.end[2]), self.heading)
+        at = yawed(np.array([self.end[0] + x, self.end[1] + y, self.end[2]]), self.heading)
         wide = self.turn + self.radius + ROOM
         pieces = hood((front - rear) / 2, wide, self.height + ROOM)
         return (Prop("hood", pieces, standing(at), solid=True),)

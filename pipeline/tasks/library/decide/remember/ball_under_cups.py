@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
@@ -31,7 +29,7 @@ class BallUnderCups(Task):
         for name, sign in (("cup", 1), ("other", -1)):
             dx, dy = sign * apart * np.cos(angle), sign * apart * np.sin(angle)
             spot = Region(x=(x + dx, x + dx), y=(y + dy, y + dy))
-            yield Placement(name, replace(cup), spot)
+            yield Placement(name, cup, spot)
 
     def meet(self, a: Actor) -> Skills:
         yield pause(a.arms["arm"], WATCHED)
