@@ -156,7 +156,7 @@ def fill_index(root: Path, episodes: int) -> dict[str, float]:
     keys, fill = RecipeKeys(recipe), fake_worker(0.0, lambda job: keys.of(job.slot))
     with IndexWriter(dataset, recipe) as writer:
         writer.index.add(
-            (slot, fill(FillJob(str(root), recipe, slot, ""))) for slot in recipe.physical_slots()
+            (slot, fill(FillJob(str(root), recipe, slot))) for slot in recipe.physical_slots()
         )
     began = time.process_time()
     with Index(dataset.index) as index:

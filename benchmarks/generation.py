@@ -30,7 +30,6 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.records import SlotRecord
 from pipeline.run.build import ATTEMPT_SECONDS
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.stages.drawing.render import appearance_of, body_poses, renderer
@@ -75,7 +74,7 @@ def measure(recipe: Recipe, workers: int, plain: bool = False) -> list[Made]:
     processes instead of Ray's."""
     with tempfile.TemporaryDirectory() as folder:
         slots = [*islice(_warming(recipe), workers), *recipe.slots()]
-        jobs = deque(FillJob(folder, recipe, slot, code_version()) for slot in slots)
+        jobs = deque(FillJob(folder, recipe, slot) for slot in slots)
         if plain:
             with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
                 return list(pool.map(make, jobs))[workers:]

@@ -23,7 +23,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import Recipe, parse_recipe
 from pipeline.data.slots.assets import AssetStore
-from pipeline.run.drawing import work_of
+from pipeline.run.render import work_of
 from pipeline.run.slot.redraw import DrawJob, draw_slot
 from pipeline.stages.drawing.render import body_poses, renderer, stored_appearance
 from pipeline.world.drawing.vulkan import ensure_renderer

@@ -24,7 +24,6 @@ from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, slot_worker
 from pipeline.world.drawing.vulkan import ensure_renderer
@@ -92,7 +91,7 @@ def measure(count: int) -> list[MemorySeen]:
         root = Path(folder) / "data"
         Dataset(root).create(recipe)
         slots = order(recipe)
-        jobs = deque(FillJob(str(root), recipe, next(slots), code_version()) for _ in range(count))
+        jobs = deque(FillJob(str(root), recipe, next(slots)) for _ in range(count))
         seconds = ATTEMPT_SECONDS * recipe.attempts
         with closing(run(measuring, jobs, Crew("ray", 1, recycle=count + 1), seconds)) as ends:
             found = []

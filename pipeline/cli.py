@@ -1,11 +1,9 @@
 """The `domino-data` command: a thin table of verbs. Bad input ends with one line on stderr and exit
 code 2."""
 
-import io
 import os
 import sys
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import entry_points, version
 from typing import Annotated, Any
 
@@ -19,28 +17,19 @@ for _name, _value in SINGLE_THREAD.items():
 
 from pipeline.commands.command import LazyGroup, Verb, run_app
 
-ANNOUNCED = "domino_data.commands"
-"""Entry points that name functions, each a command of its own."""
-
 MODULES = {
-    "demo": ("demo",),
-    "build": ("build", "plan", "render"),
+    "build": ("demo", "build", "plan", "render"),
     "inspect": ("status", "verify", "doctor", "diff", "merge", "gc"),
     "view": ("view",),
     "export": ("export", "publish"),
     "annotate": ("annotate",),
     "evaluate": ("evaluate",),
-    "freeze": ("freeze",),
     "compare": ("compare", "check_result", "results", "paper_table"),
-    "serve": ("serve_policy",),
+    "serve": ("freeze", "serve_policy"),
     "stores": ("pull", "push"),
     "catalogue": (
-        "tasks",
-        "motions",
-        "embodiments",
-        "check_task",
-        "check_object",
-        "check_robot",
+        *("tasks", "motions", "embodiments"),
+        *("check_task", "check_object", "check_robot"),
     ),
     "intake": ("objects", "robots"),
 }
@@ -52,7 +41,8 @@ PLACES = {
     for module, verbs in MODULES.items()
     for verb in verbs
 }
-POINTS = {point.name: point for point in entry_points(group=ANNOUNCED)}
+POINTS = {point.name: point for point in entry_points(group="domino_data.commands")}
+"""Entry points that name functions, each a command of its own."""
 
 
 class Verbs(LazyGroup):
@@ -121,10 +111,10 @@ def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
         name, _, value = word.partition("=")
         if name != "--plugins":
             left.append(word)
-        elif not (directory := value or next(rest, "")):
-            raise PluginError("--plugins needs a directory")
-        else:
+        elif directory := value or next(rest, ""):
             directories.append(directory)
+        else:
+            raise PluginError("--plugins needs a directory")
     return left, directories
 
 
@@ -133,41 +123,12 @@ def words_after_plugins() -> list[str]:
     PluginError."""
     if sys.argv[1:] in (["--help"], ["--version"]):
         return sys.argv[1:]
-    from pipeline.plugins import directories as plugin_directories
     from pipeline.plugins import load_plugins, use_plugins
 
     words, directories = split_plugins(sys.argv[1:])
     use_plugins(directories)
-    if words[:1] == ["check-task"] and plugin_directories():
-        from pipeline.data.process.limited import Limits, run_limited
-
-        # the code that is checked may end its process, but not this one
-        limits = Limits(memory=6 << 30, processor=3600, wall=7200.0)
-        code, out, err = run_limited(words[0], run_captured, words, limits=limits)
-        print(out, end="")
-        print(err, end="", file=sys.stderr)
-        sys.exit(code)
     load_plugins()
     return words
-
-
-def run_captured(words: list[str]) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command line with the plugins of the
-    environment."""
-
-    def loaded() -> list[str]:
-        from pipeline.plugins import load_plugins
-
-        load_plugins()
-        return words
-
-    code, out, err = 0, io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
-        try:
-            run_app(app, "domino-data", loaded)
-        except SystemExit as end:
-            code = end.code if isinstance(end.code, int) else 1
-    return code, out.getvalue(), err.getvalue()
 
 
 def main() -> None:

@@ -2,8 +2,7 @@
 
 They are found by entry point (GROUPS; policies by evaluate/policies/files.py) and at the top of the
 directories of DOMINO_PLUGINS, which --plugins sets. Worker processes inherit it; those on other
-machines are sent a `Snapshot`.
-"""
+machines are sent a `Snapshot`."""
 
 import importlib
 import os
@@ -64,11 +63,9 @@ def load_plugins() -> None:
 
 def use_plugins(added: Sequence[str]) -> None:
     """Add directories to DOMINO_PLUGINS, for this process and those that it starts."""
-    paths = dict.fromkeys(
-        [*(str(path) for path in directories()), *(str(Path(each).resolve()) for each in added)]
-    )
+    paths = dict.fromkeys([*directories(), *(Path(each).resolve() for each in added)])
     if paths:
-        os.environ[ENV] = os.pathsep.join(paths)
+        os.environ[ENV] = os.pathsep.join(map(str, paths))
 
 
 def outside_modules() -> dict[str, Path]:
@@ -77,12 +74,13 @@ def outside_modules() -> dict[str, Path]:
     for directory in directories():
         modules |= dict(_modules(directory))
     for point in _points():
-        top = sys.modules.get(point.module.partition(".")[0])
+        package = point.module.partition(".")[0]
+        if (top := sys.modules.get(package)) is None:
+            continue
         for folder in getattr(top, "__path__", ()):
-            found = _modules(Path(folder)) if top else ()
-            modules |= {f"{point.module.partition('.')[0]}.{name}": path for name, path in found}
-        if top is not None and top.__file__:
-            modules[top.__name__] = Path(top.__file__)
+            modules |= {f"{package}.{name}": path for name, path in _modules(Path(folder))}
+        if top.__file__:
+            modules[package] = Path(top.__file__)
     return modules
 
 
@@ -102,29 +100,14 @@ def _points() -> list[EntryPoint]:
 
 
 def _import(name: str, source: str):
-    open_before = _are_open()
     try:
-        module = importlib.import_module(name)
+        return importlib.import_module(name)
     except (DominoError, KeyboardInterrupt):
         raise
     except BaseException as error:
         spec = find_spec(name.partition(".")[0])
         place = line_of_error(error, spec.origin) if spec else ""
         raise PluginError(f"{place or f'{source}: {name}'}: {describe_error(error)}") from error
-    if open_before and not _are_open():
-        raise PluginError(
-            f"{source}: {name}: closes the standard output of this process; leave it open"
-        )
-    return module
-
-
-def _are_open() -> bool:
-    """Whether what is printed arrives."""
-    try:
-        os.fstat(1)
-    except OSError:
-        return False
-    return sys.stdout is not None and not sys.stdout.closed
 
 
 def _top(directory: Path) -> list[str]:
@@ -162,17 +145,15 @@ class Snapshot:
                     f"--plugins {directory}: holds more than {_LARGEST >> 20} MiB, too much to send"
                     " to a cluster"
                 )
-            snapshots.append(
-                tuple((str(path.relative_to(directory)), path.read_bytes()) for path in paths)
-            )
+            files = ((str(path.relative_to(directory)), path.read_bytes()) for path in paths)
+            snapshots.append(tuple(files))
         return cls(tuple(snapshots))
 
     def load(self) -> None:
         """Write the files to a directory of this machine and import them. Raises PluginError."""
         for files in self.files:
-            root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / digest(
-                [[name, content.hex()] for name, content in files]
-            )
+            key = digest([[name, content.hex()] for name, content in files])
+            root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / key
             for name, content in files:
                 write_atomic(root / name, content)
             use_plugins([str(root)])

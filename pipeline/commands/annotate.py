@@ -6,81 +6,58 @@ from typing import Annotated
 import typer
 
 from pipeline.annotate.stage_key import MOST_POINTS, MOST_STRIDE
-from pipeline.commands import common
 from pipeline.data.names import HEAD
 from pipeline.data.parsing import ParseError, pixels
+
+from . import common
+from .common import UsageError, number, option
 
 
 def annotate(
     dataset: common.Root,
     stages: Annotated[
-        str, typer.Option(help="flow, masks, features, world; comma separated.")
+        str, option("flow, masks, features, world; comma separated.")
     ] = "flow,masks,features",
     where: Annotated[
-        str | None, typer.Option(help='Which episodes, e.g. "level=3 and task=click_bell".')
+        str | None, option('Which episodes, e.g. "level=3 and task=click_bell".')
     ] = None,
-    cameras: Annotated[str, typer.Option(help="Cameras, comma separated.")] = HEAD,
-    flow_source: Annotated[
-        str, typer.Option(help="farneback (images) or sim (exact).")
-    ] = "farneback",
+    cameras: Annotated[str, option("Cameras, comma separated.")] = HEAD,
+    flow_source: Annotated[str, option("farneback (images) or sim (exact).")] = "farneback",
     flow_stride: Annotated[
-        int, typer.Option(min=1, max=MOST_STRIDE, help="Frames between the two images of a pair.")
+        int, number(1, MOST_STRIDE, "Frames between the two images of a pair.")
     ] = 4,
-    flow_size: Annotated[str, typer.Option(help="Width x height of the flow map.")] = "64x64",
-    normalisation: Annotated[
-        str, typer.Option(help="per_map, shared or fixed scale of the flow colours.")
-    ] = "per_map",
-    winsize: Annotated[
-        int, typer.Option(min=3, max=1000, help="Farneback window size (pixels).")
-    ] = 15,
-    mask_source: Annotated[
-        str, typer.Option(help="model (GroundingDINO + SAM 2) or sim (exact).")
-    ] = "model",
-    prompt: Annotated[str, typer.Option(help="metadata, description or instruction.")] = "metadata",
+    flow_size: Annotated[str, option("Width x height of the flow map.")] = "64x64",
+    mask_source: Annotated[str, option("model (GroundingDINO + SAM 2) or sim (exact).")] = "model",
+    prompt: Annotated[str, option("metadata, description or instruction.")] = "metadata",
     detector: Annotated[
-        str, typer.Option(help="GroundingDINO: hub id, local directory or short name.")
+        str, option("GroundingDINO: hub id, local directory or short name.")
     ] = "grounding-dino-tiny",
     segmenter: Annotated[
-        str, typer.Option(help="SAM 2: hub id, local directory or short name.")
+        str, option("SAM 2: hub id, local directory or short name.")
     ] = "sam2.1-hiera-large",
     encoder: Annotated[
-        str, typer.Option(help="DINOv2 or DINOv3: hub id, local directory or short name.")
+        str, option("DINOv2 or DINOv3: hub id, local directory or short name.")
     ] = "dinov2-base",
     track_points: Annotated[
-        int, typer.Option(min=1, max=MOST_POINTS, help="world: points tracked on each body.")
+        int, number(1, MOST_POINTS, "world: points tracked on each body.")
     ] = 64,
-    dense: Annotated[
-        bool, typer.Option(help="world: also depth, normals and flow of every pixel.")
-    ] = True,
-    device: Annotated[str, typer.Option(help="cpu, cuda or auto.")] = "auto",
-    executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
-    workers: Annotated[
-        int, typer.Option(min=1, max=common.MOST_WORKERS, help="Worker processes.")
-    ] = 1,
+    dense: Annotated[bool, option("world: also depth, normals and flow of every pixel.")] = True,
+    device: Annotated[str, option("cpu, cuda or auto.")] = "auto",
+    executor: Annotated[str, option("inline, ray or auto.")] = "inline",
+    workers: Annotated[int, number(1, common.MOST_WORKERS, "Worker processes.")] = 1,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
     runtime_env: common.RuntimeEnv = None,
     dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run", help="Report what would run and why; write and download nothing."
-        ),
+        bool, option("Report what would run and why; write and download nothing.", "--dry-run")
     ] = False,
     quiet: common.Quiet = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
-    from dataclasses import replace
     from functools import partial
 
-    from pipeline.annotate.flow import Colour, Farneback
-    from pipeline.annotate.options import (
-        AnnotateOptions,
-        FeatureOptions,
-        FlowOptions,
-        MaskOptions,
-        WorldOptions,
-    )
+    import pipeline.annotate.options as kinds
     from pipeline.annotate.overlays import annotation_sheet
     from pipeline.annotate.stage import Redraw
     from pipeline.data.dataset import Dataset
@@ -94,37 +71,31 @@ def annotate(
     try:
         size = pixels(flow_size)
     except ParseError as error:
-        raise common.UsageError(f"--flow-size {flow_size!r} {error}") from error
+        raise UsageError(f"--flow-size {flow_size!r} {error}") from error
     if not re.fullmatch(r"auto|cpu|cuda(:[0-9]{1,3})?", device):
-        raise common.UsageError(
-            f"--device {device!r} is unknown: choose cpu, cuda, cuda:NUMBER or auto"
-        )
-    seen = tuple(common.split_list(cameras) or ())
-    if not seen or not all(map(is_name, seen)):
-        raise common.UsageError(
-            f"--cameras {cameras!r} is no list of cameras: write head_camera,left_camera"
-        )
-    flow = FlowOptions(
-        flow_source,
-        flow_stride,
-        size,
-        Farneback(winsize=winsize),
-        Colour(normalisation=normalisation),
+        raise UsageError(f"--device {device!r} is unknown: choose cpu, cuda, cuda:NUMBER or auto")
+    names = tuple(common.split_list(cameras) or ())
+    if not names or not all(map(is_name, names)):
+        raise UsageError(f"--cameras {cameras!r} is not a list like head_camera,left_camera")
+    options = kinds.AnnotateOptions(
+        names,
+        kinds.FlowOptions(flow_source, flow_stride, size),
+        kinds.MaskOptions(
+            source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter
+        ),
+        kinds.FeatureOptions(encoder=encoder),
+        world=kinds.WorldOptions(track_points, dense),
     )
-    masks = MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter)
-    options = AnnotateOptions(seen, flow, masks, FeatureOptions(encoder=encoder))
-    options = replace(options, world=WorldOptions(track_points, dense))
     source = Dataset(dataset)
     crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
+    drawn = Redraw(partial(redraw, bodies=source.bodies), partial(truth, bodies=source.bodies))
     with common.resumable(dataset):
         values = run(
             dataset,
             tuple(common.split_list(stages) or ()),
             options=options,
             where=where,
-            redraw=Redraw(
-                partial(redraw, bodies=source.bodies), partial(truth, bodies=source.bodies)
-            ),
+            redraw=drawn,
             execution=Execution(crew, device, dry_run, progress=not (as_json or quiet)),
         )
     if source.manifest.exists():
@@ -133,7 +104,7 @@ def annotate(
         common.warn_of_stale(source, recipe)
     if not dry_run:
         refresh(source, annotation_sheet)
-    lines, made = [], "to compute" if dry_run else "computed"
+    lines, made = list[str](), "to compute" if dry_run else "computed"
     for s in values["stages"]:
         lines.append(
             f"{s['name']:9} {s['computed']} {made}, {s['reused']} reused, {s['invalid']} invalid,"

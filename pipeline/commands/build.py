@@ -1,18 +1,22 @@
-"""build, plan, render: make a dataset, estimate one, or draw its episodes again."""
+"""build, plan, render: make a dataset, estimate one, or draw its episodes again; demo."""
 
 import json
 import sys
+import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
-from pipeline.commands import common
-from pipeline.commands.options import EVERY, FLAGS, Given, recipe_options
+from pipeline.crew.progress import SHOWN, Kind
 from pipeline.data.dataset import Dataset
 from pipeline.data.process.machine import usable_cores
 from pipeline.data.store.place import with_urls
+
+from . import common
+from .common import number, option
+from .options import EVERY, FLAGS, Given, recipe_options
 
 
 @recipe_options(*EVERY, tasks="all")
@@ -25,28 +29,22 @@ def build(
     runtime_env: common.RuntimeEnv = None,
     slot_timeout: Annotated[
         float,
-        typer.Option(
-            min=0.01,
-            max=1e7,
-            help="Seconds one attempt at a slot may take before its worker counts as hung.",
+        number(
+            0.01, 1e7, "Seconds one attempt at a slot may take before its worker counts as hung."
         ),
     ] = 600.0,
     out: Annotated[
-        Path,
-        typer.Option(help="The dataset, a directory or URL; rerun the same command to resume."),
+        Path, option("The dataset, a directory or URL; rerun the same command to resume.")
     ] = Path("OUT"),
     progress: Annotated[
-        str,
-        typer.Option(
-            help="bar, json (one object a line on standard output, docs/cluster.md) or none."
-        ),
+        str, option("bar, json (one object a line on standard output, docs/cluster.md) or none.")
     ] = "bar",
     quiet: common.Quiet = False,
     yes: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Build all tasks at all default levels, if no option or manifest chooses fewer.",
             "--yes",
-            help="Build all tasks at all default levels, if no option or manifest chooses fewer.",
         ),
     ] = False,
     as_json: common.AsJson = False,
@@ -60,34 +58,28 @@ def build(
     check_events(recipe, recipe.tasks)
     slots = sum(recipe.counts().values())
     crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env, slots)
-    kind = common.kind_of("none" if quiet else progress)
+    if progress not in SHOWN:
+        raise common.UsageError(f"--progress {progress!r} is unknown: choose {', '.join(SHOWN)}")
+    kind = cast(Kind, "none" if quiet else progress)
     if not given.from_file and not yes:
         check_bounded(given.values, recipe, Dataset(out), crew.workers)
-    common.warn_of_pattern(out)
     with common.resumable(out):
         result = run_build(out, recipe, crew, slot_timeout, kind)
     if kind == "json":
-        print(json.dumps({"event": "result", **result.__dict__}))
+        print(json.dumps({"event": "result", **vars(result)}))
     else:
         lost = f", {result.workers_lost} workers lost and replaced" if result.workers_lost else ""
-        counts = (
-            f"{result.given_up} given up, {result.attempts} attempts in all; {result.made} slots by"
-            f" this run{lost}"
-        )
         text = (
-            f"{result.accepted} of {result.slots} episodes in {out} ({counts}); images:"
+            f"{result.accepted} of {result.slots} episodes in {out} ({result.given_up} given up,"
+            f" {result.attempts} attempts in all; {result.made} slots by this run{lost}); images:"
             f" {Dataset(out).report}"
         )
-        common.print_result(result.__dict__, as_json, text)
-    for line in result.stopped:
-        print(f"domino-data: {line}", file=sys.stderr)
+        common.print_result(vars(result), as_json, text)
     if result.given_up:
-        print(
-            f"domino-data: slots given up after {recipe.attempts} attempts each: {result.given_up};"
-            f" `domino-data status {with_urls(str(out))}` shows why",
-            file=sys.stderr,
+        common.note(
+            f"slots given up after {recipe.attempts} attempts each: {result.given_up};"
+            f" `domino-data status {with_urls(str(out))}` shows why"
         )
-    if result.given_up or result.stopped:
         raise typer.Exit(common.GIVEN_UP)
 
 
@@ -96,23 +88,16 @@ def plan(
     given: Given,
     workers: common.Workers = None,
     out: Annotated[
-        Path | None,
-        typer.Option(help="An existing dataset to count finished slots and times from."),
+        Path | None, option("An existing dataset to count finished slots and times from.")
     ] = None,
-    cells: Annotated[bool, typer.Option("--cells", help="Print a row for every cell.")] = False,
+    cells: Annotated[bool, option("Print a row for every cell.", "--cells")] = False,
     measure: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Make four episodes in a temporary directory to measure how long they take here.",
             "--measure",
-            help="Make four episodes in a temporary directory to measure how long they take here.",
         ),
     ] = False,
-    price: Annotated[
-        float | None,
-        typer.Option(
-            min=0, max=1e9, help="Price of a core-hour, in any currency.", show_default=False
-        ),
-    ] = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Estimate what `build` would produce: episodes, hours and bytes. Writes no files."""
@@ -122,38 +107,24 @@ def plan(
 
     recipe = given.recipe()
     check_events(recipe, recipe.tasks)
-    count = workers or usable_cores()
     cost = None
     if measure:
         print("measuring: four episodes, up to a minute", file=sys.stderr)
         cost = planning.measure(recipe)
-    values = planning.plan(recipe, Dataset(out) if out else None, count, cost, price)
+    values = planning.plan(recipe, Dataset(out) if out else None, workers or usable_cores(), cost)
     lines = []
     if cells:
         headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
-        names = ("task", "embodiment", "level", "alpha", "domain", "episodes", "finished")
-        lines.append(
-            common.table(
-                headers,
-                [[f"{c[n]:g}" if n == "alpha" else c[n] for n in names] for c in values["cells"]],
-            )
-        )
-    lines.append(
+        rows = [[f"{v:g}" if k == "alpha" else v for k, v in c.items()] for c in values["cells"]]
+        lines.append(common.table(headers, rows))
+    lines += [
         f"tasks: {len(recipe.tasks)}, robots: {len(recipe.embodiments)}, levels:"
-        f" {len(recipe.levels)}, cells: {len(values['cells'])}, episodes: {values['slots']:,}"
-    )
-    left = values["slots"] - values["finished"]
-    lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
-    lines += redo_lines(values["redo"])
-    costs = (
-        f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
-    )
-    lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
-    if left and (parts := values["estimated_bytes_by_part"]):
-        lines.append(
-            "bytes: "
-            + ", ".join(f"{name} {planning.format_size(size)}" for name, size in parts.items())
-        )
+        f" {len(recipe.levels)}, cells: {len(values['cells'])}, episodes: {values['slots']:,}",
+        f"finished: {values['finished']:,}; to make: {values['slots'] - values['finished']:,};"
+        f" {values['estimate']}",
+        *redo_lines(values["redo"]),
+        f"core-hours: {values['estimated_core_hours']:,.1f}",
+    ]
     common.print_result(values, as_json, "\n".join(lines))
 
 
@@ -170,12 +141,9 @@ VISUALS = ("keep", "clean", "randomized")
 def render(
     given: Given,
     dataset: common.Root,
-    out: Annotated[
-        Path, typer.Option(help="Directory of the new dataset; rerun the same command to resume.")
-    ],
+    out: Annotated[Path, option("Directory of the new dataset; rerun the same command to resume.")],
     visuals: Annotated[
-        str,
-        typer.Option(help="Looks of room and lights: keep the stored ones, clean or randomized."),
+        str, option("Looks of room and lights: keep the stored ones, clean or randomized.")
     ] = "keep",
     executor: common.Executor = "auto",
     workers: common.Workers = None,
@@ -191,22 +159,14 @@ def render(
 
     changes = with_looks(given.values, visuals)
     crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
+    flags = FLAGS | {"visuals": "--visuals"}
     with common.resumable(out):
-        result = run_render(
-            Dataset(dataset),
-            Dataset(out),
-            changes,
-            crew,
-            quiet=quiet,
-            flags=FLAGS | {"visuals": "--visuals"},
-        )
-    lines = [
-        (
-            f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn by this"
-            f" run, {result.given_up} given up, {result.open} not built yet in {dataset})"
-        ),
-        *(f"cannot be drawn: {problem}" for problem in result.problems),
-    ]
+        result = run_render(Dataset(dataset), Dataset(out), changes, crew, quiet=quiet, flags=flags)
+    text = (
+        f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn by this run,"
+        f" {result.given_up} given up, {result.open} not built yet in {dataset})"
+    )
+    lines = [text, *(f"cannot be drawn: {problem}" for problem in result.problems)]
     common.print_result(vars(result), as_json, "\n".join(lines))
     if result.problems:
         raise typer.Exit(1)
@@ -220,8 +180,45 @@ def with_looks(values: Mapping[str, Any], visuals: str) -> dict[str, Any]:
         raise common.UsageError(
             "--variants and --visual-seed are of randomized looks: add --visuals randomized"
         )
-    return (
-        dict(values)
-        if visuals == "keep"
-        else {"visuals": visuals, "variants": 1, "visual_seed": 0, **values}
-    )
+    looks = {"visuals": visuals, "variants": 1, "visual_seed": 0}
+    return dict(values) if visuals == "keep" else looks | dict(values)
+
+
+NEXT = """next:
+  python -c "import domino_data as dd; print(dd.open_dataset('{out}').recipe().tasks)"
+  domino-data export {out} --format lerobot
+  domino-data build --tasks shake_bottle --levels 1,2,3 --episodes 20 --out domino-more
+  domino-data tasks    # the other tasks; every command has --help"""
+
+
+def demo(
+    out: Annotated[Path, option("Directory of the dataset.")] = Path("domino-demo"),
+    view: Annotated[
+        bool, option("Open the viewer in a browser, if there is one.", "--view/--no-view")
+    ] = True,
+    quiet: common.Quiet = False,
+) -> None:
+    """Make two episodes of a robot that catches a bottle with abrupt turns, and open them in the
+    viewer. Rerun it to see them again."""
+    from pipeline.crew.contract import Crew
+    from pipeline.data.recipe.model import parse_recipe
+    from pipeline.report.viewer import write_viewer
+    from pipeline.run.build import build as run_build
+    from pipeline.run.checks.doctor import DRIVER
+    from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
+
+    try:
+        ensure_renderer()
+    except NoRenderer as error:
+        raise NoRenderer(f"no Vulkan device to draw with: {DRIVER}") from error
+    recipe = parse_recipe({"tasks": "shake_bottle", "levels": 3, "episodes": 2})
+    with common.resumable(out):
+        run_build(out, recipe, Crew(), shown="none" if quiet else "bar")
+    dataset = Dataset(out)
+    episodes = sorted(dataset.accepted(dataset.recipe()))
+    pages = dataset.report.parent / "view"
+    page = write_viewer(dataset.root, episodes, pages, len(episodes)).resolve().as_uri()
+    print(f"{len(episodes)} episodes in {out}; watch them: {page}")
+    print(NEXT.format(out=out))
+    if view and common.has_screen():
+        webbrowser.open(page)

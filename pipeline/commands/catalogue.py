@@ -5,21 +5,22 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from pipeline.data.parsing import whole
 
-from pipeline.commands import complete
-from pipeline.commands.common import (
+from .common import (
     AsJson,
     UsageError,
+    argument,
     check_file,
+    note,
     numbers,
+    option,
     print_findings,
     print_result,
     split_list,
     table,
 )
-from pipeline.commands.options import Given, recipe_options
-from pipeline.data.parsing import whole
+from .options import Given, complete_robot, complete_task, recipe_options
 
 
 def tasks(as_json: AsJson = False) -> None:
@@ -36,11 +37,9 @@ def tasks(as_json: AsJson = False) -> None:
         )
         for t in values
     ]
+    text = table(("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    lines = table(
-        ("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows
-    ).splitlines()
-    print_result(values, as_json, "\n".join(line[:width] for line in lines))
+    print_result(values, as_json, "\n".join(line[:width] for line in text.splitlines()))
 
 
 def embodiments(as_json: AsJson = False) -> None:
@@ -60,9 +59,7 @@ def embodiments(as_json: AsJson = False) -> None:
 
 
 def motions(
-    paths: Annotated[
-        Path | None, typer.Option(help="Write a PNG with paths of every model here.")
-    ] = None,
+    paths: Annotated[Path | None, option("Write a PNG with paths of every model here.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the models of motions."""
@@ -72,19 +69,12 @@ def motions(
     values = list_motions()
     if paths is not None:
         write_paths(paths)
-        print(
-            f"domino-data: the paths of {len(values)} models are drawn in {paths}", file=sys.stderr
-        )
+        note(f"the paths of {len(values)} models are drawn in {paths}")
     rows = [
-        (
-            m["name"],
-            number,
-            text,
-            ", ".join(m["tasks"]) if number == 1 and len(m["tasks"]) < 10 else "",
-        )
+        (m["name"], n, text, ", ".join(m["tasks"]) if n == 1 and len(m["tasks"]) < 10 else "")
         for m in values
-        for number, text in m["levels"].items()
-        if number
+        for n, text in m["levels"].items()
+        if n
     ]
     print_result(values, as_json, table(("model", "level", "the target", "tasks"), rows))
 
@@ -93,37 +83,28 @@ def motions(
 def check_task(
     given: Given,
     name: Annotated[
-        str,
-        typer.Argument(help="The task, or `all`.", metavar="NAME", autocompletion=complete.task),
+        str, argument("The task, or `all`.", metavar="NAME", autocompletion=complete_task)
     ],
-    embodiment: Annotated[
-        str, typer.Option(help="The robot.", autocompletion=complete.robot)
-    ] = "aloha",
+    embodiment: Annotated[str, option("The robot.", autocompletion=complete_robot)] = "aloha",
     levels: Annotated[
         str | None,
-        typer.Option(
-            help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt."
-        ),
+        option("Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt."),
     ] = "0,1,2,3",
     words: Annotated[
-        bool, typer.Option("--words/--no-words", help="Whether its instructions are checked, too.")
+        bool, option("Whether its instructions are checked, too.", "--words/--no-words")
     ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 if it does not."""
     from pipeline.intake.check_task import check_task as check
     from pipeline.motion.models import levels_of
-    from pipeline.run.names import unknown_name
+    from pipeline.run.names import check_known
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import get_embodiment
 
     names = expand_tasks([name])
-    if names[0] not in TASKS:
-        raise UsageError(unknown_name("task", name, TASKS))
-    known, requested = (
-        levels_of(TASKS[names[0]].motion),
-        tuple(numbers(levels, whole, "--levels") or ()),
-    )
+    check_known("task", names, TASKS)
+    known, requested = levels_of(TASKS[names[0]].motion), numbers(levels, whole, "--levels")
     if unknown := [level for level in requested if level not in known]:
         raise UsageError(
             f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}"
@@ -135,23 +116,21 @@ def check_task(
 
 def check_object(
     name: Annotated[
-        str,
-        typer.Argument(help="The object family, an object from files, or `all`.", metavar="NAME"),
+        str, argument("The object family, an object from files, or `all`.", metavar="NAME")
     ],
     images: Annotated[
-        Path | None, typer.Option(help="Directory for an image of each with its frames and grasps.")
+        Path | None, option("Directory for an image of each with its frames and grasps.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check that an object family or an object from files keeps its contract; exit code 1 if it
     does not."""
     from pipeline.intake.catalogue.object_check import check_object as check
-    from pipeline.run.names import unknown_name
+    from pipeline.run.names import check_known
     from pipeline.world.objects import FAMILIES
 
     names = sorted(FAMILIES) if name == "all" else [name]
-    if names[0] not in FAMILIES:
-        raise UsageError(unknown_name("object family", name, FAMILIES))
+    check_known("object family", names, FAMILIES)
     if images is not None:
         from pipeline.intake.catalogue.gallery import write_portrait
 
@@ -161,22 +140,19 @@ def check_object(
 
 
 def check_robot(
-    name: Annotated[
-        str, typer.Argument(help="The robot.", metavar="NAME", autocompletion=complete.robot)
-    ],
+    name: Annotated[str, argument("The robot.", metavar="NAME", autocompletion=complete_robot)],
     tasks: Annotated[
-        str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")
+        str, option("Tasks to try at level 0, comma separated; `all`, or `none`.")
     ] = "click_bell",
     as_json: AsJson = False,
 ) -> None:
     """Check that a robot can do its work; exit code 1 if a clause does not hold."""
     from pipeline.intake.robots.check import check_robot as check
-    from pipeline.run.names import unknown_name
+    from pipeline.run.names import check_known
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import canonical_name
 
     requested = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
-    if unknown := [task for task in requested if task not in TASKS]:
-        raise UsageError(f"--tasks: {unknown_name('task', unknown[0], TASKS)}")
+    check_known("task", requested, TASKS)
     robot = canonical_name(name)
     print_findings({robot: [*check(robot, requested)]}, as_json)

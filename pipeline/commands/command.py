@@ -24,9 +24,6 @@ from pipeline.data.store.place import with_urls
 LONGEST = 2000
 """Characters of a message; it may repeat what was typed."""
 
-STOPPED = 130
-"""Exit code after Ctrl-C, as of a shell."""
-
 
 class Verb(TyperCommand):
     """A command of typer whose ranges also refuse NaN, which is neither below nor above them."""
@@ -46,6 +43,8 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
     with `name`, exit code 2; one that nobody foresaw names a file with its traceback."""
     try:
         code = app(words(), standalone_mode=False)
+        # the exit code of a verb that raised typer.Exit
+        sys.exit(code if isinstance(code, int) else 0)
     except TyperException as error:
         # a group without a word after it has printed its help
         if not (text := " ".join(error.format_message().split())):
@@ -57,25 +56,16 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
     except OSError as error:
         message = describe_error(error)
     except KeyboardInterrupt:
-        sys.exit(STOPPED)
+        sys.exit(130)  # as of a shell
     except Exception as error:  # noqa: BLE001 - the one place where whatever is left ends
-        missing = describe_missing(error.name or "") if isinstance(error, ImportError) else ""
-        message = missing or (
-            f"{' '.join(f'{type(error).__name__}: {error}'.split())[:300]}: nobody foresaw this;"
-            f" please report it with {_write_traceback(error)}"
-        )
-    else:
-        # the exit code of a verb that raised typer.Exit
-        sys.exit(code if isinstance(code, int) else 0)
+        message = describe_missing(error.name or "") if isinstance(error, ImportError) else ""
+        if not message:
+            with NamedTemporaryFile("w", prefix="domino-data-", suffix=".log", delete=False) as log:
+                traceback.print_exception(error, file=log)
+            text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+            message = f"{text}: nobody foresaw this; please report it with {log.name}"
     print(f"{name}: {printable(with_urls(message))[:LONGEST]}", file=sys.stderr)
     sys.exit(2)
-
-
-def _write_traceback(error: Exception) -> str:
-    """The file to which the traceback is written."""
-    with NamedTemporaryFile("w", prefix="domino-data-", suffix=".log", delete=False) as file:
-        traceback.print_exception(error, file=file)
-    return file.name
 
 
 Places = Mapping[str, str]
@@ -140,15 +130,12 @@ class LazyGroup(TyperGroup):
         }
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names of the verbs."""
         return list(self.places)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A verb as it is listed."""
         return self.listed.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The verb that the words begin with, to be called."""
         name, found, rest = super().resolve_command(ctx, args)
         return name, found and self.commands[str(name)], rest
 
@@ -174,16 +161,12 @@ def describe(place: str) -> str:
 
 EXTRAS = {
     "ray": "ray",
-    "huggingface_hub": "hub",
-    "fsspec": "hub",
+    **dict.fromkeys(("huggingface_hub", "fsspec"), "hub"),
     "s3fs": "s3",
     "gcsfs": "gcs",
     "lerobot": "lerobot",
     "transformers": "annotate",
-    "torch": "train",
-    "accelerate": "train",
-    "peft": "train",
-    "safetensors": "train",
+    **dict.fromkeys(("torch", "accelerate", "peft", "safetensors"), "train"),
     "tensorboard": "trackers",
     "zmq": "gr00t",
     "mujoco": "mjcf",

@@ -1,12 +1,22 @@
-"""compare, paper-table: policies against each other, and beside the paper."""
+"""compare, check-result, paper-table, results: policies against each other and the paper."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from pipeline.commands.common import AsJson, Executor, Workers, crew_of, print_result, table
-from pipeline.commands.evaluate import (
+from .common import (
+    AsJson,
+    Executor,
+    Workers,
+    argument,
+    crew_of,
+    number,
+    option,
+    print_result,
+    table,
+)
+from .evaluate import (
     Baselines,
     ClockText,
     Episodes,
@@ -15,43 +25,43 @@ from pipeline.commands.evaluate import (
     Results,
     named_policy,
 )
-from pipeline.commands.options import Given, recipe_options
+from .options import Given, recipe_options
 
 NONE_AGAIN = "none carried out again, so consistent forgeries pass: add --again N"
 
-Score = Literal["success", "route_completion", "manipulation_score"]
+type Values = dict[str, Any]  # a row of a comparison
 
 
 def compare(
     runs: Annotated[
         list[str],
-        typer.Argument(
-            help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.",
+        argument(
+            "Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.",
             metavar="RUN...",
         ),
     ],
     effect: Annotated[
         float,
-        typer.Option(
-            min=0.01,
-            max=100,
-            help="Estimate the number of scenes that a difference of this many points needs.",
+        number(
+            0.01, 100, "Estimate the number of scenes that a difference of this many points needs."
         ),
     ] = 5,
     unpaired: Annotated[
-        bool,
-        typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise."),
+        bool, option("Also compare runs with other scenes, rules or clocks; less precise.")
     ] = False,
     one_by_one: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Say after how many scenes the better one was known; look as often as you like.",
             "--sequential",
-            help="Say after how many scenes the better one was known; look as often as you like.",
         ),
     ] = False,
-    score: Annotated[Score, typer.Option(help="What --sequential compares.")] = "success",
+    score: Annotated[
+        Literal["success", "route_completion", "manipulation_score"],
+        option("What --sequential compares."),
+    ] = "success",
     alpha: Annotated[
-        float, typer.Option(min=0.0001, max=0.5, help="Chance of a false decision, --sequential.")
+        float, number(0.0001, 0.5, "Chance of a false decision, --sequential.")
     ] = 0.05,
     as_json: AsJson = False,
 ) -> None:
@@ -77,44 +87,40 @@ def compare(
     if one_by_one:
         # each of several comparisons has its share of the chance of a false decision
         tests = [compare_sequentially(*arms, score, alpha / len(paired)) for arms in paired]
-        text = "\n".join(_describe_test(test) for test in tests)
+        text = "\n".join(map(_describe_test, tests))
         print_result({"alpha": alpha, "score": score, "comparisons": tests}, as_json, text)
         return
-    comparisons = [
-        row
-        for arms in paired
-        for row in (compare_unpaired if unpaired else compare_arms)(*arms, effect)
-    ]
+    pairwise = compare_unpaired if unpaired else compare_arms
+    comparisons = [row for arms in paired for row in pairwise(*arms, effect)]
     _correct(comparisons)
-    text = "\n".join(
-        [_describe(comparisons, effect), *dict.fromkeys(map(_describe_share, comparisons))]
-    ).rstrip()
+    shares = dict.fromkeys(map(_describe_share, comparisons))
+    text = "\n".join([_describe(comparisons, effect), *shares]).rstrip()
     print_result({"effect": effect, "comparisons": comparisons}, as_json, text)
 
 
-def _describe_test(test: dict[str, Any]) -> str:
-    pair = f"{test['second']} against {test['first']}"
+def _describe_test(test: Values) -> str:
+    pair, known = f"{test['second']} against {test['first']}", f"(p {test['p']:.2g})"
     if test["decided"]:
         return (
             f"{pair}: {test['better']} is better, known after {test['decided']} of"
-            f" {test['scenes']} scenes (p {test['p']:.2g})"
+            f" {test['scenes']} scenes {known}"
         )
     more = f"; about {test['more']} more at this difference" if test["more"] else ""
-    return f"{pair}: undecided after {test['scenes']} scenes (p {test['p']:.2g}){more}"
+    return f"{pair}: undecided after {test['scenes']} scenes {known}{more}"
 
 
-def _describe_share(row: dict[str, Any]) -> str:
+def _describe_share(row: Values) -> str:
     """The scenes that a comparison leaves out, if any."""
-    tried = [row.get("first_episodes"), row.get("second_episodes")]
-    if tried == [row.get("shared")] * 2:
-        return ""
-    return (
-        f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of"
-        f" {tried[1]} and {tried[0]}"
+    first, second, shared = (
+        row.get(key) for key in ("first_episodes", "second_episodes", "shared")
     )
+    if first == second == shared:
+        return ""
+    pair = f"{row['second']} against {row['first']}"
+    return f"{pair}: the {shared} episodes of both, of {second} and {first}"
 
 
-def _correct(comparisons: list[dict[str, Any]]) -> None:
+def _correct(comparisons: list[Values]) -> None:
     """Replace p by Holm's where several policies are compared with the first."""
     from pipeline.evaluate.scoring.sequential import holm
 
@@ -124,31 +130,17 @@ def _correct(comparisons: list[dict[str, Any]]) -> None:
             row["p"] = p
 
 
-def _describe(rows: list[dict[str, Any]], effect: float) -> str:
+def _describe(rows: list[Values], effect: float) -> str:
     head = (
-        "policy",
-        "against",
-        "of",
-        "scenes",
-        "SR %",
-        "SR %",
-        "difference (95 %)",
-        "won",
-        "lost",
-        "p",
-        f"for {effect:g} points",
+        *("policy", "against", "of", "scenes", "SR %", "SR %", "difference (95 %)"),
+        *("won", "lost", "p", f"for {effect:g} points"),
     )
     body = [
         (
-            row["second"],
-            row["first"],
-            row["what"],
-            row["scenes"],
-            f"{row['second_rate']:.1f}",
-            f"{row['first_rate']:.1f}",
+            *(row["second"], row["first"], row["what"], row["scenes"]),
+            *(f"{row['second_rate']:.1f}", f"{row['first_rate']:.1f}"),
             f"{row['effect']:+.1f} ({row['interval'][0]:+.1f} to {row['interval'][1]:+.1f})",
-            row.get("won", "-"),
-            row.get("lost", "-"),
+            *(row.get("won", "-"), row.get("lost", "-")),
             f"{row['p']:.2g}" if "p" in row else "-",
             row["needed"] or "-",
         )
@@ -158,23 +150,16 @@ def _describe(rows: list[dict[str, Any]], effect: float) -> str:
 
 
 def check_result(
-    bundle: Annotated[
-        Path, typer.Argument(help="The --out of a domino-data evaluate.", metavar="BUNDLE")
-    ],
-    again: Annotated[
-        int,
-        typer.Option(min=0, max=100_000, help="Random episodes to carry out again."),
-    ] = 0,
+    bundle: Annotated[Path, argument("The --out of a domino-data evaluate.", metavar="BUNDLE")],
+    again: Annotated[int, number(0, 100_000, "Random episodes to carry out again.")] = 0,
     seed: Annotated[
-        int | None,
-        typer.Option(min=0, max=10**12, help="Draw the same episodes again; by default others."),
+        int | None, number(0, 10**12, "Draw the same episodes again; by default others.")
     ] = None,
     manifests: Annotated[
-        Path | None, typer.Option(help="Directory of the scenes; BUNDLE/manifests by default.")
+        Path | None, option("Directory of the scenes; BUNDLE/manifests by default.")
     ] = None,
     benchmark: Annotated[
-        str | None,
-        typer.Option(help="File of the benchmark; by default the one of its name that ships here."),
+        str | None, option("File of the benchmark; by default the one of its name that ships here.")
     ] = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -190,13 +175,9 @@ def check_result(
     run = runner(crew_of(executor, workers, None))
     checked = check(bundle, run, again, seed, manifests, scenes)
     how = "every number" if checked.exact else "outcomes (made elsewhere or by another version)"
-    done = f"{checked.again} carried out again, compared: {how}"
-    text = [
-        f"{checked.episodes} episodes; {done if checked.again else NONE_AGAIN}",
-        *(f"  {fault}" for fault in checked.faults),
-    ]
-    values = {name: getattr(checked, name) for name in ("episodes", "again", "exact", "faults")}
-    print_result(values, as_json, "\n".join(text))
+    done = f"{checked.again} carried out again, compared: {how}" if checked.again else NONE_AGAIN
+    text = [f"{checked.episodes} episodes; {done}", *(f"  {fault}" for fault in checked.faults)]
+    print_result(vars(checked), as_json, "\n".join(text))
     if checked.faults:
         raise typer.Exit(1)
 
@@ -205,11 +186,10 @@ def check_result(
 def paper_table(
     given: Given,
     name: Annotated[
-        str,
-        typer.Argument(help="One of those in docs/evaluation.md, such as main.", metavar="NAME"),
+        str, argument("One of those in docs/evaluation.md, such as main.", metavar="NAME")
     ],
     policy: PolicyText,
-    tasks: Annotated[str, typer.Option(help="Only these of its tasks, such as click_bell.")] = "",
+    tasks: Annotated[str, option("Only these of its tasks, such as click_bell.")] = "",
     episodes: Episodes = 100,
     clock: ClockText = None,
     baselines: Baselines = False,
@@ -226,17 +206,16 @@ def paper_table(
     from pipeline.run.evaluation import evaluation_of, runner
 
     published = experiment(name)
-    cells = {
-        "tasks": tuple(tasks.split(",")) if tasks else published.tasks,
-        "levels": published.levels,
-        "alpha": published.alpha,
-        "embodiments": "aloha",
-    }
-    recipe = given.recipe(rules="domino", **cells)
-    setup = recipe.setup.override({"textures": "unseen"})
+    recipe = given.recipe(
+        rules="domino",
+        tasks=tuple(tasks.split(",")) if tasks else published.tasks,
+        levels=published.levels,
+        alpha=published.alpha,
+        embodiments="aloha",
+    )
     evaluation = evaluation_of(
         recipe,
-        setup,
+        recipe.setup.override({"textures": "unseen"}),
         named_policy(policy, in_process),
         clock or "",
         episodes=episodes,
@@ -250,42 +229,30 @@ def paper_table(
     lines = [
         (
             row["method"] if row["paper"] else f"-> {row['method']}",
-            row["level"],
-            row["category"],
-            *(
-                _number(row["paper"], row[key], row.get(f"{key}_interval"))
-                for key in ("success_rate", "manipulation_score")
-            ),
+            *(row["level"], row["category"]),
+            *(_number(row, key) for key in ("success_rate", "manipulation_score")),
         )
         for row in rows
     ]
-    text = [
-        published.title,
-        "",
-        table(("method", "level", "tasks", "SR %", "MS"), lines),
-        "",
-        "-> differs from the paper:",
-    ]
+    text = [published.title, "", table(("method", "level", "tasks", "SR %", "MS"), lines)]
+    text += ["", "-> differs from the paper:", *(f"   {line}" for line in apart)]
     values = {"experiment": name, "rows": rows, "differences": apart, "episodes": str(out)}
-    print_result(values, as_json, "\n".join([*text, *(f"   {line}" for line in apart)]))
+    print_result(values, as_json, "\n".join(text))
 
 
-def _number(paper: bool, value: float, interval: list[float] | None) -> str:
-    return (
-        f"{value:g}"
-        if paper or interval is None
-        else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
-    )
+def _number(row: Values, key: str) -> str:
+    interval = row.get(f"{key}_interval")
+    if row["paper"] or interval is None:
+        return f"{row[key]:g}"
+    return f"{row[key]:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
 
 
 def results(
-    bundles: Annotated[
-        list[Path], typer.Argument(help="Directories of evaluations.", metavar="BUNDLE...")
-    ],
+    bundles: Annotated[list[Path], argument("Directories of evaluations.", metavar="BUNDLE...")],
     benchmark: Annotated[
-        str | None, typer.Option(help="File of their benchmark, if it does not ship here.")
+        str | None, option("File of their benchmark, if it does not ship here.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The page.")] = Path("results.html"),
+    out: Annotated[Path, option("The page.")] = Path("results.html"),
 ) -> None:
     """Write one page with a table of all policies and clocks of several evaluations, and their
     films."""
@@ -300,4 +267,4 @@ def results(
     faults = {bundle: check(bundle, inline, benchmark=scenes).faults for bundle in bundles}
     page = board_page({bundle: newest(bundle) for bundle in bundles}, faults)
     write_atomic(out, page.encode())
-    print_result({"page": str(out)}, False, f"{out}")
+    print_result({}, False, str(out))

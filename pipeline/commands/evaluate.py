@@ -1,16 +1,19 @@
 """evaluate: policies in closed loop."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import (
+from pipeline.data.recipe.model import Recipe
+from pipeline.data.setup import Setup
+from pipeline.data.spec import MOST_CONDITIONS
+from pipeline.data.store.place import with_urls
+
+from .common import (
     Address,
     AsJson,
     Executor,
@@ -18,78 +21,71 @@ from pipeline.commands.common import (
     UsageError,
     Workers,
     crew_of,
+    note,
+    number,
+    option,
     print_result,
     resumable,
 )
-from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
-from pipeline.commands.serve import BatchWait
-from pipeline.data.recipe.model import Recipe
-from pipeline.data.setup import Setup
-from pipeline.data.spec import MOST_CONDITIONS
-from pipeline.data.store.place import with_urls
-
-Baselines = Annotated[
-    bool,
-    typer.Option(
-        "--baselines",
-        help="Also evaluate `static` and `still` on the same scenes; printed beside the table.",
-    ),
-]
-
-PolicyText = Annotated[
-    str,
-    typer.Option(
-        "--policy",
-        help=(
-            "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
-            " others (docs/evaluation.md)."
-        ),
-    ),
-]
-MOST_EPISODES = 100_000
-Episodes = Annotated[
-    int,
-    typer.Option(min=1, max=MOST_EPISODES, help="Admitted scenes per cell; the paper has 100."),
-]
-ClockText = Annotated[
-    str | None,
-    typer.Option(
-        "--clock",
-        help=(
-            "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
-            " that of the rules."
-        ),
-    ),
-]
-InProcess = Annotated[
-    bool,
-    typer.Option(
-        "--in-process",
-        help=(
-            "Run the policy in the evaluator's process, where a debugger reaches it and it could"
-            " change its score."
-        ),
-    ),
-]
-Results = Annotated[
-    Path, typer.Option(help="Directory of the results; rerun the same command to resume.")
-]
-
-BenchmarkText = Annotated[
-    str | None,
-    typer.Option(
-        "--benchmark",
-        help=(
-            "A benchmark by its name or file, or NAME:PART; its scenes are not drawn. --tasks,"
-            " --levels and others choose some of its cells."
-        ),
-        metavar="NAME",
-    ),
-]
+from .options import CELLS, SETUP, Given, recipe_options
+from .serve import BatchWait
 
 if TYPE_CHECKING:
     from pipeline.evaluate.evaluate import EvaluationResult
     from pipeline.evaluate.policies.policy import PolicyName
+
+MOST_EPISODES = 100_000
+
+Baselines = Annotated[
+    bool,
+    option(
+        "Also evaluate `static` and `still` on the same scenes; printed beside the table.",
+        "--baselines",
+    ),
+]
+PolicyText = Annotated[
+    str,
+    option(
+        (
+            "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
+            " others (docs/evaluation.md)."
+        ),
+        "--policy",
+    ),
+]
+Episodes = Annotated[int, number(1, MOST_EPISODES, "Admitted scenes per cell; the paper has 100.")]
+ClockText = Annotated[
+    str | None,
+    option(
+        (
+            "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
+            " that of the rules."
+        ),
+        "--clock",
+    ),
+]
+InProcess = Annotated[
+    bool,
+    option(
+        (
+            "Run the policy in the evaluator's process, where a debugger reaches it and it could"
+            " change its score."
+        ),
+        "--in-process",
+    ),
+]
+Results = Annotated[Path, option("Directory of the results; rerun the same command to resume.")]
+BenchmarkText = Annotated[
+    str | None,
+    option(
+        (
+            "A benchmark by its name or file, or NAME:PART; its scenes are not drawn. --tasks,"
+            " --levels and others choose some of its cells."
+        ),
+        "--benchmark",
+        metavar="NAME",
+    ),
+]
 
 DEMONSTRATING = ("expert", "sight", "corrections", "takeover", "perturb")
 """Keys of who demonstrated, which an evaluation with --like leaves out: it runs no policy that a
@@ -97,9 +93,6 @@ dataset names."""
 
 SEEING = ("openpi:", "starvla:", "gr00t:")
 """Policies of servers that make nothing of an observation without images."""
-
-PRINTS = "policy.log"
-"""The file in OUT for what a policy prints in a process of its own that a worker started."""
 
 
 @recipe_options(
@@ -118,55 +111,51 @@ def evaluate(
     benchmark: BenchmarkText = None,
     episodes: Annotated[
         int | None,
-        typer.Option(
+        number(
+            1,
+            MOST_EPISODES,
+            "Scenes of each cell; the paper has 100. By default all of a benchmark, else 100.",
             "--episodes",
             "--scenes",
-            min=1,
-            max=MOST_EPISODES,
-            help="Scenes of each cell; the paper has 100. By default all of a benchmark, else 100.",
         ),
     ] = None,
     seed: Annotated[
         int,
-        typer.Option(
-            min=0,
-            max=10**12,
-            help="Scenes are drawn from seed 100000 * (1 + SEED); a large secret seed hides them.",
+        number(
+            0,
+            10**12,
+            "Scenes are drawn from seed 100000 * (1 + SEED); a large secret seed hides them.",
         ),
     ] = 0,
     clock: ClockText = None,
-    instructions: Annotated[
-        str, typer.Option(help="Instructions of the split seen or unseen.")
-    ] = "unseen",
+    instructions: Annotated[str, option("Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[
-        bool,
-        typer.Option(help="Apply the clutter penalty to every distractor, as the original does."),
+        bool, option("Apply the clutter penalty to every distractor, as the original does.")
     ] = False,
     baselines: Baselines = False,
     paired: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Run every scene without its events, too: the difference is that of the events.",
             "--paired",
-            help="Run every scene without its events, too: the difference is that of the events.",
         ),
     ] = False,
     conditions: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Run every scene with every set of its events: two events make a 2x2 table.",
             "--conditions",
-            help="Run every scene with every set of its events: two events make a 2x2 table.",
         ),
     ] = False,
     films: Annotated[
-        int,
-        typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films)."),
+        int, number(0, 1000, "Film the first episodes of every cell (OUT/films).")
     ] = 0,
     answer_seconds: Annotated[
         float,
-        typer.Option(
-            min=0.01,
-            max=86_400,
-            help=(
+        number(
+            0.01,
+            86_400,
+            (
                 "Time limit of one answer of the policy (s); all answers of an episode have ten"
                 " times that."
             ),
@@ -175,8 +164,7 @@ def evaluate(
     batch_wait: BatchWait = None,
     in_process: InProcess = False,
     manifests: Annotated[
-        Path | None,
-        typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default."),
+        Path | None, option("Directory of admitted seeds to share; OUT/manifests by default.")
     ] = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -202,7 +190,9 @@ def evaluate(
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)
-    prints = out.absolute() / PRINTS if crew.executor == "ray" and address is None else None
+    # what a policy prints in a process of its own that a worker started
+    local = crew.executor == "ray" and address is None
+    prints = out.absolute() / "policy.log" if local else None
     setup = _images_setup(given, recipe)
     if frozen is not None:
         if seed or manifests is not None:
@@ -212,11 +202,10 @@ def evaluate(
         raise UsageError(
             f"--policy {policy} would get no images: add --like DATASET, or --cameras head"
         )
-    name = named_policy(policy, in_process, prints, given.export)
     evaluation = evaluation_of(
         recipe,
         setup,
-        name,
+        named_policy(policy, in_process, prints, given.export),
         clock or "",
         episodes=episodes or 100,
         seed=seed,
@@ -242,7 +231,7 @@ def evaluate(
     together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
-        name_file(prints),
+        _name_file(prints),
         tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar,
         together as shared,
     ):
@@ -250,10 +239,9 @@ def evaluate(
         outcome = run_evaluation(shared, out, runs, manifests, bar.set_description_str)
     if outcome.faults:
         count, first = sum(outcome.faults.values()), next(iter(outcome.faults))
-        print(
-            "domino-data: warning: episodes without a valid answer of the policy, which count as"
-            f" failed: {count} ({first})",
-            file=sys.stderr,
+        note(
+            "warning: episodes without a valid answer of the policy, which count as failed:"
+            f" {count} ({first})"
         )
     text = [table(outcome.cells), *_mean_lines(outcome)]
     if outcome.benchmark:
@@ -267,24 +255,22 @@ def _mean_lines(outcome: "EvaluationResult") -> list[str]:
 
     same = ("level", "alpha", "domain", "condition", "embodiment", "category")
 
-    def line(mean: dict[str, Any], name: str) -> str:
-        scores = (
-            f"SR {mean['success_rate']:.1f} %, RC {mean['route_completion']:.1f}, MS"
-            f" {mean['manipulation_score']:.1f}"
+    def line(row: dict[str, Any], name: str) -> str:
+        return (
+            f"{name}: SR {row['success_rate']:.1f} %, RC {row['route_completion']:.1f}, MS"
+            f" {row['manipulation_score']:.1f}"
         )
-        return f"{name}: {scores}"
 
-    out = list[str]()
+    lines = list[str]()
     for mean in outcome.means:
         where = f" [{mean['condition']}]" if mean["condition"] else ""
-        name = f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}{where}"
-        out.append(line(mean, name))
-        beside = [row for row in outcome.baselines if all(row[key] == mean[key] for key in same)]
-        out += [
-            line(row, f"   {row['policy']} on {row['episodes']} of these {mean['episodes']} scenes")
-            for row in beside
-        ]
-    return [*out, *two_by_two(outcome.means)]
+        of = f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}{where}"
+        lines.append(line(mean, of))
+        for row in outcome.baselines:
+            if all(row[key] == mean[key] for key in same):
+                of = f"{row['episodes']} of these {mean['episodes']} scenes"
+                lines.append(line(row, f"   {row['policy']} on {of}"))
+    return [*lines, *two_by_two(outcome.means)]
 
 
 def named_policy(
@@ -299,16 +285,13 @@ def named_policy(
 
 
 @contextmanager
-def name_file(prints: Path | None) -> Iterator[None]:
+def _name_file(prints: Path | None) -> Iterator[None]:
     """Name the file of what a policy printed at the end of the block, if it printed anything."""
     try:
         yield
     finally:
         if prints is not None and prints.is_file() and prints.stat().st_size:
-            print(
-                f"domino-data: what the policy printed is in {with_urls(str(prints))}",
-                file=sys.stderr,
-            )
+            note(f"what the policy printed is in {with_urls(str(prints))}")
 
 
 def _images_setup(given: Given, recipe: Recipe) -> Setup:
@@ -317,9 +300,8 @@ def _images_setup(given: Given, recipe: Recipe) -> Setup:
     from pipeline.evaluate.scenes.case import blind
 
     if given.values.get("cameras") == [] or not (given.from_file or "cameras" in given.values):
-        if asked := next(
-            (key for key in ("depth", "segmentation", "pointcloud") if given.values.get(key)), None
-        ):
-            raise UsageError(f"--{asked} is of the images of --cameras: name some")
+        for key in ("depth", "segmentation", "pointcloud"):
+            if given.values.get(key):
+                raise UsageError(f"--{key} is of the images of --cameras: name some")
         return blind(recipe)
     return recipe.setup.override({"textures": given.values.get("textures", "unseen")})

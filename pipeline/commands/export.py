@@ -9,22 +9,27 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from pipeline.commands.command import Verb
-from pipeline.commands.common import (
+from pipeline.data.dataset import Dataset, forbidden, licences_in
+from pipeline.data.parsing import real
+from pipeline.data.process.machine import usable_cores
+from pipeline.data.slots.select import VALIDATION
+
+from .command import Verb
+from .common import (
     AsJson,
     Quiet,
     Root,
     UsageError,
     Workers,
+    argument,
+    names_nothing,
+    note,
+    number,
     numbers,
+    option,
     print_result,
     split_list,
-    warn_of_pattern,
 )
-from pipeline.data.dataset import Dataset, forbidden, licences_in
-from pipeline.data.parsing import real
-from pipeline.data.process.machine import usable_cores
-from pipeline.data.slots.select import VALIDATION
 
 GIVEN = "given"
 FORMATS = (
@@ -52,25 +57,22 @@ def split_options(
     options without a value. Raises UsageError."""
     rest: list[str] = []
     given: dict[str, str | bool] = {}
-    left = list(args)
-    while left:
-        word = left.pop(0)
+    left = iter(args)
+    for word in left:
+        flag, sign, value = word.partition("=")
         if word == "--":
             return [*rest, word, *left], given
-        flag, sign, value = word.partition("=")
         if flag in flags:
-            if not flags[flag] and not sign:
-                if not left:
-                    raise UsageError(f"{flag} needs a value")
-                value = left.pop(0)
-            given[flag.removeprefix("--").replace("-", "_")] = True if flags[flag] else value
-            continue
-        if flag.startswith("--") and flag not in own:
+            if not flags[flag] and not sign and (value := next(left, None)) is None:
+                raise UsageError(f"{flag} needs a value")
+            given[flag.removeprefix("--").replace("-", "_")] = True if flags[flag] else str(value)
+        elif flag.startswith("--") and flag not in own:
             options = ", ".join(flags) or "none"
             raise UsageError(
                 f"{flag} is not an option of export nor of --format {format_}, which has: {options}"
             )
-        rest.append(word)
+        else:
+            rest.append(word)
     return rest, given
 
 
@@ -96,14 +98,11 @@ class ExportCommand(Verb):
         if name is None and not helps and not ctx.resilient_parsing:
             raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
         # whether the format exists is for the verb to say
-        flags = format_flags(
-            [name] if name is not None and name in EXPORTERS and not helps else EXPORTERS
-        )
+        known = name is not None and name in EXPORTERS and not helps
+        flags = format_flags([str(name)] if known else EXPORTERS)
         own = {option for parameter in self.get_params(ctx) for option in parameter.opts}
-        rest, given = split_options(
-            args, own, {flag: all(users.values()) for flag, users in flags.items()}, name or ""
-        )
-        ctx.meta[GIVEN] = given
+        alone = {flag: all(users.values()) for flag, users in flags.items()}
+        rest, ctx.meta[GIVEN] = split_options(args, own, alone, name or "")
         if helps:
             self.epilog = _describe_options(flags)
         return super().parse_args(ctx, rest)
@@ -117,11 +116,8 @@ def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
     lines = ["Options of formats:"]
     for flag, users in flags.items():
         f = next(f for f in fields(EXPORTERS[next(iter(users))].options) if flag_name(f) == flag)
-        default = (
-            ""
-            if f.default is MISSING or isinstance(f.default, bool | None) or f.default == ""
-            else f"; default {f.default}"
-        )
+        stated = f.default is not MISSING and f.default != "" and not isinstance(f.default, bool)
+        default = f"; default {f.default}" if stated and f.default is not None else ""
         lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}{default}")
     return "\n\n".join(lines)
 
@@ -129,49 +125,39 @@ def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
 def export(
     ctx: typer.Context,
     dataset: Root,
-    format_: Annotated[str, typer.Option("--format", help=f"{FORMATS}.")],
+    format_: Annotated[str, option(f"{FORMATS}.", "--format")],
     out: Annotated[
-        Path | None,
-        typer.Option(help="Directory of the export.", show_default="DATASET/exports/FORMAT"),
+        Path | None, option("Directory of the export.", show_default="DATASET/exports/FORMAT")
     ] = None,
     also: Annotated[
         list[Path] | None,
-        typer.Argument(
-            help="Further datasets to join with it; needs --out.", metavar="[DATASET]..."
-        ),
+        argument("Further datasets to join with it; needs --out.", metavar="[DATASET]..."),
     ] = None,
     split: Annotated[
         Literal["episodes", "failures"],
-        typer.Option(help="What to export: the episodes, or the stored failed attempts."),
+        option("What to export: the episodes, or the stored failed attempts."),
     ] = "episodes",
     embodiment: Annotated[
-        str | None,
-        typer.Option(help="Export these robots only, comma separated.", show_default="all"),
+        str | None, option("Export these robots only, comma separated.", show_default="all")
     ] = None,
     where: Annotated[
-        str | None,
-        typer.Option(help='Export these episodes only, e.g. "level=3 and average_speed>0.1".'),
+        str | None, option('Export these episodes only, e.g. "level=3 and average_speed>0.1".')
     ] = None,
     validation: Annotated[
-        float,
-        typer.Option(
-            min=0, max=0.9, help="Share of physics episodes in the split named validation."
-        ),
+        float, number(0, 0.9, "Share of physics episodes in the split named validation.")
     ] = VALIDATION,
     fps: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            max=240,
-            help="Frames a second, a divisor of 240; images are drawn again between frames.",
+        number(
+            1,
+            240,
+            "Frames a second, a divisor of 240; images are drawn again between frames.",
             show_default="as recorded",
         ),
     ] = None,
     weights: Annotated[
         str | None,
-        typer.Option(
-            help="Shares of the episodes of several datasets, like 2,1; without it all of them."
-        ),
+        option("Shares of the episodes of several datasets, like 2,1; without it all of them."),
     ] = None,
     workers: Workers = None,
     quiet: Quiet = False,
@@ -183,10 +169,7 @@ def export(
 
     source, robots = Dataset(dataset), split_list(embodiment)
     if embodiment is not None and not robots:
-        raise UsageError(
-            f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by"
-            " commas"
-        )
+        raise names_nothing("--embodiment", embodiment)
     request = Request(
         format_,
         ctx.meta[GIVEN],
@@ -196,30 +179,23 @@ def export(
         where,
         validation,
         [Dataset(root) for root in also or ()],
-        numbers(weights, real, "--weights") or (),
+        numbers(weights, real, "--weights"),
         fps,
     )
-    warn_of_pattern(out or dataset)
     made = run_export(source, request, workers or usable_cores(), not as_json and not quiet)
     if made.warning:
-        print(f"domino-data: warning: {made.warning}", file=sys.stderr)
+        note(f"warning: {made.warning}")
     what = "failed attempts" if split == "failures" else "episodes"
     print_result(made.summary, as_json, f"{made.episodes} {what} written to {made.place}")
 
 
 def publish(
     dataset: Root,
-    format_: Annotated[str, typer.Option("--format", help="The export to publish; it must exist.")],
-    repo_id: Annotated[
-        str, typer.Option("--repo-id", help="Name of the dataset repository, OWNER/NAME.")
-    ],
-    private: Annotated[
-        bool, typer.Option("--private", help="Make the repository private.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only list what would be uploaded.")
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the upload.")] = False,
+    format_: Annotated[str, option("The export to publish; it must exist.", "--format")],
+    repo_id: Annotated[str, option("Name of the dataset repository, OWNER/NAME.", "--repo-id")],
+    private: Annotated[bool, option("Make the repository private.", "--private")] = False,
+    dry_run: Annotated[bool, option("Only list what would be uploaded.", "--dry-run")] = False,
+    yes: Annotated[bool, option("Do not ask before the upload.", "--yes")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Publish an export on the Hugging Face hub; rerun the same command to resume."""

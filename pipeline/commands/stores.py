@@ -7,16 +7,16 @@ from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
-from pipeline.commands.common import AsJson, UsageError, at_terminal, print_result
 from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_tree
 from pipeline.data.store import place
 from pipeline.data.store.files import url_of
 
+from .common import AsJson, UsageError, argument, at_terminal, print_result
+
 READS, DRAWN, WHOLE = (place.SMALL, False), (place.ALL, False), (place.ALL, True)
 MADE = (place.REPORT, True)
+EXPORTED = (place.SMALL + r"|(episodes|failures|annotations)/.*", True)
 TAKEN = {
     "build": {"out": MADE, "like": READS},
     "plan": {"out": READS, "like": READS},
@@ -25,10 +25,7 @@ TAKEN = {
     "verify": {"dataset": READS},
     "render": {"dataset": DRAWN, "out": MADE},
     "view": {"dataset": DRAWN},
-    "export": {
-        "dataset": (place.SMALL + r"|(episodes|failures|annotations)/.*", True),
-        "out": WHOLE,
-    },
+    "export": {"dataset": EXPORTED, "out": WHOLE},
     "annotate": {"dataset": WHOLE},
     "diff": {"a": READS, "b": READS},
     "gc": {"dataset": WHOLE},
@@ -46,17 +43,13 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
     def run(**given: Any) -> None:
         with ExitStack() as stack:
             for name, value in list(given.items()):
-                values = value if isinstance(value, list) else [value]
-                urls = [url_of(each) for each in values if isinstance(each, Path)]
-                if url := next(filter(None, urls), None):
+                paths = [each for each in _listed(value) if isinstance(each, Path)]
+                if url := next(filter(None, map(url_of, paths)), None):
                     if name not in taken:
-                        raise UsageError(
-                            f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine"
-                            " there, no URL"
-                        )
-                    if verb.__name__ == "view" and not (
-                        given["out"] or given["serve"] or at_terminal()
-                    ):
+                        word = verb.__name__.replace("_", "-")
+                        raise UsageError(f"{url}: {word} takes a path of this machine there")
+                    page = verb.__name__ == "view"
+                    if page and not (given["out"] or given["serve"] or at_terminal()):
                         raise UsageError(
                             f"{url}: the pages are for this machine: add --out DIR, or --serve"
                         )
@@ -70,8 +63,12 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-Url = Annotated[str, typer.Argument(help="A place on an object store.", metavar="URL")]
-Directory = Annotated[Path, typer.Argument(help="A directory.", metavar="DIR")]
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
+
+
+Url = Annotated[str, argument("A place on an object store.", metavar="URL")]
+Directory = Annotated[Path, argument("A directory.", metavar="DIR")]
 
 
 def pull(url: Url, directory: Directory, as_json: AsJson = False) -> None:

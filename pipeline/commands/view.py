@@ -5,20 +5,22 @@ import webbrowser
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import (
+from pipeline.data.dataset import Dataset
+from pipeline.data.intact import check_bytes, kept_failures, named_slot
+
+from .common import (
     AsJson,
     Quiet,
     Root,
     UsageError,
     at_terminal,
     has_screen,
+    number,
+    option,
     print_result,
 )
-from pipeline.data.dataset import Dataset
-from pipeline.data.intact import check_bytes, kept_failures, named_slot
 
 PAGES = 12
 
@@ -27,38 +29,31 @@ def view(
     dataset: Root,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Write the offline page to this directory.", show_default="DATASET/report/view"
-        ),
+        option("Write the offline page to this directory.", show_default="DATASET/report/view"),
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            max=100_000,
-            help="Episodes on the offline page, and as many failures; levels have equal shares.",
-            show_default=str(PAGES),
+        number(
+            1, 100_000, "Episodes on the offline page, and as many failures.", show_default="12"
         ),
     ] = None,
     episode: Annotated[
-        str | None, typer.Option(help="Show this one only: its path below DATASET/episodes.")
+        str | None, option("Show this one only: its path below DATASET/episodes.")
     ] = None,
     serve: Annotated[
         bool | None,
-        typer.Option(
+        option(
+            "Show all episodes from a server on this machine, or write an offline page.",
             "--serve/--write",
-            help="Show all episodes from a server on this machine, or write an offline page.",
             show_default="serve in a terminal, write elsewhere",
         ),
     ] = None,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the server; 0 selects a free one.")
-    ] = 0,
+    port: Annotated[int, number(0, 65535, "Port of the server; 0 selects a free one.")] = 0,
     open_: Annotated[
         bool | None,
-        typer.Option(
+        option(
+            "Open it in a browser.",
             "--open/--no-open",
-            help="Open it in a browser.",
             show_default="what a terminal serves, if there is a screen",
         ),
     ] = None,
@@ -74,10 +69,8 @@ def view(
     if out is not None and out.resolve() != pages.resolve():
         _check_place(out, source.root)
     recipe = source.recipe()
-    there, failed = (
-        sorted(source.accepted(recipe)),
-        sorted(path for _, path, _ in kept_failures(source, recipe)),
-    )
+    there = sorted(source.accepted(recipe))
+    failed = sorted(path for _, path, _ in kept_failures(source, recipe))
     if not there and not failed:
         raise UsageError(f"{dataset} has no finished episodes to show")
     if episode is not None:
@@ -103,12 +96,8 @@ def view(
     shown = [*chosen, *choose(failed, episodes or PAGES)]
     with tqdm(total=len(shown), unit="ep", disable=as_json or quiet or None) as bar:
         page = write_viewer(source.root, shown, out or pages, len(there) + len(failed), bar.update)
-    shown_values = {
-        "page": str(page),
-        "episodes": len(chosen),
-        "failures": len(shown) - len(chosen),
-    }
-    print_result(shown_values, as_json, str(page))
+    counts = {"episodes": len(chosen), "failures": len(shown) - len(chosen)}
+    print_result({"page": str(page), **counts}, as_json, str(page))
     if open_ and not webbrowser.open(page.resolve().as_uri()):
         raise UsageError(f"no browser could be opened: open {page} by hand")
 
@@ -119,11 +108,8 @@ def _check_place(place: Path, dataset: Path) -> None:
 
     inside, outside = place.resolve(), dataset.resolve()
     if inside.is_relative_to(outside) or outside.is_relative_to(inside):
-        raise UsageError(
-            f"--out {place}: is inside the dataset or holds it: name another directory"
-        )
+        raise UsageError(f"--out {place}: is inside the dataset or holds it: name another")
     if place.is_dir() and (foreign := [f for f in place.iterdir() if not f.name.startswith(OURS)]):
         raise UsageError(
-            f"--out {place}: has {foreign[0].name}, which is not a page of the viewer: name"
-            " another directory"
+            f"--out {place}: has {foreign[0].name}, which is not a page of the viewer: name another"
         )

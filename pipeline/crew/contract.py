@@ -60,9 +60,7 @@ class Crew:
                 f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number"
             )
         if self.runtime_env and self.address is None:
-            raise CrewError(
-                "a runtime environment is for the machines of a cluster: name it with --address"
-            )
+            raise CrewError("a runtime environment is for a cluster: name it with --address")
         if self.executor not in EXECUTORS[1:] or self.workers < 1:
             raise CrewError(
                 f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at"

@@ -8,12 +8,13 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from pipeline.crew.contract import Check, Crew, CrewError, Died, Done, Make, RunningJob, result_of
-from pipeline.crew.ray_session import session
 from pipeline.memory import freeze_garbage
 
+from .contract import Check, Crew, CrewError, Died, Done, Make, RunningJob, result_of
+from .ray_session import session
+
 if TYPE_CHECKING:
-    from pipeline.crew.ray_workers import Workers
+    from .ray_workers import Workers
 
 
 def run[J, R](
@@ -83,7 +84,7 @@ def _hire[J, R](
     """The Ray workers of a run; they are killed at its end."""
     with session(crew):
         # the session sets what Ray reads when it is imported
-        from pipeline.crew.ray_workers import Workers
+        from .ray_workers import Workers
 
         workers = Workers(make, crew, seconds, check)
         try:

@@ -1,4 +1,4 @@
-"""The progress of a build: a bar, JSON lines or nothing; counters of a Ray cluster.
+"""The progress of a build: a bar, JSON lines or nothing.
 
 A slot is told by its attempts, the last of which is accepted unless the slot was given up."""
 
@@ -11,11 +11,7 @@ from typing import IO, Any, Literal
 
 from tqdm import tqdm
 
-from pipeline.crew.contract import Crew
-
 Kind = Literal["bar", "json", "none"]
-
-type Rows = Sequence[Mapping[str, Any]]
 
 CELL = ("task", "embodiment", "level", "alpha", "domain")
 
@@ -26,7 +22,7 @@ class Progress:
 
     def __init__(self, wanted: int, done: int) -> None:
         self.wanted, self.done = wanted, done
-        self.accepted = self.given_up = self.stopped = self.attempts = self.lost = 0
+        self.accepted = self.given_up = self.attempts = self.lost = 0
         self.failures = Counter[str]()
 
     def write_line(self, text: str) -> None:
@@ -39,9 +35,9 @@ class Progress:
         """Nothing more will come."""
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
-        """Show a change: slot or cell_stopped, with its `place`, or worker_lost."""
+        """Show a change: slot, with its `place`, or worker_lost."""
 
-    def add(self, attempts: Rows) -> None:
+    def add(self, attempts: Sequence[Mapping[str, Any]]) -> None:
         """Count a slot that is done."""
         accepted = any(row["outcome"] == "accepted" for row in attempts)
         self.attempts += len(attempts)
@@ -51,11 +47,6 @@ class Progress:
         self.given_up += not accepted
         last = attempts[-1] if attempts else {}
         self._show("slot", {key: last[key] for key in (*CELL, "slot") if key in last})
-
-    def count_stopped(self, cell: str, slots: int, because: str) -> None:
-        """Count a stopped cell: this number of its slots is not tried."""
-        self.stopped += slots
-        self._show("cell_stopped", {"cell": cell, "because": because})
 
     def count_lost(self) -> None:
         """Count a worker that was lost and is replaced."""
@@ -75,15 +66,12 @@ class Bar(Progress):
         self._bar = tqdm(total=wanted, initial=done, unit="ep", dynamic_ncols=True, smoothing=0.1)
 
     def write_line(self, text: str) -> None:
-        """Write a line above the bar."""
         self._bar.write(text, file=sys.stderr)
 
     def show_activity(self, text: str) -> None:
-        """Show the text behind the bar."""
         self._bar.set_postfix_str(text)
 
     def close(self) -> None:
-        """Leave the bar as it is."""
         self._bar.close()
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
@@ -93,7 +81,6 @@ class Bar(Progress):
         parts = [f"{rate:.0f} ep/h, {share:.0f} % of attempts"]
         if self.failures:
             parts.append(" ".join(f"{reason}:{n}" for reason, n in self.failures.most_common(3)))
-        parts += [f"stopped: {self.stopped}"] if self.stopped else []
         parts += [f"workers lost: {self.lost}"] if self.lost else []
         self._bar.set_postfix_str(", ".join(parts))
 
@@ -113,17 +100,14 @@ class JsonLines(Progress):
         self._show("start", {})
 
     def write_line(self, text: str) -> None:
-        """Write an object of its own."""
         self._write({"event": "note", "text": text})
 
-    def show_activity(self, text: str) -> None:
-        """As `write_line`."""
-        self.write_line(text)
+    show_activity = write_line
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
         seconds, ended = self._clock() - self._began, self.accepted + self.given_up
-        left = self.wanted - self.done - self.stopped
-        names = ("wanted", "done", "accepted", "given_up", "attempts", "failures", "stopped")
+        left = self.wanted - self.done
+        names = ("wanted", "done", "accepted", "given_up", "attempts", "failures")
         counts = {name: getattr(self, name) for name in names} | {"workers_lost": self.lost}
         pace = {
             "elapsed_seconds": round(seconds, 3),
@@ -141,50 +125,4 @@ SHOWN: dict[Kind, Callable[[int, int], Progress]] = {
     "json": JsonLines,
     "none": Progress,
 }
-"""Makes the progress of a build (slots wanted, slots done before it) that is shown so."""
-
-
-COUNTERS = {
-    "domino_slots": "Slots that ended; outcome is accepted or given_up.",
-    "domino_attempts": "Attempts that ended; reason is that of a failure, accepted otherwise.",
-    "domino_phase_seconds": "Seconds that workers spent on accepted episodes, by phase.",
-    "domino_workers_lost": "Workers that died, hung, or went with their node.",
-}
-"""What each counter counts, by name (Ray puts `ray_` before it and `_total` behind)."""
-
-
-class Metrics:
-    """The counters of one build, for the exporter of a Ray cluster, which must run when something
-    is counted."""
-
-    def __init__(self, crew: Crew) -> None:
-        self._watched = crew.address is not None
-        self._counters: dict[str, Any] = {}
-
-    def add(self, attempts: Rows, phases: Mapping[str, float]) -> None:
-        """Count a slot that ended: its attempts, and seconds by phase."""
-        for row in attempts if self._watched else ():
-            cell = {name: str(row[name]) for name in CELL}
-            self._count("domino_attempts", 1, **cell, reason=row["reason"] or "accepted")
-            if row is attempts[-1]:
-                accepted = row["outcome"] == "accepted"
-                self._count(
-                    "domino_slots", 1, **cell, outcome="accepted" if accepted else "given_up"
-                )
-        for phase, seconds in phases.items():
-            if not phase.endswith(".cpu") and seconds > 0:
-                self._count("domino_phase_seconds", seconds, phase=phase)
-
-    def count_lost(self) -> None:
-        """Count a worker that was lost."""
-        self._count("domino_workers_lost", 1)
-
-    def _count(self, name: str, value: float, **labels: str) -> None:
-        if not self._watched:
-            return
-        if name not in self._counters:
-            from ray.util.metrics import Counter as RayCounter
-
-            text = COUNTERS[name]
-            self._counters[name] = RayCounter(name, description=text, tag_keys=tuple(labels))
-        self._counters[name].inc(value, tags=labels)
+"""Makes the progress of a build: of slots wanted, and slots done before it."""

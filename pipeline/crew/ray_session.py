@@ -13,10 +13,9 @@ from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from typing import Any
 
-from pipeline.crew.contract import SINGLE_THREAD, Crew, CrewError
-from pipeline.crew.signals import hold_signals
+from .contract import SINGLE_THREAD, Crew, CrewError
+from .signals import hold_signals
 
-_LOOPBACK = "127.0.0.1"
 _ON_LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 """Ray reads it when imported. "0": no cluster of machines, everything listens on loopback."""
 
@@ -50,66 +49,58 @@ def session(crew: Crew) -> Iterator[None]:
     if ray.is_initialized():
         yield
         return
-    with redirect_stdout(sys.stderr), _join(crew) if crew.address else _local(crew.workers):
-        yield
-
-
-@contextmanager
-def _local(workers: int) -> Iterator[None]:
-    import ray
-
-    threads = {name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()}
     base = tempfile.gettempdir()
     folder = tempfile.mkdtemp(prefix="domino-ray-", dir=base if len(base) <= _LONGEST else "/tmp")
-    options: dict[str, Any] = {
-        "num_cpus": workers,
-        "include_dashboard": False,
-        "object_store_memory": _STORE_BYTES,
-        "_temp_dir": folder,  # Ray leaves its logs there
-    }
     try:
-        with _environment(threads | _SEES_GPUS | {"RAY_AUTH_TOKEN": _token()}):
-            _init("local", "Ray does not start", options, folder)
-        if ray.util.get_node_ip_address() != _LOOPBACK:
-            raise CrewError(
-                "Ray was imported before this run and would listen on the network: set "
-                f"{_ON_LOOPBACK}=0 before the import, or call ray.init() yourself"
-            )
-        yield
+        with redirect_stdout(sys.stderr):
+            if crew.address is None:
+                _start(crew.workers, folder)
+            else:
+                _join(crew.address, crew.runtime_env, folder)
+            yield
     finally:
         with hold_signals():
             ray.shutdown()
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@contextmanager
-def _join(crew: Crew) -> Iterator[None]:
+def _start(workers: int, folder: str) -> None:
     import ray
+
+    options: dict[str, Any] = {
+        "num_cpus": workers,
+        "include_dashboard": False,
+        "object_store_memory": _STORE_BYTES,
+        "_temp_dir": folder,  # Ray leaves its logs there
+    }
+    threads = {name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()}
+    with _environment(threads | _SEES_GPUS | {"RAY_AUTH_TOKEN": _token()}):
+        _init("local", "Ray does not start", options, folder)
+    if ray.util.get_node_ip_address() != "127.0.0.1":
+        raise CrewError(
+            "Ray was imported before this run and would listen on the network: set "
+            f"{_ON_LOOPBACK}=0 before the import, or call ray.init() yourself"
+        )
+
+
+def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     from ray.runtime_env import RuntimeEnv
 
-    address = str(crew.address)
-    variables = SINGLE_THREAD | _SEES_GPUS | dict(crew.runtime_env.get("env_vars", {}))
-    environment: dict[str, Any] = dict(crew.runtime_env) | {"env_vars": variables}
+    variables = SINGLE_THREAD | _SEES_GPUS | dict(runtime_env.get("env_vars", {}))
+    environment: dict[str, Any] = dict(runtime_env) | {"env_vars": variables}
     try:
         RuntimeEnv(**environment)
     except Exception as error:  # each plugin of Ray has errors of its own
         raise CrewError(f"--runtime-env: {one_line(error)}") from error
     _check_cluster(address)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            options = {"runtime_env": environment}
-            _init(address, f"no Ray cluster at {address}", options, folder)
-        yield
-    finally:
-        with hold_signals():
-            ray.shutdown()
+    _init(address, f"no Ray cluster at {address}", {"runtime_env": environment}, folder)
 
 
 def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) -> None:
     """Start or join Ray, which replaces the handler of SIGTERM meanwhile.
 
-    Workers import from the directory in which this happens: from `folder`, which is empty, and not
-    from one of somebody else."""
+    Workers import from the directory in which this happens: from `folder`, and not from one of
+    somebody else."""
     import ray
 
     with hold_signals(), chdir(folder):
@@ -126,8 +117,7 @@ def _check_cluster(address: str) -> None:
         raise CrewError(
             f"--address {address} is not host:port: run the command on a machine of the cluster"
         )
-    command = [sys.executable, "-P", "-c", _ASK, address]
-    why = ""
+    command, why = [sys.executable, "-P", "-c", _ASK, address], ""
     try:
         with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS):
             pass
@@ -135,9 +125,8 @@ def _check_cluster(address: str) -> None:
             command, check=False, capture_output=True, text=True, timeout=_JOIN_SECONDS
         )
         if done.returncode:
-            why = (
-                one_line(done.stderr.strip().rpartition("\n")[2]) or f"exit code {done.returncode}"
-            )
+            last = one_line(done.stderr.strip().rpartition("\n")[2])
+            why = last or f"exit code {done.returncode}"
     except subprocess.TimeoutExpired:
         why = f"no answer for {_JOIN_SECONDS:.0f} s"
     except (OSError, UnicodeError) as error:

@@ -13,10 +13,11 @@ from typing import Any, Literal
 import ray
 from ray.exceptions import RayError, RayTaskError
 
-from pipeline.crew.contract import Check, Crew, CrewError, Done, Make, RunningJob
-from pipeline.crew.ray_session import one_line
 from pipeline.data.errors import DominoError
 from pipeline.plugins import Snapshot
+
+from .contract import Check, Crew, CrewError, Done, Make, RunningJob
+from .ray_session import one_line
 
 _START_SECONDS = 300.0
 """What a new worker may take until it is ready: a place on the cluster, a process, imports."""
@@ -170,13 +171,12 @@ class Workers[J, R]:
     def _welcome(self, worker: _Hired[J], node: str, name: str, facts: dict[str, str]) -> None:
         worker.node, self._failed_starts = node, 0
         first, known = self._first = self._first or (name, facts)
-        for fact in sorted(known.keys() | facts.keys()):
-            one, other = known.get(fact, "none"), facts.get(fact, "none")
-            if one != other:
+        for fact, own in facts.items():
+            if own != known.get(fact):
                 ray.kill(worker.actor)
                 raise CrewError(
-                    f"node {name}: its {fact} is {other}, that of node {first} is {one}: have the"
-                    " same on all nodes"
+                    f"node {name}: its {fact} is {own}, that of node {first} is {known.get(fact)}:"
+                    " have the same on all nodes"
                 )
 
     def _lose(

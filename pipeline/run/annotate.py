@@ -20,7 +20,7 @@ from pipeline.annotate.selection import (
 from pipeline.annotate.stage import Redraw, Stage, directory_of
 from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import StageOutcome, StageWorker
-from pipeline.crew.contract import Crew, Died, Done, Steps
+from pipeline.crew.contract import Crew, Done, Steps
 from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.atomic import exclusive, sweep
@@ -81,24 +81,16 @@ def annotate(
 ) -> AnnotateReport:
     """Bring `stages` of a dataset directory up to date and report what was done.
 
-    `where` selects episodes (data/slots/select.py); `render` draws episodes again for simulator
+    `where` selects episodes (data/slots/select.py); `redraw` draws episodes again for simulator
     truth if they store none. A dry run writes and downloads nothing.
 
     Raises AnnotateError for bad input, Busy, and CrewError."""
-    options, execution, dataset = (
-        options or AnnotateOptions(),
-        execution or Execution(),
-        Path(dataset),
-    )
+    execution, dataset = execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)
-    built = build_stages(options, stages, redraw or Redraw(), execution.device, dry_run)
-    report: AnnotateReport = {
-        "dataset": str(dataset),
-        "episodes": len(chosen),
-        "dry_run": dry_run,
-        "stages": [],
-    }
+    options, redraw = options or AnnotateOptions(), redraw or Redraw()
+    built = build_stages(options, stages, redraw, execution.device, dry_run)
+    reports = list[StageReport]()
     folder, writes = dataset / "annotations", bool(chosen) and not dry_run
     if writes:
         folder.mkdir(exist_ok=True)
@@ -108,19 +100,13 @@ def annotate(
             start = time.perf_counter()
             if isinstance(stage, Absent):
                 done = [StageOutcome(str(e), "computed", "unknown", stage.reason) for e in chosen]
-                report["stages"].append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
+                reports.append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
                 continue
             directory = directory_of(stage)
             if writes:
-                write_stage(
-                    dataset,
-                    directory,
-                    {
-                        "stage": stage.name,
-                        "version": stage.version,
-                        "parameters": stage.parameters(),
-                    },
-                )
+                parameters = {"stage": stage.name, "version": stage.version}
+                parameters |= {"parameters": stage.parameters()}
+                write_stage(dataset, directory, parameters)
                 sweep(folder / directory)
             with closing(outcomes(stage, dataset, chosen, execution)) as found:
                 bar = tqdm(
@@ -132,16 +118,16 @@ def annotate(
                 )
                 done = sorted(bar, key=lambda o: o.episode)
             if dry_run and stage.name == "features" and "masks" in stages:
-                done = [
-                    replace(o, action="computed", reason="after its masks")
-                    if o.action == "waiting"
-                    else o
-                    for o in done
-                ]
-            report["stages"].append(
-                _summary(stage, directory, done, time.perf_counter() - start, dry_run)
-            )
-    return report
+                ready = {"action": "computed", "reason": "after its masks"}
+                done = [replace(o, **ready) if o.action == "waiting" else o for o in done]
+            seconds = time.perf_counter() - start
+            reports.append(_summary(stage, directory, done, seconds, dry_run))
+    return {
+        "dataset": str(dataset),
+        "episodes": len(chosen),
+        "dry_run": dry_run,
+        "stages": reports,
+    }
 
 
 def outcomes(
@@ -149,35 +135,29 @@ def outcomes(
 ) -> Generator[StageOutcome, None, None]:
     """What becomes of one stage of each episode, as leases end on workers. An episode that takes
     two workers with it failed; the others of its lease are tried again."""
-    crew = execution.crew
+    crew, dry_run = execution.crew, execution.dry_run
     if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases
-        yield from StageWorker(stage, dataset, execution.dry_run).run(episodes)
+        yield from StageWorker(stage, dataset, dry_run).run(episodes)
         return
     dataset = dataset.resolve()
     jobs = deque(leases([str(e) for e in episodes], crew.workers))
     crew = replace(crew, share_gpus=stage.uses_models and execution.device != "cpu")
 
     def make() -> Callable[[Lease], Steps[list[StageOutcome]]]:
-        worker = StageWorker(stage, dataset, execution.dry_run)
+        worker = StageWorker(stage, dataset, dry_run)
         return lambda lease: _annotate(worker, lease)
 
     with closing(run(make, jobs, crew, EPISODE_SECONDS)) as ends:
         for end in ends:
-            match end:
-                case Done(_, result):
-                    yield from result
-                case Died(lease, reason, trying):
-                    number = trying if isinstance(trying, int) else 0
-                    why = reason.removeprefix("worker_")
-                    yield StageOutcome(
-                        lease[number],
-                        "failed",
-                        "unknown",
-                        f"its worker {why} twice; nothing was written",
-                    )
-                    if rest := lease[:number] + lease[number + 1 :]:
-                        jobs.append(rest)
+            if isinstance(end, Done):
+                yield from end.result
+                continue
+            number = end.trying if isinstance(end.trying, int) else 0
+            why = f"its worker {end.reason.removeprefix('worker_')} twice; nothing was written"
+            yield StageOutcome(end.job[number], "failed", "unknown", why)
+            if rest := end.job[:number] + end.job[number + 1 :]:
+                jobs.append(rest)
 
 
 def _annotate(worker: StageWorker, lease: Lease) -> Steps[list[StageOutcome]]:
@@ -204,23 +184,21 @@ def _summary(
     dry_run: bool,
 ) -> StageReport:
     count = Counter(o.action for o in outcomes)
+    computed = [o for o in outcomes if o.action == "computed"]
+    failed = [o for o in outcomes if o.action in ("failed", "waiting")]
     summary: StageReport = {
         "name": stage.name,
         "camera": stage.camera,
         "directory": directory,
-        "computed": count["computed"],
+        "computed": len(computed),
         "reused": count["reused"],
-        "invalid": sum(
-            o.action == "computed" and o.state in ("stale", "corrupt") for o in outcomes
-        ),
+        "invalid": sum(o.state in ("stale", "corrupt") for o in computed),
         "failed": count["failed"],
         "waiting": count["waiting"],
-        "frames": sum(o.frames for o in outcomes if o.action == "computed"),
+        "frames": sum(o.frames for o in computed),
         "seconds": round(seconds, 3),
         "hit_rate": count["reused"] / len(outcomes) if outcomes else 1.0,
-        "problems": [
-            f"{o.episode}: {o.reason}" for o in outcomes if o.action in ("failed", "waiting")
-        ],
+        "problems": [f"{o.episode}: {o.reason}" for o in failed],
     }
     if dry_run:
         summary["plan"] = [

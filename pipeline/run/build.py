@@ -1,31 +1,34 @@
 """`domino-data build`: index, missing, work, record."""
 
 from collections import Counter, deque
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
-from pipeline.crew.progress import Kind
+from pipeline.crew.progress import SHOWN, Kind, Progress
 from pipeline.crew.ray_session import session
-from pipeline.data.atomic import exclusive, sweep, write_atomic
+from pipeline.data.atomic import exclusive, sweep
 from pipeline.data.dataset import Dataset
-from pipeline.data.keys import seal
+from pipeline.data.process.machine import usable_cores
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.slots.records import SlotRecord
 from pipeline.data.slots.reread import IndexWriter
+from pipeline.data.store.place import with_urls
+from pipeline.planning.warm import warm_up
 from pipeline.report.page import refresh
-from pipeline.run.beside.early_stop import stopped_cells
-from pipeline.run.beside.watch import BuildWatch, watching
-from pipeline.run.drawing import draw_variants
-from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.provenance import provenance
-from pipeline.run.slot.fill import FillJob, NodeCheck, demonstrator_of, slot_jobs, slot_worker
-from pipeline.run.state import SlotState, missing
 from pipeline.world.drawing.vulkan import ensure_renderer
+
+from .compile_ahead import compiling_ahead, is_compiled
+from .identity.slot_keys import code_version
+from .plan import cost_of
+from .provenance import write_provenance
+from .render import draw_variants
+from .slot.fill import FillJob, NodeCheck, demonstrator_of, slot_jobs, slot_worker
+from .state import SlotState, missing
 
 ATTEMPT_SECONDS = 600.0
 """What one attempt may take, until its worker counts as hung; the usual is one to three."""
@@ -33,12 +36,9 @@ ATTEMPT_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class BuildResult:
-    """The result of a build.
-
-    `slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`. The
-    rest counts this call: physical slots `made`, their `parts` (OPEN, or what was made again:
-    run/state.py), `attempts`, `reasons` of failure, workers lost. `stopped` has a line for each
-    stopped cell."""
+    """`slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`.
+    The rest counts this call: physical slots `made`, their `parts` (OPEN, or what was made again:
+    run/state.py), `attempts`, `reasons` of failure, workers lost."""
 
     slots: int
     accepted: int
@@ -48,31 +48,28 @@ class BuildResult:
     attempts: int
     reasons: dict[str, int]
     workers_lost: int
-    stopped: list[str]
 
 
 def build(
     root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar"
 ) -> BuildResult:
-    """Build the dataset, or resume its build: an episode with other bytes than its record's is made
-    again, and images of which an asset is missing.
+    """Build the dataset, or resume its build.
 
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that
-    kills two workers is recorded as failed. Other variants are drawn from the state logs of the
-    first.
+    kills two workers is recorded as failed.
 
     Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError."""
     device, dataset = ensure_renderer(), Dataset(root)
     with _alone(dataset, recipe, crew):
         try:
-            todo, watch = _fill(dataset, recipe, crew, timeout, shown)
+            todo, lost = _build(dataset, recipe, crew, timeout, shown)
         finally:
             # a worker that was killed may have been writing an asset
             sweep(dataset.assets)
             dataset.write_attempts(recipe)
-            write_atomic(dataset.provenance, seal(provenance(device, recipe)))
+            write_provenance(dataset, device, recipe)
         refresh(dataset, annotation_sheet)
-        return _result(dataset, recipe, todo, watch)
+        return _result(dataset, recipe, todo, lost)
 
 
 @contextmanager
@@ -89,52 +86,69 @@ def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
             yield
 
 
-def _fill(
+def _build(
     dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: Kind
-) -> tuple[dict[Slot, SlotState], BuildWatch]:
-    """Index, missing, work, record. Returns the slots that were missing, and who saw them made."""
+) -> tuple[dict[Slot, SlotState], int]:
+    """Index, missing, work, record. Returns the slots that were missing, and the workers lost."""
     with IndexWriter(dataset, recipe) as index:
         todo = missing(dataset, recipe, index)
         jobs = slot_jobs(dataset, recipe, todo)
+        check = NodeCheck(str(dataset.root.resolve()), code_version())
         with (
-            watching(dataset, recipe, jobs, crew, shown) as watch,
-            closing(_work(dataset, jobs, crew, timeout, watch)) as done,
+            _progress(dataset, recipe, jobs, crew, shown) as progress,
+            closing(run(slot_worker, jobs, crew, timeout, check, progress.count_lost)) as ends,
         ):
-            for slot, record in done:
-                index.add(slot, record)
-                jobs.extend(watch.finish(slot, record))
+            for end in ends:
+                match end:
+                    case Done(job, record):
+                        index.add(job.slot, record)
+                        progress.add(record.attempts)
+                    case Died(job):
+                        jobs.append(job.without(end))
         draw_variants(dataset, recipe, index, crew, timeout, shown != "bar")
-    return todo, watch
+    return todo, progress.lost
 
 
-def _work(
-    dataset: Dataset, jobs: deque[FillJob], crew: Crew, timeout: float, watch: BuildWatch
-) -> Generator[tuple[Slot, SlotRecord]]:
-    """Have all jobs done; every slot as it ends."""
-    check = NodeCheck(str(dataset.root.resolve()), code_version())
-    with closing(run(slot_worker, jobs, crew, timeout, check, watch.count_lost)) as ends:
-        for end in ends:
-            match end:
-                case Done(job, record):
-                    yield job.slot, record
-                case Died(job):
-                    jobs.append(job.without(end))
+@contextmanager
+def _progress(
+    dataset: Dataset, recipe: Recipe, jobs: deque[FillJob], crew: Crew, shown: Kind
+) -> Iterator[Progress]:
+    """Print what will be made, and compile once what each worker would compile."""
+    wanted = sum(recipe.counts().values())
+    with (
+        closing(SHOWN[shown](wanted, wanted - len(jobs))) as progress,
+        compiling_ahead() if jobs else nullcontext(),
+    ):
+        if jobs:
+            progress.write_line(
+                f"episodes to make: {len(jobs):,}, in {with_urls(str(dataset.root))};"
+                f" {cost_of(dataset, recipe).describe(len(jobs), crew.workers)}."
+                " Ctrl-C stops; rerun the same command to resume"
+            )
+            if not is_compiled():
+                progress.show_activity("compiling, once, about 15 s")
+                if crew.executor != "inline":
+                    warm_up(jobs[0].slot.cell.embodiment)
+            if crew.executor != "inline":
+                progress.show_activity(f"starting {crew.workers} workers")
+            elif usable_cores() > 1 and find_spec("ray") is None:
+                progress.write_line("uv pip install 'domino-data[ray]' lets all cores work")
+        yield progress
 
 
 def _result(
-    dataset: Dataset, recipe: Recipe, todo: dict[Slot, SlotState], watch: BuildWatch
+    dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState], lost: int
 ) -> BuildResult:
-    rows, untried = dataset.present(recipe), watch.early_stop.untried
+    rows = dataset.present(recipe)
     _, tried = dataset.ask(lambda index: index.attempts(rows, "reason"))
     accepted = int(rows.accepted.sum())
     return BuildResult(
         slots=sum(recipe.counts().values()) * recipe.variants,
         accepted=accepted,
         given_up=len(rows) - accepted,
-        made=len(todo) - len(untried),
-        parts=dict(Counter(state.todo for slot, state in todo.items() if slot not in untried)),
+        made=len(todo),
+        parts=dict(Counter(state.todo for state in todo.values())),
         attempts=len(tried),
         reasons=dict(Counter(reason for (reason,) in tried if reason).most_common()),
-        workers_lost=watch.progress.lost,
-        stopped=[stop.describe() for stop in stopped_cells(dataset, recipe)],
+        workers_lost=lost,
     )

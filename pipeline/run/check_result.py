@@ -30,11 +30,15 @@ from pipeline.evaluate.scoring.metrics import score
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
 from pipeline.evaluate.scoring.summary import Row
 from pipeline.poses import Floats
-from pipeline.run.evaluation import evaluation_version
-from pipeline.run.provenance import machine
+
+from .evaluation import evaluation_version
+from .provenance import machine
 
 PHYSICAL = ("packages", "processor")
 """Of `made_by`: what must be the same for the same bytes."""
+
+type Cases = Mapping[tuple[str, str], Case]
+"""The cases of an evaluation by spec and digest."""
 
 
 @dataclass
@@ -93,14 +97,17 @@ def check_result(
         checked.exact &= same and result.code == evaluation_version()
         jobs += _jobs(out, result, mine, cases, checked.faults)
     checked.episodes = len(known)
-    if len(known) != len(rows):
-        checked.faults.append(
-            f"{len(rows) - len(known)} rows are of no policy and scene of {BUNDLE}"
-        )
+    if foreign := len(rows) - len(known):
+        checked.faults.append(f"{foreign} rows are of no policy and scene of {BUNDLE}")
     chosen = Random(seed).sample(jobs, min(again, len(jobs)))
     for job, numbers in run(carry_out_again, chosen) if chosen else ():
         checked.again += 1
-        checked.faults += _broken(job, numbers, checked.exact)
+        checked.faults += [
+            f"{job}: {name} is {job.row.get(name)}, and {numbers[name]} when its actions are"
+            " carried out again"
+            for name in (numbers if checked.exact else ("success",))
+            if job.row.get(name) != numbers[name]
+        ]
     return checked
 
 
@@ -108,11 +115,9 @@ def _named(row: Mapping[str, Any]) -> str:
     return f"{row['task']} on {row['embodiment']}, level {row['level']}, seed {row['seed']}"
 
 
-def _cases(
-    result: RecordedResult, manifests: Path, benchmark: Benchmark | None
-) -> dict[tuple[str, str], Case]:
-    """The cases that the evaluation wanted, by spec and digest. Raises BenchmarkError if the
-    benchmark is not the one that was evaluated."""
+def _cases(result: RecordedResult, manifests: Path, benchmark: Benchmark | None) -> Cases:
+    """The cases that the evaluation wanted. Raises BenchmarkError if the benchmark is not the one
+    that was evaluated."""
     cells = result.read_cells()
     if result.benchmark:
         name, digest = result.benchmark.name, result.benchmark.sha256
@@ -130,14 +135,11 @@ def _cases(
         admitted = {cell: seeds.read(cell).cases[: result.episodes] for cell in cells}
     if result.conditions:
         admitted = in_every_arm(admitted, len(result.read_setup().events))
-    return {
-        (case.spec.to_json(), case.digest): case for cases in admitted.values() for case in cases
-    }
+    every = (case for cases in admitted.values() for case in cases)
+    return {(case.spec.to_json(), case.digest): case for case in every}
 
 
-def _differences(
-    result: RecordedResult, rows: Sequence[Row], cases: Mapping[tuple[str, str], Case]
-) -> Iterator[str]:
+def _differences(result: RecordedResult, rows: Sequence[Row], cases: Cases) -> Iterator[str]:
     """What does not belong together."""
     if hash_scenes(cases.values()) != result.scenes:
         yield "its scenes are not those that it was made on"
@@ -148,28 +150,25 @@ def _differences(
     if len(cases) < wanted:
         yield f"{wanted - len(cases)} of {wanted} scenes are missing from the manifests"
     tried = {tuple(json.loads(row["key"])[3:5]) for row in rows}
-    label = result.benchmark and result.benchmark.label
     if dropped := cases.keys() - tried:
         yield f"{len(dropped)} episodes are missing, such as {sorted(dropped)[0][0]}"
+    label = result.benchmark and result.benchmark.label
+    stated = [result.policy, result.clock, result.probe, result.read_setup().label, label]
     for row in rows:
-        key = json.loads(row["key"])
-        spec = json.loads(key[3])
+        spec = json.loads(json.loads(row["key"])[3])
         claimed = [row["policy"], row["clock"], row["probe"], row["rules"], row.get("benchmark")]
-        stated = [result.policy, result.clock, result.probe, result.read_setup().label, label]
         named = isinstance(spec, dict) and all(row.get(name, of) == of for name, of in spec.items())
         if claimed != stated or not named:
             yield f"the row of {_named(row)} contradicts its key"
 
 
 def _jobs(
-    out: Path,
-    result: RecordedResult,
-    rows: Sequence[Row],
-    cases: Mapping[tuple[str, str], Case],
-    faults: list[str],
+    out: Path, result: RecordedResult, rows: Sequence[Row], cases: Cases, faults: list[str]
 ) -> Iterator[ReplayJob]:
     """The episodes that can be carried out again; adds a fault for each that cannot."""
-    clock = _clock(result.clock)
+    # delays of a measured clock are in the actions
+    measured = ":trace:" in result.clock or ":measured" in result.clock
+    clock = Clock(result.clock, "measured") if measured else parse_clock(result.clock)
     for row in rows:
         spec, digest = json.loads(row["key"])[3:5]
         path = actions_file(out, row["key"])
@@ -187,13 +186,6 @@ def _jobs(
             yield ReplayJob(case, clock, result, row, commands)
 
 
-def _clock(name: str) -> Clock:
-    """A clock for what it does to motions: delays are in the actions."""
-    if ":trace:" in name or ":measured" in name:
-        return Clock(name, "measured")
-    return parse_clock(name)
-
-
 def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
     """What the first wait of an episode has to do with another clock, if anything."""
     if clock.kind == "measured" or not len(commands):
@@ -201,8 +193,7 @@ def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
     wanted = clock.delay(0, 0.0, case.spec.rng("evaluate/latency"))
     waited = commands[0, 0] / PHYSICS_HZ
     # an overlapped answer waits for whole control periods
-    late = waited - wanted
-    if -0.003 <= late <= (0.5 if clock.join else 0.003):
+    if -0.003 <= waited - wanted <= (0.5 if clock.join else 0.003):
         return ""
     return f"the robot first waited {1000 * waited:.0f} ms; {clock.name} is {1000 * wanted:.0f} ms"
 
@@ -210,23 +201,11 @@ def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
 def carry_out_again(job: ReplayJob) -> dict[str, Any]:
     """The score of an episode that does what another did, with whether it began the same."""
     setup = job.result.read_setup()
-    scene = job.case.scene(setup)
-    trial = Trial(scene, job.clock.motion(job.case.target_motion), setup)
-    start = start_of_trial(trial.simulation)
+    trial = Trial(job.case.scene(setup), job.clock.motion(job.case.target_motion), setup)
+    same = start_of_trial(trial.simulation) == job.case.start
     try:
         trial.repeat(job.commands)
     except ActionError as error:
         return {"success": f"refused ({error})"}
-    return json.loads(json.dumps(asdict(score(trial, job.result.compounding)))) | {
-        "same_start": start == job.case.start
-    }
-
-
-def _broken(job: ReplayJob, numbers: Mapping[str, Any], exact: bool) -> Iterator[str]:
-    """Numbers of a row that do not come out again: all of them, or its success."""
-    for name in numbers if exact else ("success",):
-        if job.row.get(name) != numbers[name]:
-            yield (
-                f"{_named(job.row)}: {name} is {job.row.get(name)}, and {numbers[name]} when its"
-                " actions are carried out again"
-            )
+    scored = asdict(score(trial, job.result.compounding))
+    return json.loads(json.dumps(scored)) | {"same_start": same}

@@ -1,11 +1,11 @@
 """Compile the kernels of drawing beside the first simulation, which compiles those of planning:
 numba compiles one function at a time in a process, and processes share its cache on disk."""
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from subprocess import DEVNULL, Popen
+from sys import executable
 
 import numpy as np
 
@@ -18,14 +18,11 @@ from pipeline.world.drawing.silhouettes import draw, solids_of, track_bodies
 from pipeline.world.drawing.surfaces import opened
 from pipeline.world.shapes import Material, Mesh
 
-LAST = draw
-"""The kernel that is compiled last but for the one that calls it."""
-
 
 def is_compiled() -> bool:
-    """Whether numba's cache has the kernels."""
-    code, folder = LAST.py_func.__code__, LAST.stats.cache_path
-    name = f"{Path(code.co_filename).stem}.{LAST.__name__}-{code.co_firstlineno}.*.nbi"
+    """Whether numba's cache has the kernels: `draw` is compiled last but for its caller."""
+    code, folder = draw.py_func.__code__, draw.stats.cache_path
+    name = f"{Path(code.co_filename).stem}.{draw.__name__}-{code.co_firstlineno}.*.nbi"
     return bool(folder) and any(Path(folder).glob(name))
 
 
@@ -35,12 +32,8 @@ def compiling_ahead() -> Iterator[None]:
     if usable_cores() < 2 or is_compiled():
         yield
         return
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", __name__],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    command = [executable, "-P", "-m", __name__]
+    process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL)
     try:
         yield
     finally:
@@ -49,8 +42,7 @@ def compiling_ahead() -> Iterator[None]:
 
 
 def compile_drawing() -> None:
-    """Call each kernel that draws an episode of default looks, in the order of their first use.
-    Arrays have the types that they have there."""
+    """Call each kernel that draws an episode of default looks, in the order of their first use."""
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
     parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]
@@ -62,10 +54,8 @@ def compile_drawing() -> None:
     out = np.empty((16, 16, 3), np.uint8)
     smoothed(image, out)
     through_lens(out, np.empty_like(out))
-    here = IDENTITY[None]
-    track_bodies(
-        solids_of({"body": parts}, []), {"body": here}, ["body"], CAMERA_TYPES["L515"], here
-    )
+    here, solids = IDENTITY[None], solids_of({"body": parts}, [])
+    track_bodies(solids, {"body": here}, ["body"], CAMERA_TYPES["L515"], here)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Evaluation on the engine: every job ends once, whatever happens to workers."""
+"""Evaluation on the crew: every job ends once, whatever happens to workers."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -16,12 +16,12 @@ from pipeline.evaluate.policies.policy import PolicyError, PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.process import host_policy
-from pipeline.run.identity.slot_keys import code_version, policy_version
-from pipeline.run.provenance import machine
+
+from .identity.slot_keys import code_version, policy_version
+from .provenance import machine
 
 # what one episode, or one seed of the expert, may take before its worker counts as hung
 EPISODE_SECONDS = 1800.0
-LONGEST_NAME = 200  # characters of what a job is called in an error
 
 
 def evaluation_version() -> str:
@@ -70,9 +70,8 @@ def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
         with closing(run(lambda: work, deque(jobs), crew, seconds)) as ends:
             for end in ends:
                 if isinstance(end, Died):
-                    raise CrewError(
-                        f"{str(end.job)[:LONGEST_NAME]}: {end.reason.replace('_', ' ')} twice"
-                    )
+                    why = end.reason.replace("_", " ")
+                    raise CrewError(f"{str(end.job)[:200]}: {why} twice")
                 yield end.job, end.result
 
     return each

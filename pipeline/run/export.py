@@ -24,8 +24,9 @@ from pipeline.export.options import flag_name
 from pipeline.export.shared.episodes import EPISODES, FAILURES, select_episodes
 from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
-from pipeline.run.identity.core import package_root, shared_physics
-from pipeline.run.joined import DatasetPart, join, weigh
+
+from .identity.core import package_root, shared_physics
+from .joined import DatasetPart, join, weigh
 
 JOINED = ("lerobot", "lerobot-v2.1", "rlds", "zarr")
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
@@ -71,30 +72,20 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
     exporter, failures = EXPORTERS[request.format], request.split == FAILURES
     options = parse_options(request.format, exporter.options, request.options)
     datasets = [source, *request.also]
-    _check_join(request)
-    recipe = source.recipe()
-    if request.format not in CORRECTED and any(one.recipe().corrections for one in datasets):
-        raise ExportError(
-            f"--format {request.format} cannot say which actions are the policy's: corrections need"
-            f" {', '.join(CORRECTED)}"
-        )
-    robots = list[str]()
-    parts = list[DatasetPart]()
-    for dataset in datasets:
-        held = dataset.recipe()
-        robots = _robots(request.robots, held)
-        fits = expression(request.where, robots)
-        found = sorted(_intact(dataset, held, failures))
-        chosen = select_episodes(
-            found, fits, request.validation, partial(attempts_of, dataset.attempt_rows)
-        )
+    recipes = [dataset.recipe() for dataset in datasets]
+    _check_join(request, recipes)
+    fits, parts = "", list[DatasetPart]()
+    for dataset, recipe in zip(datasets, recipes, strict=True):
+        fits = expression(request.where, _robots(request.robots, recipe))
+        attempts = partial(attempts_of, dataset.attempt_rows)
+        found = sorted(_intact(dataset, recipe, failures))
+        chosen = select_episodes(found, fits, request.validation, attempts)
         parts.append(DatasetPart(dataset, chosen))
     if request.weights:
         parts = weigh(parts, request.weights)
     episodes = [path for part in parts for path in part.episodes]
-    place = request.out or source.exports(
-        f"{request.format}-failures" if failures else request.format
-    )
+    name = f"{request.format}-failures" if failures else request.format
+    place = request.out or source.exports(name)
     with (
         tqdm(total=len(episodes), unit="ep", disable=None if progress else True) as bar,
         ExitStack() as stack,
@@ -108,29 +99,28 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
             workers,
             None if request.also else describe(source.root, episodes),
             split=request.split,
-            where=expression(request.where, robots),
+            where=fits,
             validation=request.validation,
         )
         if request.also or request.fps:
             place.parent.mkdir(parents=True, exist_ok=True)
             folder = TemporaryDirectory(dir=place.parent, prefix=".joined-")
             root = Path(stack.enter_context(folder))
-            origins = join(parts, root, request.fps)
-            job = replace(
-                job, dataset=root, episodes=list(origins), origins=origins, given=_given(request)
-            )
+            made = join(parts, root, request.fps)
+            given: dict[str, Any] = {"fps": request.fps} if request.fps else {}
+            if request.also:
+                given |= {"datasets": len(datasets), "weights": list(request.weights)}
+            job = replace(job, dataset=root, episodes=list(made), origins=made, given=given)
         stack.enter_context(replace_directory(place))
         summary = exporter.export(job)
-    left = summary.get(LEFT_OUT)
-    warnings = [
-        left_out_warning(request.format, left, exporter.options) if left else "",
-        "" if failures else stale_warning(source, recipe),
-    ]
+    warnings = [] if failures else [stale_warning(source, recipes[0])]
+    if left := summary.get(LEFT_OUT):
+        warnings.insert(0, left_out_warning(request.format, left, exporter.options))
     return Export(summary, place, len(episodes), "; ".join(filter(None, warnings)))
 
 
-def _check_join(request: Request) -> None:
-    """Raise ExportError for datasets that the request cannot join."""
+def _check_join(request: Request, recipes: Sequence[Recipe]) -> None:
+    """Raise ExportError for datasets that the request cannot join, or the format cannot hold."""
     if request.also and request.format not in JOINED:
         raise ExportError(
             f"--format {request.format} holds one dataset: several need {', '.join(JOINED)}"
@@ -139,44 +129,36 @@ def _check_join(request: Request) -> None:
         raise ExportError("several datasets need --out: their export belongs to none of them")
     if any(weight <= 0 for weight in request.weights):
         raise ExportError("--weights: each must be above 0")
-    if request.weights and len(request.weights) != len(request.also) + 1:
+    if request.weights and len(request.weights) != len(recipes):
         raise ExportError(
-            f"--weights has {len(request.weights)} numbers for {len(request.also) + 1} datasets"
+            f"--weights has {len(request.weights)} numbers for {len(recipes)} datasets"
         )
-
-
-def _given(request: Request) -> dict[str, Any]:
-    """What export.json has of the request beside the options of the format."""
-    given: dict[str, Any] = {"fps": request.fps} if request.fps else {}
-    if request.also:
-        given |= {"datasets": len(request.also) + 1, "weights": list(request.weights)}
-    return given
+    if request.format not in CORRECTED and any(recipe.corrections for recipe in recipes):
+        raise ExportError(
+            f"--format {request.format} cannot say which actions are the policy's: corrections need"
+            f" {', '.join(CORRECTED)}"
+        )
 
 
 def differences(source: Dataset, place: Path) -> list[str]:
     """How the export at `place` differs from what it wrote and from what it should hold, a line
     each. Raises ExportError if it cannot be read, DatasetError for damaged episodes."""
     record = read_record(place)
-    episodes = _intact(source, source.recipe(), record.summary["split"] == FAILURES)
-    where, validation = (
-        record.summary.get("where", ""),
-        record.summary.get("validation", VALIDATION),
-    )
-    attempts = partial(attempts_of, source.attempt_rows)
-    chosen = select_episodes(sorted(episodes), where, validation, attempts)
-    return record.check(source.root, chosen)
+    summary, attempts = record.summary, partial(attempts_of, source.attempt_rows)
+    episodes = sorted(_intact(source, source.recipe(), summary["split"] == FAILURES))
+    where, validation = summary.get("where", ""), summary.get("validation", VALIDATION)
+    return record.check(source.root, select_episodes(episodes, where, validation, attempts))
 
 
 def stale_warning(source: Dataset, recipe: Recipe) -> str:
     """How many episodes another version of the core or of the packages made; "" for none."""
     rows, now = source.present(recipe), shared_physics(package_root()).items()
-    stale = {
+    stale = [
         number
         for number, text in rows.texts.items()
         if not now <= json.loads(text).get("physics", {}).items()
-    }
-    count = int(np.isin(rows.keys[rows.accepted], list(stale)).sum())
-    if not count:
+    ]
+    if not (count := int(np.isin(rows.keys[rows.accepted], stale).sum())):
         return ""
     return (
         f"{count} episodes were made by another version of the code and are exported as they are;"
@@ -196,18 +178,15 @@ def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> s
 def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
     """The episodes, or the failed attempts that are kept, each read. Raises ExportError for
     none."""
-    found = (intact_failures if failures else intact_episodes)(source, recipe)
-    if found:
+    if found := (intact_failures if failures else intact_episodes)(source, recipe):
         return found
     if failures:
         raise ExportError(
             f"{source.root} keeps no failed attempts: its recipe has keep_failures:"
             f" {recipe.keep_failures}, or none failed"
         )
-    given_up = len(source.present(recipe))
     raise ExportError(
-        f"{source.root} has no finished episodes to export: of {sum(1 for _ in recipe.slots())}"
-        f" slots {given_up} were given up and the rest is open; `domino-data build` fills them"
+        f"{source.root} has no finished episodes to export: `domino-data build` makes them"
     )
 
 

@@ -6,14 +6,12 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.episode.file import Episode, EpisodeFile
+from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.jpeg import encode_frames
-from pipeline.data.episode.meta import Drawing
 from pipeline.data.episode.resample import frames_at, resample_log
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import digest
@@ -22,9 +20,6 @@ from pipeline.export import ExportError
 from pipeline.export.shared.episodes import reading
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import Interception, conditions_of, physics_arrays
-
-if TYPE_CHECKING:
-    from pipeline.run.slot.make import Images
 
 
 @dataclass(frozen=True)
@@ -101,11 +96,12 @@ def _link(path: Path, place: Path) -> None:
 def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
     """Write an episode at `fps`: its own images where they fall on its frames, else drawn again."""
     # the renderer, which an export at the dataset's own rate does without
-    from pipeline.run.slot.make import Images, stored_images
+    from pipeline.run.slot.make import stored_images
+    from pipeline.stages.drawing.render import capture, stored_appearance
 
     with EpisodeFile(path) as file:
         episode, images = file.read(), stored_images(file)
-    meta = episode.meta
+    meta, drawing = episode.meta, episode.meta.drawing
     if meta.fps == fps:
         return _link(path, place)
     try:
@@ -113,13 +109,12 @@ def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
     except ValueError as error:
         raise ExportError(f"--fps {fps}: {error}") from error
     log, rows = resample_log(episode.log, meta.fps, fps), np.floor(at).astype(int)
-    meta = meta.model_copy(
-        update={
-            "fps": fps,
-            "step_limit": round(meta.step_limit * fps / meta.fps),
-            "drawing": _at_rate(meta.drawing, fps / meta.fps),
-        }
-    )
+    if drawing.latency and drawing.sensors is not None:  # in frames of the new rate
+        late = {"latency": drawing.latency * fps / meta.fps}
+        sensors = drawing.sensors.model_copy(update=late)
+        drawing = drawing.model_copy(update={"sensors": sensors})
+    limit = round(meta.step_limit * fps / meta.fps)
+    meta = meta.model_copy(update={"fps": fps, "step_limit": limit, "drawing": drawing})
     derived = Interception(meta, log, motion_from_json(episode.motion), log.pose(meta.target))
     conditions = conditions_of(episode.interception)
     arrays = physics_arrays(derived, {name: holds[rows] for name, holds in conditions.items()})
@@ -134,26 +129,11 @@ def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
             )
             for view in images.views
         ]
+        coded = [frames[rows] for frames in images.coded]
         cloud = None if images.pointcloud is None else images.pointcloud[rows]
-        shown = Images(meta.drawing, views, [coded[rows] for coded in images.coded], cloud)
     else:
-        shown = _draw(dataset, new)
-    write_episode(place, new, shown.views, shown.coded, shown.pointcloud)
-
-
-def _at_rate(drawing: Drawing, ratio: float) -> Drawing:
-    """The drawing with the delay of its images in frames of the new rate."""
-    if not drawing.latency or drawing.sensors is None:
-        return drawing
-    sensors = drawing.sensors.model_copy(update={"latency": drawing.latency * ratio})
-    return drawing.model_copy(update={"sensors": sensors})
-
-
-def _draw(dataset: Dataset, episode: Episode) -> "Images":
-    from pipeline.run.slot.make import Images
-    from pipeline.stages.drawing.render import capture, stored_appearance
-
-    appearance = stored_appearance(episode, AssetStore(dataset.bodies))
-    captured = capture(appearance, episode.log, dataset.recipe())
-    coded = [encode_frames(view.rgb) for view in captured.views]
-    return Images(episode.meta.drawing, captured.views, coded, captured.pointcloud)
+        appearance = stored_appearance(new, AssetStore(dataset.bodies))
+        captured = capture(appearance, log, dataset.recipe())
+        views, cloud = captured.views, captured.pointcloud
+        coded = [encode_frames(view.rgb) for view in views]
+    write_episode(place, new, views, coded, cloud)

@@ -1,8 +1,8 @@
-"""From the names in a recipe to tasks and robots that exist."""
+"""From the names in a recipe to tasks, robots, motions and objects that exist."""
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
-from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.data.setup import Setup
@@ -27,6 +26,13 @@ from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
 
+def recipe_from(
+    values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
+) -> Recipe:
+    """A checked and resolved recipe from the keys of a file or of options (`flags`)."""
+    return resolve(parse_recipe(values, source, flags), source, flags)
+
+
 def resolve(
     recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
@@ -37,9 +43,7 @@ def resolve(
         return (flags or {}).get(key) or f"{source}: {key}:"
 
     tasks = expand_tasks(recipe.tasks)
-    for task in tasks:
-        if task not in TASKS:
-            raise RecipeError(f"{source}: {unknown_name('task', task, TASKS)}")
+    check_known("task", tasks, TASKS, f"{source}: ")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
     except UnknownEmbodiment as error:
@@ -48,7 +52,14 @@ def resolve(
     for task in tasks:
         check_task(TASKS[task])
     _check_motions(recipe, where)
-    _check_arms(recipe, where("embodiments"))
+    for name in embodiments:
+        if beyond := [
+            task for task in tasks if not can_do(TASKS[task], get_embodiment(name).sides)
+        ]:
+            raise RecipeError(
+                f"{where('embodiments')} {name} has no arm for {', '.join(beyond)}: leave these"
+                " tasks out, or use two arms"
+            )
     check_size(recipe, source)
     _check_links(recipe, source)
     recipe = with_originals(recipe)
@@ -61,13 +72,15 @@ def resolve(
     return recipe.model_copy(update={"corrections": corrections, "objects": objects})
 
 
-def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
-    """What is wrong with the name of a task or family, and the names that are close to it."""
-    near = ", ".join(get_close_matches(str(name), known, 3))
-    return (
-        f"no {kind} {show_value(name)}{near and f', but {near}'}; `domino-data {kind.split()[0]}s`"
-        " lists them"
-    )
+def check_known(kind: str, names: Iterable[str], known: Collection[str], where: str = "") -> None:
+    """Raise RecipeError for an unknown task or family, with the names that are close to it."""
+    for name in names:
+        if name not in known:
+            near = ", ".join(get_close_matches(name, known, 3))
+            raise RecipeError(
+                f"{where}no {kind} {show_value(name)}{near and f', but {near}'};"
+                f" `domino-data {kind.split()[0]}s` lists them"
+            )
 
 
 def named_policy(corrections: Corrections) -> Corrections:
@@ -89,13 +102,11 @@ def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str
         return
     from pipeline.evaluate.names import is_ours  # policies take a second to import
 
-    policy = (
-        corrections.policy
-        if isinstance(corrections, Corrections)
-        else corrections.get("policy")
-        if isinstance(corrections, Mapping)
-        else corrections
-    )
+    policy: Any = corrections
+    if isinstance(corrections, Corrections):
+        policy = corrections.policy
+    elif isinstance(corrections, Mapping):
+        policy = corrections.get("policy")
     if not is_ours(str(policy)):
         raise Untrusted(
             f"{source}: its recipe runs {show_value(policy)} (corrections), the code of whoever"
@@ -105,34 +116,25 @@ def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str
 
 def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for what the expert or corrections need and the recipe does not have."""
-    needing = {
-        "perturb": "perturbs the robot after a policy has acted",
-        "takeover": "sets when the expert takes over",
-    }
-    for key, what in needing.items():
+    for key in ("perturb", "takeover"):
         if recipe.corrections is None and getattr(recipe, key) != Recipe.model_fields[key].default:
-            raise RecipeError(f"{where(key)} {what}: name a policy to correct, too (corrections)")
+            raise RecipeError(f"{where(key)} needs a policy to correct: add corrections")
     if recipe.reactive is None and recipe.sight != Sight():
-        raise RecipeError(
-            f"{where('sight')} sets how the reactive expert sees: choose this expert, too (expert)"
-        )
+        raise RecipeError(f"{where('sight')} needs the reactive expert: add expert")
 
 
 def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for an unknown model of motions, or a level that a task's does not have."""
     if recipe.motion is not None and recipe.motion not in MODELS:
+        known = ", ".join(MODELS)
         raise RecipeError(
-            f"{where('motion')} no motion {show_value(recipe.motion)}; choose from"
-            f" {', '.join(MODELS)}"
+            f"{where('motion')} no motion {show_value(recipe.motion)}; choose from {known}"
         )
     for model in dict.fromkeys(recipe.motion or TASKS[task].motion for task in recipe.tasks):
         known = levels_of(model)
-        for level in recipe.levels:
-            if level not in known:
-                raise RecipeError(
-                    f"{where('levels')} {level} is unknown; {model} has"
-                    f" {', '.join(map(str, known))}"
-                )
+        if unknown := [level for level in recipe.levels if level not in known]:
+            has = ", ".join(map(str, known))
+            raise RecipeError(f"{where('levels')} {unknown[0]} is unknown; {model} has {has}")
 
 
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
@@ -151,33 +153,36 @@ def with_originals(recipe: Recipe) -> Recipe:
     from pipeline.intake.objects.originals import provide  # trimesh takes a second
 
     originals = provide(recipe.assets, drawn_families(recipe))
-    for note in originals.ungraspable:
-        print(f"domino-data: assets: not used: {note}", file=sys.stderr)
-    if count := len(originals.unreadable):
+    notes = [f"not used: {note}" for note in originals.ungraspable]
+    if unreadable := originals.unreadable:
         if not set(suites()[DOMINO]) <= set(recipe.tasks):
-            more = f" ({count - 1} more cannot be read)" if count > 1 else ""
             raise RecipeError(
-                f"assets: {originals.unreadable[0]}{more}: repair it, or move its model_data file"
-                " away to build without it"
+                f"assets: {unreadable[0]}: repair it, or move its model_data file away to build"
+                " without it"
             )
-        left_out = "; ".join(originals.unreadable)
-        print(
-            f"domino-data: assets: objects left out because they cannot be read: {count}:"
-            f" {left_out}",
-            file=sys.stderr,
-        )
-    return recipe.model_copy(
-        update={"assets": originals.assets, "objects": {**originals.objects, **recipe.objects}}
-    )
+        count, each = len(unreadable), "; ".join(unreadable)
+        notes.append(f"objects left out because they cannot be read: {count}: {each}")
+    for note in notes:
+        print(f"domino-data: assets: {note}", file=sys.stderr)
+    objects = {**originals.objects, **recipe.objects}
+    return recipe.model_copy(update={"assets": originals.assets, "objects": objects})
 
 
 def add_originals(recipe: Recipe) -> None:
     """Add the original's objects that a stored recipe names. Raises RecipeError."""
-    named = {name for names in recipe.objects.values() for name in names}
-    if recipe.assets is not None and named - set(FAMILIES) and not set(recipe.tasks) - set(TASKS):
+    if (
+        recipe.assets is not None
+        and _named(recipe) - set(FAMILIES)
+        and set(recipe.tasks) <= set(TASKS)
+    ):
         from pipeline.intake.objects.originals import provide  # trimesh takes a second
 
         provide(recipe.assets, drawn_families(recipe))
+
+
+def _named(recipe: Recipe) -> set[str]:
+    """The objects that a recipe names."""
+    return {name for names in recipe.objects.values() for name in names}
 
 
 def installed_recipe(dataset: Dataset) -> Recipe:
@@ -195,30 +200,16 @@ def missing_names(recipe: Recipe) -> str:
     """The first name of a stored recipe that nothing installed has, e.g. "the task 'tap'", or "".
     The original's objects are added. Raises RecipeError."""
     add_originals(recipe)
-    needed = {
-        "task": (set(recipe.tasks), set(TASKS)),
-        "motion": ({recipe.motion} - {None}, set(MODELS)),
-        "object": ({name for names in recipe.objects.values() for name in names}, set(FAMILIES)),
-        "robot": (
-            {name for pair in recipe.embodiments for name in pair.split("+")} - {NONE},
-            set(ROBOTS),
-        ),
-    }
-    for kind, (names, known) in needed.items():
-        for name in sorted(names - known):
-            return f"the {kind} {name!r}"
-    return ""
-
-
-def _check_arms(recipe: Recipe, where: str) -> None:
-    """Raise RecipeError for tasks that need an arm which a robot does not have."""
-    for name in recipe.embodiments:
-        sides = get_embodiment(name).sides
-        if beyond := [task for task in recipe.tasks if not can_do(TASKS[task], sides)]:
-            raise RecipeError(
-                f"{where} {name} has no arm for {', '.join(beyond)}: leave these tasks out, or use"
-                " two arms"
-            )
+    needed = (
+        ("task", set(recipe.tasks), TASKS),
+        ("motion", {recipe.motion} if recipe.motion else set[str](), MODELS),
+        ("object", _named(recipe), FAMILIES),
+        ("robot", set(recipe.robots()), ROBOTS),
+    )
+    missing = (
+        f"the {kind} {n!r}" for kind, names, known in needed for n in sorted(names - set(known))
+    )
+    return next(missing, "")
 
 
 def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) -> None:
@@ -248,23 +239,23 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     draws."""
     objects = dict[str, tuple[str, ...]]()
     drawn = drawn_families(recipe) if recipe.objects else {}
+    ours = [name for name, family in FAMILIES.items() if stands_for(family) is None]
     for key, names in recipe.objects.items():
         task, _, family = key.rpartition(".")
-        if family not in FAMILIES or stands_for(FAMILIES[family]) is not None:
-            raise RecipeError(f"{where} {unknown_name('object family', family, FAMILIES)}")
-        if task and task not in TASKS:
-            raise RecipeError(f"{where} {unknown_name('task', task, TASKS)}")
-        wanted_by = {task: families_of(TASKS[task])} if task else drawn
-        if not any(family in families for families in wanted_by.values()):
-            theirs = ", ".join(sorted(frozenset[str]().union(*wanted_by.values())))
-            raise RecipeError(f"{where} no task of the recipe draws a {family}; they draw {theirs}")
+        check_known("object family", [family], ours, f"{where} ")
+        check_known("task", [task] if task else [], TASKS, f"{where} ")
+        theirs = families_of(TASKS[task]) if task else frozenset[str]().union(*drawn.values())
+        if family not in theirs:
+            raise RecipeError(
+                f"{where} no task of the recipe draws a {family}; they draw"
+                f" {', '.join(sorted(theirs))}"
+            )
         objects[key] = tuple(
             dict.fromkeys(full for name in names for full in _instances(name, family, where))
         )
-        frames = set(FAMILIES[family].draw(np.random.default_rng(0)).frames().points)
+        frames = _frames(family)
         for name in objects[key]:
-            own = FAMILIES[name].draw(np.random.default_rng(0)).frames().points
-            if missing := frames - own.keys():
+            if missing := frames - _frames(name):
                 raise RecipeError(
                     f"{where} {name} has no frame {', '.join(sorted(missing))}; add it to its"
                     " object.toml"
@@ -272,50 +263,44 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     return objects
 
 
+def _frames(family: str) -> set[str]:
+    return set(FAMILIES[family].draw(np.random.default_rng(0)).frames().points)
+
+
 def _instances(name: str, family: str, where: str) -> list[str]:
+    """The objects from files of a name. Raises RecipeError if there are none of this family."""
     numbered = re.compile(rf"{re.escape(name)}(_[0-9]+)?")
-    known = [each for each in FAMILIES if numbered.fullmatch(each) and stands_for(FAMILIES[each])]
+    families = {each: of for each in FAMILIES if (of := stands_for(FAMILIES[each]))}
+    known = [each for each in families if numbered.fullmatch(each)]
     if not known:
-        ours = [each for each in FAMILIES if stands_for(FAMILIES[each]) == family]
-        fix = (
-            f"those of {family} are {', '.join(ours)}"
-            if ours
-            else "add it with `domino-data objects add`, and give --plugins"
-        )
+        ours = ", ".join(each for each, of in families.items() if of == family)
+        fix = f"those of {family} are {ours}" if ours else "add it with `domino-data objects add`"
         raise RecipeError(f"{where} no object {show_value(name)}; {fix}")
     for each in known:
-        if (other := stands_for(FAMILIES[each])) != family:
+        if families[each] != family:
             raise RecipeError(
-                f"{where} {each} stands for {other}, not for {family}; change family in its"
-                " object.toml"
+                f"{where} {each} stands for {families[each]}, not for {family}; change family in"
+                " its object.toml"
             )
     return known
 
 
 def _check_links(recipe: Recipe, source: str) -> None:
     """Raise RecipeError for a camera on a link that is no robot's and no body of every task."""
+    links = [
+        [
+            f"{side}_{link.name}"
+            for side, arm in get_embodiment(e).arms.items()
+            for link in arm.links
+        ]
+        for e in recipe.embodiments
+    ]
     for camera in recipe.cameras:
         if not isinstance(camera, NamedCamera) or camera.link in (None, "table"):
             continue
-        lacking: list[list[str]] = []
-        for name in recipe.embodiments:
-            links = [
-                f"{side}_{link.name}"
-                for side, arm in get_embodiment(name).arms.items()
-                for link in arm.links
-            ]
-            if camera.link not in links:
-                lacking.append(links)
+        lacking = [names for names in links if camera.link not in names]
         if lacking and not all(camera.link in bodies_of(TASKS[task]) for task in recipe.tasks):
-            links = ", ".join(lacking[0])
             raise RecipeError(
                 f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links"
-                f" are {links}"
+                f" are {', '.join(lacking[0])}"
             )
-
-
-def recipe_from(
-    values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
-) -> Recipe:
-    """A checked and resolved recipe from the keys of a file or of options (`flags`)."""
-    return resolve(parse_recipe(values, source, flags), source, flags)

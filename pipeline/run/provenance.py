@@ -1,37 +1,31 @@
 """What made a dataset: provenance.json."""
 
 import platform
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
+from pipeline.data.keys import seal
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup.brought import Brought
-from pipeline.run.checks.doctor import installed_version
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.objects.contract import FAMILIES, directory_of
 from pipeline.world.robots.pairs import MODELS
 
+from .identity.slot_keys import code_version
+
 _PACKAGES = (
-    "domino-data",
-    "sapien",
-    "numpy",
-    "numba",
-    "h5py",
-    "opencv-python-headless",
-    "ray",
-    "pyarrow",
+    *("domino-data", "sapien", "numpy", "numba", "h5py"),
+    *("opencv-python-headless", "ray", "pyarrow"),
 )
 
 
-def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
-    """What made the dataset: hash of the code, package versions, Python, renderer, processor. No
-    clock."""
-    return {
-        "code_version": code_version(),
-        "licences": _licences(recipe),
-        **machine(),
-        "renderer": renderer,
-    }
+def write_provenance(dataset: Dataset, renderer: str, recipe: Recipe, **more: Any) -> None:
+    """Write what made the dataset: hash of the code, licences, machine and renderer. No clock."""
+    values = {"code_version": code_version(), "licences": licences_of(recipe)}
+    values |= machine() | {"renderer": renderer} | more
+    write_atomic(dataset.provenance, seal(values))
 
 
 def machine() -> dict[str, Any]:
@@ -44,31 +38,29 @@ def machine() -> dict[str, Any]:
     }
 
 
-def _licences(recipe: Recipe) -> dict[str, str]:
-    """Licences of the robots, of the objects from files, and of what the recipe brings for the
-    room."""
-    robots = {name: MODELS[name].settings.licence for name in recipe.robots() if name in MODELS}
-    families = [(name, FAMILIES[name]) for names in recipe.objects.values() for name in names]
-    brought = {"textures": recipe.textures, "environment": recipe.environment}
-    own = {name: found.licence for name, found in brought.items() if isinstance(found, Brought)}
-    return (
-        robots
-        | own
-        | {
-            name: files.settings.licence
-            for name, family in families
-            if (files := directory_of(family))
-        }
-    )
+def installed_version(distribution: str) -> str:
+    """The version of a package, "" for one that is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def processor() -> str:
     """Model name of the processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next(
-        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
-        platform.processor(),
-    )
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor())
+
+
+def licences_of(recipe: Recipe) -> dict[str, str]:
+    """Of the robots, of what the recipe brings for the room, and of the objects from files."""
+    licences = {name: MODELS[name].settings.licence for name in recipe.robots() if name in MODELS}
+    for key in ("textures", "environment"):
+        if isinstance(brought := getattr(recipe, key), Brought):
+            licences[key] = brought.licence
+    for name in (name for names in recipe.objects.values() for name in names):
+        if files := directory_of(FAMILIES[name]):
+            licences[name] = files.settings.licence
+    return licences

@@ -1,33 +1,42 @@
-"""`domino-data render`: new images of a dataset's episodes, in a dataset of their own."""
+"""`domino-data render`: new images of stored episodes, in a dataset of their own; and the other
+variants of a build."""
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
+from tqdm import tqdm
+
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.crew.contract import Crew
-from pipeline.data.atomic import exclusive, sweep, write_atomic
+from pipeline.crew.contract import Crew, Died, Done
+from pipeline.crew.loop import run
+from pipeline.data.atomic import exclusive, sweep
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
-from pipeline.data.keys import seal
-from pipeline.data.recipe.model import Recipe, parse_recipe
+from pipeline.data.recipe.model import Recipe, Slot, parse_recipe
+from pipeline.data.slots.assets import AssetStore
+from pipeline.data.slots.records import SlotRecord
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
-from pipeline.run.build import ATTEMPT_SECONDS
-from pipeline.run.drawing import draw_all, work_of
-from pipeline.run.provenance import provenance
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.drawing.vulkan import ensure_renderer
+
+from .identity.slot_keys import code_version, redrawn_keys
+from .provenance import write_provenance
+from .slot.fill import NodeCheck
+from .slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
+
+IMAGE_SECONDS = 600.0
+"""What drawing one episode may take, until its worker counts as hung."""
 
 
 @dataclass(frozen=True)
 class RenderResult:
-    """The result of a rendering.
-
-    `slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
+    """`slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
     built yet in the source. `drawn` counts this call; `problems` has a line for each episode that
-    could not be drawn.
-    """
+    could not be drawn."""
 
     slots: int
     accepted: int
@@ -50,11 +59,8 @@ def render(
     there are skipped.
 
     `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ
-    from the source's, `flags` the options that gave them, for messages. Raises DatasetError for a
-    source that is no dataset or has no episodes, or if `out` holds another recipe; Busy if another
-    command writes `out`; RecipeError and CameraError for changes that cannot be drawn; NoRenderer
-    without Vulkan; CrewError if workers cannot be started or keep dying.
-    """
+    from the source's, `flags` the options that gave them. Raises DatasetError, Busy, RecipeError
+    and CameraError for changes that cannot be drawn, NoRenderer, CrewError."""
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
         raise DatasetError(
@@ -68,38 +74,28 @@ def render(
     device = ensure_renderer()
     out.create(recipe)
     with exclusive(out.root):
-        return _draw(source, out, recipe, crew, quiet, device)
-
-
-def _draw(
-    source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool, device: str
-) -> RenderResult:
-    """As `render`, into a directory that is the recipe's and has what it needs."""
-    sweep(out.root)
-    try:
-        with IndexWriter(out, recipe) as writer:
-            work = work_of(source, out, recipe, recipe.slots(), writer.catch_up())
-            problems = draw_all(work, writer, crew, ATTEMPT_SECONDS, quiet)
-    finally:
-        out.write_attempts(recipe)
-        write_atomic(
-            out.provenance, seal(provenance(device, recipe) | {"drawn_from": _provenance(source)})
+        sweep(out.root)
+        try:
+            with IndexWriter(out, recipe) as writer:
+                work = work_of(source, out, recipe, recipe.slots(), writer.catch_up())
+                problems = draw_all(work, writer, crew, IMAGE_SECONDS, quiet)
+        finally:
+            out.write_attempts(recipe)
+            write_provenance(out, device, recipe, drawn_from=_provenance(source))
+        refresh(out, annotation_sheet)
+        accepted = out.present(recipe).accepted
+        return RenderResult(
+            slots=work.done + work.open + len(work.jobs),
+            accepted=int(accepted.sum()),
+            given_up=int((~accepted).sum()),
+            open=work.open,
+            drawn=len(work.jobs) - len(problems),
+            problems=tuple(problems),
         )
-    refresh(out, annotation_sheet)
-    accepted = out.present(recipe).accepted
-    return RenderResult(
-        slots=work.done + work.open + len(work.jobs),
-        accepted=int(accepted.sum()),
-        given_up=int((~accepted).sum()),
-        open=work.open,
-        drawn=len(work.jobs) - len(problems),
-        problems=tuple(problems),
-    )
 
 
 def _provenance(source: Dataset) -> dict[str, Any]:
-    """The provenance of the source; empty if its file is missing or damaged, which `verify`
-    reports."""
+    """The provenance of the source; empty for a damaged file, which `verify` reports."""
     try:
         return source.made_by()
     except DatasetError:
@@ -127,3 +123,84 @@ def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
         seen.add(kind)
     if not seen:
         raise DatasetError(f"{source.root} has no finished episodes to draw: build it first")
+
+
+@dataclass(frozen=True)
+class DrawWork:
+    """What is to be drawn into a dataset: a job a slot; slots that are `done`, and `open` ones
+    without a source episode."""
+
+    jobs: list[DrawJob]
+    done: int
+    open: int
+
+
+def work_of(
+    source: Dataset,
+    out: Dataset,
+    recipe: Recipe,
+    slots: Iterable[Slot],
+    damaged: Collection[Slot] = (),
+) -> DrawWork:
+    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`. Of the
+    same dataset, variants are drawn from the first ones. Those that are `damaged` are drawn
+    again."""
+    held, jobs, done, missing = source.recipe(), list[DrawJob](), 0, 0
+    if source.root == out.root:
+        held = held.model_copy(update={"variants": 1})
+    records, drawn = dict(source.records(held)), dict(out.records(recipe))
+    assets = AssetStore(out.bodies).keys()
+    here, there = str(source.root.resolve()), str(out.root.resolve())
+    for slot in slots:
+        origin, same_look = origin_of(held, recipe, slot)
+        record = records.get(origin)
+        if record is None:
+            missing += 1
+        elif slot not in damaged and is_drawn(
+            drawn.get(slot), record, redrawn_keys(recipe, slot, record.keys), assets
+        ):
+            done += 1
+        else:
+            jobs.append(DrawJob(here, there, recipe, slot, origin, record, same_look))
+    return DrawWork(jobs, done, missing)
+
+
+def draw_all(
+    work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False
+) -> list[str]:
+    """Do all of it under one progress bar and write it down; what could not be drawn, one line
+    each, sorted. Raises CrewError."""
+    problems = list[str]()
+    bar = tqdm(
+        total=work.done + len(work.jobs),
+        initial=work.done,
+        unit="ep",
+        disable=quiet,
+        dynamic_ncols=True,
+    )
+    check = NodeCheck(work.jobs[0].out, code_version()) if work.jobs else None
+    with bar, closing(run(lambda: draw_slot, deque(work.jobs), crew, timeout, check)) as ends:
+        for end in ends:
+            match end:
+                case Done(_, str() as problem):
+                    problems.append(problem)
+                case Done(job, SlotRecord() as record):
+                    writer.add(job.slot, record)
+                case Died(job, reason):
+                    why = reason.replace("_", " ")
+                    problems.append(f"{job.slot.path}: {why} twice while drawing it")
+            if problems:
+                bar.set_postfix_str(f"{len(problems)} cannot be drawn")
+            bar.update(1)
+    return sorted(problems)
+
+
+def draw_variants(
+    dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool
+) -> None:
+    """Draw the other looks of a recipe's episodes from the first ones. Raises DatasetError."""
+    if recipe.variants > 1:
+        others = (slot for slot in recipe.slots() if slot.variant)
+        work = work_of(dataset, dataset, recipe, others, writer.catch_up())
+        if problems := draw_all(work, writer, crew, timeout, quiet):
+            raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")

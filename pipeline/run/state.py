@@ -17,7 +17,8 @@ from pipeline.data.slots.records import unpack_keys
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import is_there
 from pipeline.registry import UnknownName
-from pipeline.run.identity.slot_keys import RecipeKeys
+
+from .identity.slot_keys import RecipeKeys
 
 REDO = "episode missing or damaged"  # why a slot is made again whose keys match
 NO_ASSET = "asset missing"  # the same of a slot whose images were drawn from what is not there
@@ -42,13 +43,12 @@ def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.
 
     What was made for a task or robot that the code does not have is out of date. A slot that was
     given up has images and sentences only where the recipe keeps failed attempts."""
-    keys = RecipeKeys(recipe)
+    keys, keeps = RecipeKeys(recipe), recipe.keep_failures != "none"
     groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
     groups = groups * (max(rows.texts, default=0) + 1) + rows.keys
     _, firsts, of = np.unique(groups, return_index=True, return_inverse=True)
     some = rows.where(firsts)
     columns = zip(some.slots, some.accepted.tolist(), some.keys.tolist(), strict=True)
-    keeps = recipe.keep_failures != "none"
     return [
         _against(keys, slot, accepted, rows.texts.get(key, ""), keeps)
         for slot, accepted, key in columns
@@ -67,15 +67,12 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: b
         return SlotState(PHYSICS, (str(unknown),), accepted)
     if changed := held.physics.changed(keys.physics):
         return SlotState(PHYSICS, tuple(changed), accepted)
-    if not (accepted or keeps):
-        return SlotState(DONE, (), accepted)
-    images, sentences = (
-        tuple(held.render.changed(keys.render)),
-        tuple(held.language.changed(keys.language)),
-    )
-    if images:
-        return SlotState(IMAGES, images + sentences, accepted)
-    return SlotState(SENTENCES, sentences, accepted) if sentences else SlotState(DONE, (), accepted)
+    if accepted or keeps:
+        images = tuple(held.render.changed(keys.render))
+        sentences = tuple(held.language.changed(keys.language))
+        if images or sentences:
+            return SlotState(IMAGES if images else SENTENCES, images + sentences, accepted)
+    return SlotState(DONE, (), accepted)
 
 
 def _with_file(state: SlotState, there: bool) -> SlotState:
@@ -85,21 +82,18 @@ def _with_file(state: SlotState, there: bool) -> SlotState:
     return SlotState(OPEN, (REDO,) if state.accepted else (), state.accepted)
 
 
-def _each(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Iterator[SlotState]:
-    """The state of every row, by which of their files (N,) are there."""
+def _states(dataset: Dataset, recipe: Recipe, rows: Rows) -> dict[Slot, SlotState]:
+    """The state of every row, by which of their files are there."""
+    there = Listing(dataset.episodes, recipe).there(rows)
     cases, of = judge_keys(recipe, rows)
-    return (
-        _with_file(cases[case], here)
-        for case, here in zip(of.tolist(), there.tolist(), strict=True)
-    )
+    each = zip(rows.slots, of.tolist(), there.tolist(), strict=True)
+    return {slot: _with_file(cases[case], here) for slot, case, here in each}
 
 
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
     """Every slot of a recipe with its state now, files unread: whether they are what was written is
     for `missing`."""
-    rows, none = dataset.rows(recipe), SlotState(OPEN)
-    each = _each(recipe, rows, Listing(dataset.episodes, recipe).there(rows))
-    found = dict(zip(rows.slots, each, strict=True))
+    found, none = _states(dataset, recipe, dataset.rows(recipe)), SlotState(OPEN)
     return ((slot, found.get(slot, none)) for slot in recipe.slots())
 
 
@@ -110,25 +104,18 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
     bytes. So is a slot whose stored failures are missing."""
     damaged, rows = writer.catch_up(), writer.index.rows(recipe, "assets")
     rows = rows.where(rows.variants == 0)
-    there = Listing(dataset.episodes, recipe).there(rows)
-    found = dict(zip(rows.slots, _each(recipe, rows, there), strict=True))
+    found = _states(dataset, recipe, rows)
     for slot in damaged & found.keys():
         found[slot] = SlotState(PHYSICS, (REDO,), found[slot].accepted)
     for slot in _without_assets(dataset, rows, writer.index.assets()):
         if found[slot].todo in (DONE, SENTENCES):
             found[slot] = SlotState(IMAGES, (NO_ASSET,), True)
     if recipe.keep_failures != "none":
-        for slot in {
-            slot for slot, path, _ in kept_failures(dataset, recipe) if not is_there(path)
-        }:
-            if found[slot].todo != OPEN:
+        for slot, path, _ in kept_failures(dataset, recipe):
+            if found[slot].todo != OPEN and not is_there(path):
                 found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
-    none = SlotState(OPEN)
-    return {
-        slot: state
-        for slot in recipe.physical_slots()
-        if (state := found.get(slot, none)).todo != DONE
-    }
+    each = ((slot, found.get(slot, SlotState(OPEN))) for slot in recipe.physical_slots())
+    return {slot: state for slot, state in each if state.todo != DONE}
 
 
 def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
@@ -138,9 +125,8 @@ def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> l
     absent = {str(number) for number, name in names.items() if name not in there}
     if not absent:
         return []
-    return rows.where(
-        np.array([not absent.isdisjoint(named.split()) for named in rows.more["assets"]], bool)
-    ).slots
+    lacking = [not absent.isdisjoint(named.split()) for named in rows.more["assets"]]
+    return rows.where(np.array(lacking, bool)).slots
 
 
 def redone(
@@ -151,8 +137,8 @@ def redone(
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
         counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
-        for state, number in zip(cases, counts, strict=True):
-            state = _with_file(state, here)
+        for case, number in zip(cases, counts, strict=True):
+            state = _with_file(case, here)
             if state.todo not in (DONE, OPEN):
                 found[state.todo, state.because] += number
     return +found

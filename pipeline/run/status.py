@@ -11,24 +11,20 @@ from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import pairs_in
-from pipeline.data.slots.files import Listing, Rows
-from pipeline.run.beside.early_stop import stopped_cells
-from pipeline.run.names import installed_recipe
-from pipeline.run.state import redo_rows, redone
+from pipeline.data.slots.files import Listing
 from pipeline.stages.reasons import reasons_in
+
+from .names import installed_recipe
+from .state import redo_rows, redone
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
     """The state of a dataset: slots wanted, accepted, given up and open; attempts and their
     failures by reason; the same per cell.
 
-    `edited` tells whether its manifest was edited.
-
-    `failures` has the reasons in detail (as Reason); `redo` the parts that a build would make
-    again, and the changes that cause it, as {"what", "because", "slots"}; `pairs` (count_pairs) is
-    there if the recipe pairs cells; `stopped` has the cells that the recipe's floor stops, as
-    {"cell", "slots", "because"}.
-    """
+    `edited`: its manifest was edited. `failures` has the reasons in detail (as Reason); `redo` what
+    a build would make again (redo_rows); `pairs` (count_pairs) is there if the recipe pairs
+    cells."""
     recipe = installed_recipe(dataset)
     rows = dataset.rows(recipe)
     listed = Listing(dataset.episodes, recipe).there(rows)
@@ -36,11 +32,16 @@ def status(dataset: Dataset) -> dict[str, Any]:
     of, tried = dataset.ask(
         lambda index: index.attempts(there, "stage", "reason", "detail", "conditions")
     )
+
+    def by_cell(values: NDArray[Any]) -> list[int]:
+        cells = len(there.cells)
+        return np.bincount(there.ranks, weights=values, minlength=cells).astype(int).tolist()
+
     counted = {
         "wanted": [number * recipe.variants for number in recipe.counts().values()],
-        "accepted": _by_cell(there, there.accepted),
-        "given_up": _by_cell(there, ~there.accepted),
-        "attempts": _by_cell(there, np.bincount(of, minlength=len(there))),
+        "accepted": by_cell(there.accepted),
+        "given_up": by_cell(~there.accepted),
+        "attempts": by_cell(np.bincount(of, minlength=len(there))),
     }
     total = {name: sum(counts) for name, counts in counted.items()}
     solved = int((there.accepted & (there.variants == 0)).sum())
@@ -59,18 +60,9 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
         "pairs": pairs_in(dataset, recipe),
-        "stopped": [
-            {"cell": s.cell.path, "slots": s.slots, "because": s.because}
-            for s in stopped_cells(dataset, recipe)
-        ],
         "redo": redo_rows(redo),
         "cells": {
             cell.path: {name: counts[rank] for name, counts in counted.items()}
             for rank, cell in enumerate(there.cells)
         },
     }
-
-
-def _by_cell(rows: Rows, values: NDArray[Any]) -> list[int]:
-    """The sum of some values (N,) of the rows, for every cell."""
-    return np.bincount(rows.ranks, weights=values, minlength=len(rows.cells)).astype(int).tolist()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.commands import complete
+from pipeline.commands import options
 from pipeline.tasks import TASKS
 from pipeline.world.robots import MODELS
 
@@ -49,13 +49,16 @@ def test_the_command_completes(line, wanted):
 
 
 def test_names_are_those_of_the_registries(tmp_path, monkeypatch):
-    assert set(complete.task("")) == set(TASKS) and set(complete.tasks("")) == {*TASKS, "all"}
-    assert set(MODELS) <= set(complete.robot("")) and complete.robots("piper,ur5-") == [
-        "piper,ur5-wsg"
-    ]
+    assert set(options.complete_task("")) == set(TASKS) and set(options.complete_tasks("")) == {
+        *TASKS,
+        "all",
+    }
+    assert set(MODELS) <= set(options.complete_robot("")) and options.complete_robots(
+        "piper,ur5-"
+    ) == ["piper,ur5-wsg"]
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.yaml").touch()
     (tmp_path / "smaller").mkdir()
     (tmp_path / "small.txt").touch()
-    assert complete.recipe("sma") == ["small.yaml", "smaller/"]
-    assert complete.recipe("sm") == ["small.yaml", "smaller/", "smoke"]
+    assert options.complete_recipe("sma") == ["small.yaml", "smaller/"]
+    assert options.complete_recipe("sm") == ["small.yaml", "smaller/", "smoke"]

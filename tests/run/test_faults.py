@@ -16,7 +16,6 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.slots.records import SlotRecord
 from pipeline.run import build as build_module
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import fill as slot
 from pipeline.run.slot.fill import FillJob, LostAttempt, fill_logged, fill_slot, slot_worker
@@ -116,7 +115,7 @@ def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(slot, "attempt", attempt)
     (one, *_), (its_seeds, *_) = RECIPE.slots(), seeds(RECIPE)
     lost = (LostAttempt(2, "worker_hung", 60.0), LostAttempt(0, "worker_died", 1.5))
-    record = fill_slot(FillJob(str(tmp_path), RECIPE, one, code_version(), lost=lost))
+    record = fill_slot(FillJob(str(tmp_path), RECIPE, one, lost=lost))
     assert tried == [its_seeds[1], its_seeds[3]]
     assert [(row["attempt"], row["stage"], row["reason"]) for row in record.attempts] == [
         (0, "worker", "worker_died"),
@@ -139,7 +138,7 @@ def test_what_a_killed_worker_left_half_written_of_a_slot_is_removed(tmp_path, m
     )
     for file in (half, others):
         file.touch()
-    fill_slot(FillJob(str(tmp_path), RECIPE, one, code_version()))
+    fill_slot(FillJob(str(tmp_path), RECIPE, one))
     assert (half.exists(), others.exists()) == (False, True)
 
 

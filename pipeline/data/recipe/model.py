@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.keys import digest
@@ -32,7 +32,7 @@ SLOWEST = 1e-3  # m/s
 
 CHOOSING = (
     *("name", "tasks", "embodiments", "levels", "domains", "alpha"),
-    *("episodes", "total", "variants", "floor", "assets"),
+    *("episodes", "total", "variants", "assets"),
 )
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
@@ -45,16 +45,6 @@ def _scheme(text: str) -> str:
     if not text.startswith("robotwin:") or not text.removeprefix("robotwin:"):
         raise ValueError("is not written as robotwin:DIR")
     return text
-
-
-class Floor(BaseModel):
-    """A cell is stopped after its first `slots` if a smaller share of their attempts was
-    accepted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    share: Annotated[float, Field(gt=0, le=1)]
-    slots: _Thousand = 3
 
 
 class Recipe(Setup):
@@ -95,9 +85,6 @@ class Recipe(Setup):
     and looks. With `events`, slots 2k and 2k + 1 are one scene with and without its events."""
     attempts: _Thousand = 30
     """Seeds tried for one slot before it is given up."""
-    floor: Floor | None = None
-    """{share: 0.1, slots: 3} stops a cell if fewer than 10 % of the attempts at its first 3 slots
-    are accepted."""
     variants: _Thousand = 1
     """Number of looks in which every physics episode is drawn."""
     assets: Annotated[str, AfterValidator(_scheme)] | None = None
@@ -177,12 +164,6 @@ class Recipe(Setup):
                 " randomized: 10}"
             )
         return value
-
-    @field_validator("floor", mode="before")
-    @classmethod
-    def _share_alone(cls, value: Any) -> Any:
-        """A number stands for the share."""
-        return {"share": value} if isinstance(value, int | float) else value
 
     @field_validator("cameras")
     @classmethod

@@ -138,10 +138,11 @@ class Setup(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_retired(cls, values: Any) -> Any:
-        """Drop the empty key for vendors' meshes, which earlier versions stored."""
-        if isinstance(values, Mapping) and values.get(RETIRED) == {}:
-            return {key: value for key, value in values.items() if key != RETIRED}
-        return values
+        """Drop keys without effect that earlier versions stored."""
+        if not isinstance(values, Mapping):
+            return values
+        retired = {"floor", *([RETIRED] if values.get(RETIRED) == {} else [])}
+        return {key: value for key, value in values.items() if key not in retired}
 
     @field_validator("*", mode="before")
     @classmethod

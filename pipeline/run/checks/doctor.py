@@ -2,20 +2,17 @@
 
 import json
 import platform
-import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.annotate.networks.models import ALIASES, resolve
-from pipeline.annotate.options import FeatureOptions, MaskOptions
-from pipeline.annotate.stage_key import AnnotateError
 from pipeline.data.process.machine import usable_cores
+from pipeline.run.provenance import installed_version
 
 
 @dataclass(frozen=True)
@@ -30,20 +27,9 @@ class CheckResult:
 
 
 GB = 1e9
-LEAST_DISK, ENOUGH_DISK = 1 * GB, 10 * GB
 WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
-STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
 PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
-SOFTWARE = ("llvmpipe", "swiftshader")
 CV2 = "opencv-python-headless"
-EXTRAS = {
-    "ray": "several workers",
-    "hub": "publishing on the hub",
-    "lerobot": "reading exports with LeRobot",
-    "annotate": "masks and features by model",
-    "train": "training the example policy",
-    "gr00t": "evaluating policies behind a GR00T server",
-}
 DRIVER = (
     "install Mesa >= 25: apt install mesa-vulkan-drivers libvulkan1 (Debian 12: -t"
     " bookworm-backports; old Ubuntu: ppa:kisak/kisak-mesa), dnf install mesa-vulkan-drivers"
@@ -95,13 +81,7 @@ def diagnose(place: Path) -> Iterator[CheckResult]:
         yield judge_ray(attempt(RAY))
     yield check_disk(place)
     yield check_memory(available_memory(), usable_cores())
-    yield check_shared_memory()
     yield judge_video(attempt(VIDEO))
-    missing = missing_by_extra(metadata.requires("domino-data") or (), installed_version)
-    yield from check_extras(missing)
-    if not missing.get("annotate", True):
-        names = (MaskOptions().detector, MaskOptions().segmenter, FeatureOptions().encoder)
-        yield from map(check_weights, names)
 
 
 def attempt(code: str) -> dict[str, Any] | str:
@@ -112,13 +92,12 @@ def attempt(code: str) -> dict[str, Any] | str:
         done = subprocess.run(
             command, capture_output=True, text=True, check=False, timeout=PATIENCE
         )
+        if done.returncode:
+            lines = [line for line in done.stderr.splitlines() if line.strip()]
+            return f"exit code {done.returncode}: {' '.join(lines[-1:])[:300]}".removesuffix(": ")
+        return dict(json.loads(done.stdout.splitlines()[-1]))
     except subprocess.TimeoutExpired:
         return f"no answer within {PATIENCE} s"
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if line.strip()]
-        return f"exit code {done.returncode}: {' '.join(lines[-1:])[:300]}".removesuffix(": ")
-    try:
-        return dict(json.loads(done.stdout.splitlines()[-1]))
     except (IndexError, ValueError):
         return "it printed nothing that can be read"
 
@@ -135,7 +114,8 @@ def judge_frame(answer: Mapping[str, Any] | str, nodes: Sequence[str]) -> Iterat
         yield CheckResult("vulkan", "FAIL", f"nothing can be drawn ({answer})", DRIVER)
         return
     device = str(answer["device"])
-    if any(name in device.lower() for name in SOFTWARE) and nodes:
+    software = any(name in device.lower() for name in ("llvmpipe", "swiftshader"))
+    if software and nodes:
         unused = f"{device} is used, although there is {nodes[0]}"
         yield CheckResult("vulkan", "WARN", unused, DRIVER)
     else:
@@ -183,10 +163,10 @@ def check_disk(place: Path) -> CheckResult:
     there = next(p for p in (place.absolute(), *place.absolute().parents) if p.exists())
     free = shutil.disk_usage(there).free
     text = f"{free / GB:.1f} GB free at {there}; an episode takes 1 to 5 MB"
-    if free < ENOUGH_DISK:
-        fix = "free some space, or give another place with --out"
-        return CheckResult("disk", "FAIL" if free < LEAST_DISK else "WARN", text, fix)
-    return CheckResult("disk", "PASS", text)
+    if free >= 10 * GB:
+        return CheckResult("disk", "PASS", text)
+    fix = "free some space, or give another place with --out"
+    return CheckResult("disk", "FAIL" if free < GB else "WARN", text, fix)
 
 
 def available_memory(
@@ -212,64 +192,13 @@ def check_memory(available: float, cores: int) -> CheckResult:
     return CheckResult("memory", "PASS", text)
 
 
-def check_shared_memory(place: Path = Path("/dev/shm")) -> CheckResult:
-    """Room for Ray's object store."""
-    free = shutil.disk_usage(place).free if place.is_dir() else 0
-    text = f"{free / 1e6:.0f} MB free at {place}; Ray takes {STORE_BYTES / 1e6:.0f}"
-    if free < STORE_BYTES:
-        fix = "start the container with --shm-size=256m, or build with --executor inline"
-        return CheckResult("shared memory", "WARN", text, fix)
-    return CheckResult("shared memory", "PASS", text)
-
-
 def check_cv2(owners: Iterable[str]) -> CheckResult:
     """One package owns the module cv2: two overwrite each other's files."""
     found = sorted(set(owners))
     text = f"cv2 belongs to {', '.join(found) or 'no package'}"
-    fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
     if found == [CV2]:
         return CheckResult("cv2", "PASS", text)
+    fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
     both = [CV2.removesuffix("-headless"), CV2]
     same = found == both and len({installed_version(name) for name in both}) == 1
     return CheckResult("cv2", "WARN" if same else "FAIL", f"{text}, not to {CV2} alone", fix)
-
-
-def installed_version(distribution: str) -> str:
-    """The version of a package, "" for one that is not installed."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return ""
-
-
-def missing_by_extra(
-    requirements: Iterable[str], version_of: Callable[[str], str]
-) -> dict[str, list[str]]:
-    """Packages that are not installed, by extra that the requirements name."""
-    missing: dict[str, list[str]] = {}
-    for requirement in requirements:
-        extra = re.search(r"extra == ['\"]([\w.-]+)['\"]", requirement)
-        name = re.match(r"[\w.-]+", requirement)
-        if extra and name and extra[1] in EXTRAS:
-            missing.setdefault(extra[1], []).extend([] if version_of(name[0]) else [name[0]])
-    return missing
-
-
-def check_extras(missing: Mapping[str, Sequence[str]]) -> Iterator[CheckResult]:
-    """One result for each extra."""
-    for extra, packages in sorted(missing.items()):
-        if packages:
-            text = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
-            fix = f"`make setup`, or uv pip install 'domino-data[{extra}]'"
-            yield CheckResult(f"extra {extra}", "WARN", text, fix)
-        else:
-            yield CheckResult(f"extra {extra}", "PASS", EXTRAS[extra])
-
-
-def check_weights(name: str) -> CheckResult:
-    """Whether a network of `annotate` is on this machine."""
-    try:
-        return CheckResult(f"weights {name}", "PASS", resolve(name, download=False).path)
-    except AnnotateError as error:
-        fix = f"hf download {ALIASES.get(name, name)}; --mask-source sim needs no weights"
-        return CheckResult(f"weights {name}", "WARN", " ".join(str(error).split())[:200], fix)

@@ -24,16 +24,8 @@ from pipeline.data.store.place import drop, fetch_below
 from pipeline.export.shared.record import read_record
 
 FAULTS = (
-    *(
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        MemoryError,
-        OSError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ),
+    *(ArithmeticError, AttributeError, LookupError, MemoryError),
+    *(OSError, RuntimeError, TypeError, ValueError),
     *(DominoError, CorruptAnnotation, pa.ArrowException),
 )
 """What a damaged file may make h5py, numpy, Arrow and our readers raise."""
@@ -63,12 +55,9 @@ def judge(job: FileJob) -> list[str]:
         else:
             problems += _CHECKS[folder](path)
     except FAULTS as error:
-        said = (
-            error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else error
-        )
-        problems.append(
-            " ".join(str(said).split())[:200].removeprefix(f"{path}: ") or type(error).__name__
-        )
+        irregular = isinstance(error, OSError) and error.strerror == IRREGULAR
+        text = " ".join(str(IRREGULAR if irregular else error).split())[:200]
+        problems.append(text.removeprefix(f"{path}: ") or type(error).__name__)
     if folder == "episodes":
         drop(path)
     return problems
@@ -83,26 +72,22 @@ def _check_episode(path: Path) -> Iterator[str]:
         if damaged := file.damaged():
             yield f"its content is not what was written ({', '.join(damaged[:3])}); {AGAIN}"
         meta, spec = file.meta, file.spec
-        slot = Slot(
-            Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain),
-            spec.slot,
-            meta.variant,
-        )
-        place = f"{'failures' if meta.failure else 'episodes'}/{slot.path}"
+        cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+        folder = "failures" if meta.failure else "episodes"
+        place = f"{folder}/{Slot(cell, spec.slot, meta.variant).path}"
         if not _ATTEMPT.sub("", str(path.with_suffix(""))).endswith(f"/{place}"):
             yield f"holds {place}, not that of its place; {AGAIN}"
-        if meta.keys and (meta.physics_key, meta.render_key) != tuple(
-            digest(meta.keys[k]) for k in ("physics", "render")
-        ):
-            yield f"its keys are not those of their parts; {AGAIN}"
+        if meta.keys:
+            stated = (digest(meta.keys["physics"]), digest(meta.keys["render"]))
+            if (meta.physics_key, meta.render_key) != stated:
+                yield f"its keys are not those of their parts; {AGAIN}"
         yield from (f"{fault}; {AGAIN}" for fault in faults(file))
 
 
 def _check_annotation(path: Path) -> Iterator[str]:
     """One annotation, or the stage.json of a directory of them."""
-    directory = next(
-        (each for each in path.parents if each.parent.name == "annotations"), path.parent
-    )
+    above = (each for each in path.parents if each.parent.name == "annotations")
+    directory = next(above, path.parent)
     stage = parse_json(read_regular(directory / "stage.json"))
     of = (str(stage["stage"]), int(stage["version"]), dict(stage["parameters"]))
     if directory.name != f"{of[0]}@{stage_key(*of)}":
@@ -125,10 +110,8 @@ def _check_export(place: Path) -> Iterator[str]:
     """The files of one export against the hashes that were written with them."""
     fetch_below(place)
     record = read_record(place)
-    yield from (
-        f"{path.relative_to(place)} is no part of the export; move it away"
-        for path in record.foreign()
-    )
+    for path in record.foreign():
+        yield f"{path.relative_to(place)} is no part of the export; move it away"
     for name in sorted(record.contents):
         if problem := record.problem(name):
             yield f"{name} {problem}; export again"

@@ -13,7 +13,6 @@ from pipeline.data.keys import file_hash
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.records import SlotRecord
 from pipeline.data.store.place import is_there
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import installed_recipe
 from pipeline.run.slot.fill import FillJob, LostAttempt, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
@@ -39,27 +38,30 @@ def regenerate(dataset: Dataset, episode: str) -> list[str]:
         made = _make(copy, recipe, slot, record.attempts if record else ())
         if made.sha256 == file_hash(path):
             return []
-        return _differences(path, copy.episode(slot)) or ["the layout of the file"]
+        if not copy.episode(slot).is_file():
+            return ["no attempt was accepted"]
+        try:
+            with EpisodeFile(path) as a, EpisodeFile(copy.episode(slot)) as b:
+                return differing(a.contents(), b.contents()) or ["the layout of the file"]
+        except EpisodeError as error:
+            return [str(error)]
 
 
 def _make(
     copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]
 ) -> SlotRecord:
     """Fill the slot again, without any attempt that once killed two workers."""
+    root = str(copy.root)
     lost = tuple(
         LostAttempt(row["attempt"], row["reason"], row.get("seconds", 0.0))
         for row in attempts
         if row.get("stage") == "worker"
     )
-    physical = fill_slot(FillJob(str(copy.root), recipe, slot.physical, code_version(), lost=lost))
+    physical = fill_slot(FillJob(root, recipe, slot.physical, lost=lost))
     if not slot.variant or not physical.accepted:
         return physical
     origin, same = origin_of(recipe.model_copy(update={"variants": 1}), recipe, slot)
-    drawn = draw_slot(
-        DrawJob(
-            str(copy.root), str(copy.root), recipe, slot, origin, physical, same, code_version()
-        )
-    )
+    drawn = draw_slot(DrawJob(root, root, recipe, slot, origin, physical, same))
     if isinstance(drawn, str):
         raise DatasetError(f"{slot.path}: {drawn}")
     return drawn
@@ -73,9 +75,8 @@ def other_device(dataset: Dataset) -> str:
     except DatasetError:
         made = {}
     merged = [each for each in made.get("merged_from", ()) if isinstance(each, dict)]
-    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {
-        "an unknown device"
-    }
+    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each}
+    named = named or {"an unknown device"}
     here = ensure_renderer()
     return "" if named == {here} else f"drawn by {', '.join(sorted(named))}, here by {here}"
 
@@ -83,14 +84,3 @@ def other_device(dataset: Dataset) -> str:
 def is_image(name: str) -> bool:
     """Whether a dataset of an episode file is what a renderer drew."""
     return name == "pointcloud" or name.rpartition("/")[2] in ("rgb", "depth", "actor_segmentation")
-
-
-def _differences(stored: Path, made: Path) -> list[str]:
-    """Names of the datasets in which two episode files differ."""
-    if not made.is_file():
-        return ["no attempt was accepted"]
-    try:
-        with EpisodeFile(stored) as a, EpisodeFile(made) as b:
-            return differing(a.contents(), b.contents())
-    except EpisodeError as error:
-        return [str(error)]

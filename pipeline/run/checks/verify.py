@@ -3,7 +3,7 @@
 import os
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.crew.contract import Crew, Done
+from pipeline.crew.contract import Crew, Died
 from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import EDITED, Dataset
@@ -20,10 +20,11 @@ from pipeline.data.intact import kept_failures, named_slot
 from pipeline.data.reading import printable
 from pipeline.data.slots.files import EPISODE
 from pipeline.data.store.place import place_of
-from pipeline.run.checks.file_checks import AGAIN, FileJob, judge
-from pipeline.run.checks.regenerate import is_image, other_device, regenerate
 from pipeline.run.names import check_trust
 from pipeline.run.state import DONE, OPEN, states
+
+from .file_checks import AGAIN, FileJob, judge
+from .regenerate import is_image, other_device, regenerate
 
 # what one file, or all attempts at a slot, may take before the worker counts as hung
 SECONDS = 3600.0
@@ -48,10 +49,9 @@ def verify(
     version of code or recipe, "again": a line for each that was made again}. What is stale cannot
     be made again; a dataset with fewer than `again` others is not `ok`.
 
-    Raises DatasetError for a directory that is no dataset, CrewError if workers cannot be started
-    or do not last, NoRenderer if nothing can be drawn again, and Untrusted if episodes are to be
-    made again whose recipe corrects a policy that is none of ours, unless `trust`.
-    """
+    Raises DatasetError for a directory that is no dataset, CrewError, NoRenderer, and Untrusted if
+    episodes are to be made again whose recipe corrects a policy that is none of ours, unless
+    `trust`."""
     if (again or episode) and not trust:
         check_trust(dataset.recipe().corrections, str(dataset.root))
     crew, root = crew or Crew(), str(dataset.root.resolve())
@@ -59,16 +59,14 @@ def verify(
         paths = list(_files_of(dataset))
         known = _compare(dataset, set(paths))
     else:
-        recipe, again = dataset.recipe(), 1
-        paths = [_name(dataset, dataset.episode(named_slot(dataset, recipe, episode)))]
+        again = 1
+        slot = named_slot(dataset, dataset.recipe(), episode)
+        paths = [_name(dataset, dataset.episode(slot))]
         known = Comparison(current=set(paths))
-    jobs = [
-        FileJob(root, path, known.hashes.get(path, ""))
-        for path in paths
-        if path not in known.strays
-    ]
+    files = [path for path in paths if path not in known.strays]
+    jobs = [FileJob(root, path, known.hashes.get(path, "")) for path in files]
     with session(crew), tqdm(unit="file", disable=not progress, dynamic_ncols=True) as bar:
-        judged = dict(_each(judge, jobs, crew, bar))
+        judged = _each(judge, jobs, crew, bar)
         sound = [
             path
             for path, problems in judged.items()
@@ -76,16 +74,14 @@ def verify(
         ]
         fresh = [path for path in (paths if episode else sound) if path in known.current]
         chosen = np.random.default_rng().permutation(len(fresh))[:again]
-        made = dict(
-            _each(
-                _differ,
-                [FileJob(root, fresh[number]) for number in sorted(chosen.tolist())],
-                crew,
-                bar,
-            )
-        )
+        chosen_jobs = [FileJob(root, fresh[number]) for number in sorted(chosen.tolist())]
+        made = _each(_differ, chosen_jobs, crew, bar)
     problems, lines = known.problems, list[str]()
-    problems += [f"{path}: {problem}" for path, found in judged.items() for problem in found]
+    for path, found in judged.items():
+        problems += [f"{path}: {problem}" for problem in found]
+        if found and path.startswith("episodes/"):
+            with suppress(OSError):  # another time of change, so that the next build reads it
+                os.utime(dataset.root / path, follow_symlinks=False)
     device = other_device(dataset) if made else ""
     for path, names in made.items():
         images = [name for name in names if is_image(name)]
@@ -96,7 +92,6 @@ def verify(
         )
         if differ := state + ([] if device else images):
             problems.append(f"{path}: made again, it differs in {', '.join(differ[:5])}")
-    _touch(dataset, [path for path in judged if path.startswith("episodes/") and judged[path]])
     return {
         "ok": not problems and len(made) == again,
         "problems": [printable(problem) for problem in problems],
@@ -133,8 +128,8 @@ class Comparison:
     edited.
 
     `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code;
-    `problems` concern files that are missing or belong elsewhere. `stale` and `open` count slots.
-    """
+    `problems` concern files that are missing or belong elsewhere. `stale` and `open` count
+    slots."""
 
     hashes: dict[str, str] = field(default_factory=dict[str, str])
     strays: set[str] = field(default_factory=set[str])
@@ -150,13 +145,11 @@ def _compare(dataset: Dataset, paths: set[str]) -> Comparison:
         return Comparison(problems=[f"{dataset.manifest.name}: {EDITED}"])
     known, recipe, slots = Comparison(), dataset.recipe(), set[str]()
     rows = dataset.rows(recipe, "sha256", "assets")
-    for slot, accepted, sha256 in zip(
-        rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True
-    ):
+    columns = zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True)
+    for slot, accepted, sha256 in columns:
         known.hashes[_name(dataset, dataset.file(slot, accepted))] = sha256.hex()
-    known.hashes |= {
-        _name(dataset, path): sha256 for _, path, sha256 in kept_failures(dataset, recipe)
-    }
+    for _, path, sha256 in kept_failures(dataset, recipe):
+        known.hashes[_name(dataset, path)] = sha256
     for slot, state in states(dataset, recipe):
         places = [_name(dataset, dataset.file(slot, accepted)) for accepted in (True, False)]
         slots.update(places)
@@ -165,31 +158,21 @@ def _compare(dataset: Dataset, paths: set[str]) -> Comparison:
         known.current.update(there if state.todo == DONE else ())
         known.stale += bool(there) and state.todo not in (DONE, OPEN)
         if there and (other := OF_RECIPE.intersection(state.because)):
+            why = ", ".join(sorted(other))
             known.problems.append(
-                f"{there[0]}: its keys are not those of the recipe ({', '.join(sorted(other))});"
-                f" {AGAIN}"
+                f"{there[0]}: its keys are not those of the recipe ({why}); {AGAIN}"
             )
-    known.strays = (
-        {path for path in paths if path.startswith(("episodes/", "failures/"))}
-        - slots
-        - known.hashes.keys()
-    )
+    of_slots = {path for path in paths if path.startswith(("episodes/", "failures/"))}
+    known.strays = of_slots - slots - known.hashes.keys()
     for path in sorted(known.strays):
         fix = "`gc` sets a whole episode aside" if path.startswith("episodes/") else "remove it"
         known.problems.append(f"{path}: belongs to no slot of the recipe; {fix}")
-    assets, numbers = (
-        dataset.ask(lambda index: index.assets()),
-        {each for text in rows.more["assets"] for each in text.split()},
-    )
-    named = (
-        _name(dataset, dataset.bodies / key[:2] / f"{key}.npz")
-        for key in sorted(assets[int(number)] for number in numbers)
-    )
-    known.problems += [
-        f"{path}: is missing; {AGAIN}"
-        for path in [*sorted(known.hashes), *named]
-        if path not in paths
-    ]
+    assets = dataset.ask(lambda index: index.assets())
+    keys = {assets[int(number)] for text in rows.more["assets"] for number in text.split()}
+    named = (_name(dataset, dataset.bodies / key[:2] / f"{key}.npz") for key in sorted(keys))
+    for path in [*sorted(known.hashes), *named]:
+        if path not in paths:
+            known.problems.append(f"{path}: is missing; {AGAIN}")
     return known
 
 
@@ -198,32 +181,23 @@ def _name(dataset: Dataset, path: Path) -> str:
 
 
 def _differ(job: FileJob) -> list[str]:
-    """The datasets in which an episode that is made again differs from the stored one; `verify` has
-    checked that its policy may run."""
+    """The datasets in which an episode that is made again differs from the stored one."""
     return regenerate(Dataset(Path(job.root)), job.path)
 
 
 def _each(
     work: Callable[[FileJob], list[str]], jobs: Sequence[FileJob], crew: Crew, bar: "tqdm[Any]"
-) -> Iterator[tuple[str, list[str]]]:
-    """The path of every job and what the work found, in their order; a file that costs two workers
-    is a problem."""
-    done = dict[str, list[str]]()
+) -> dict[str, list[str]]:
+    """What the work found, by path in the order of the jobs; a file that costs two workers is a
+    problem."""
+    found = {job.path: list[str]() for job in jobs}
     bar.reset(len(jobs))
     with closing(run(lambda: work, deque(jobs), crew, SECONDS)) as ends:
         for end in ends:
-            lost = "" if isinstance(end, Done) else end.reason.replace("_", " ")
-            done[end.job.path] = (
-                end.result
-                if isinstance(end, Done)
-                else [f"{lost} twice over it; remove it, and {AGAIN}"]
-            )
+            if isinstance(end, Died):
+                lost = end.reason.replace("_", " ")
+                found[end.job.path] = [f"{lost} twice over it; remove it, and {AGAIN}"]
+            else:
+                found[end.job.path] = end.result
             bar.update()
-    yield from ((job.path, done[job.path]) for job in jobs)
-
-
-def _touch(dataset: Dataset, paths: Iterable[str]) -> None:
-    """Give damaged files of slots another time of change, so that the next build reads them."""
-    for path in paths:
-        with suppress(OSError):
-            os.utime(dataset.root / path, follow_symlinks=False)
+    return found

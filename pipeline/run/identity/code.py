@@ -17,7 +17,13 @@ from pipeline.data.setup.rules import Rules
 from pipeline.motion.carried import CARRIED
 from pipeline.motion.models import MODELS as MOTIONS
 from pipeline.plugins import outside_modules
-from pipeline.run.identity.core import (
+from pipeline.stages.surroundings import CLUTTER_FAMILIES
+from pipeline.tasks import TASKS
+from pipeline.tasks.layout import families_of
+from pipeline.world.objects.contract import FAMILIES, directory_of
+from pipeline.world.robots import MODELS, OURS
+
+from .core import (
     CORE,
     LANGUAGE,
     OF_DRAWING,
@@ -28,22 +34,13 @@ from pipeline.run.identity.core import (
     shared_physics,
     versions,
 )
-from pipeline.stages.surroundings import CLUTTER_FAMILIES
-from pipeline.tasks import TASKS
-from pipeline.tasks.layout import families_of
-from pipeline.world.objects.contract import FAMILIES, directory_of
-from pipeline.world.robots import MODELS, OURS
 
 SHADERS = ("world/drawing/shaders",)
 DRAWING = (
     *OF_DRAWING,
     *("world/cameras.py", "world/files.py", "world/shapes.py", "poses.py"),
-    *(
-        "data/setup/brought.py",
-        "data/cameras.py",
-        "data/imperfections.py",
-        "data/episode/visuals.py",
-    ),
+    *("data/setup/brought.py", "data/cameras.py"),
+    *("data/imperfections.py", "data/episode/visuals.py"),
 )
 DRAWING_PACKAGES = ("numba", "numpy", "opencv-python-headless", "sapien")
 
@@ -117,9 +114,10 @@ def robot_contents(root: Path, embodiment: str) -> list[dict[str, str]]:
     """What the directories of an embodiment's robots hold: `physics` and `looks` of each."""
     package = OURS.parents[1]
     directories = [MODELS[name].directory for name in embodiment.split("+") if name != NONE]
-    ours = [each.is_relative_to(package) for each in directories]
-    pairs = zip(directories, ours, strict=True)
-    return [content_key(root / each.relative_to(package) if own else each) for each, own in pairs]
+    return [
+        content_key(root / each.relative_to(package) if each.is_relative_to(package) else each)
+        for each in directories
+    ]
 
 
 def object_contents(task: str, randomized: bool, rules: Rules) -> dict[str, str]:
@@ -146,10 +144,8 @@ def content_key(directory: Path) -> dict[str, str]:
     files = sorted(p for p in directory.rglob("*") if p.is_file() and not p.name.startswith("."))
     hashes = {p.relative_to(directory).as_posix(): file_hash(p) for p in files}
     looks = {name: value for name, value in hashes.items() if name.endswith(".glb")}
-    return {
-        "looks": digest(looks),
-        "physics": digest({name: value for name, value in hashes.items() if name not in looks}),
-    }
+    physics = {name: value for name, value in hashes.items() if name not in looks}
+    return {"looks": digest(looks), "physics": digest(physics)}
 
 
 def _hash_modules(root: Path, items: Iterable[object]) -> str:
@@ -157,11 +153,11 @@ def _hash_modules(root: Path, items: Iterable[object]) -> str:
     of a plugin stands for all files of all plugins."""
     classes = [each if isinstance(each, type) else type(each) for each in items]
     names = {base.__module__ for each in classes for base in each.__mro__}
-    ours = {name: "/".join(name.split(".")[1:]) for name in names if _is_ours(name)}
-    own = [f"{path}.py" for path in ours.values() if path.startswith(REGISTERED)]
+    ours = {"/".join(name.split(".")[1:]) for name in names if _is_ours(name)}
+    own = sorted(f"{path}.py" for path in ours if path.startswith(REGISTERED))
     plugins = outside_modules() if any(not _is_ours(each.__module__) for each in classes) else {}
     outside = sorted((name, hash_file(path)) for name, path in plugins.items())
-    return digest([hash_files(root, tuple(sorted(own))), outside])
+    return digest([hash_files(root, tuple(own)), outside])
 
 
 def _is_ours(module: str) -> bool:

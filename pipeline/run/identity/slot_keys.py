@@ -10,10 +10,9 @@ from pipeline.data.keys import Key, SlotKeys, digest
 from pipeline.data.recipe.model import CHOOSING, Recipe, RecipeError, Slot
 from pipeline.data.setup import IMAGES
 from pipeline.data.setup.rules import Rules
-from pipeline.run.identity import code, core
 from pipeline.run.names import add_originals
 
-FOR_SENTENCES = ("instructions",)
+from . import code, core
 
 
 class RecipeKeys:
@@ -22,10 +21,9 @@ class RecipeKeys:
     def __init__(self, recipe: Recipe) -> None:
         self._recipe, self._root = recipe, core.package_root()
         self._placed: dict[tuple[str, bool], dict[str, str]] = {}
-        if recipe.assets is not None:
-            # slots whose objects are missing have no keys, which readers report
-            with suppress(RecipeError):
-                add_originals(recipe)
+        # slots whose objects are missing have no keys, which readers report
+        with suppress(RecipeError):
+            add_originals(recipe)
         # a frozen recipe has all values written out; without defaults, a key which a later version
         # adds changes nothing
         given = recipe.model_dump(mode="json", exclude=set(CHOOSING), exclude_defaults=True)
@@ -33,14 +31,10 @@ class RecipeKeys:
         every = {name: value for name, value in given.items() if name not in (*IMAGES, "objects")}
         if recipe.corrections:
             every["corrections"] = recipe.corrections.label  # wherever the policy is
-        spoken = {name: every.pop(name, None) for name in FOR_SENTENCES}
+        spoken = {"instructions": every.pop("instructions", None)}
         self._physics, self._language = digest(every), digest(spoken)
-        textures, light = recipe.brought
-        given |= {
-            name: key
-            for name, key in (("textures", textures), ("environment", light))
-            if name in given
-        }
+        for name, key in zip(("textures", "environment"), recipe.brought, strict=True):
+            given |= {name: key} if name in given else {}
         self._drawn = {name: given[name] for name in (*IMAGES, "camera") if name in given}
         if recipe.visuals != "randomized":
             self._drawn.pop("visual_seed", None)
@@ -50,15 +44,16 @@ class RecipeKeys:
         cell, root = slot.cell, self._root
         randomized = cell.domain == "randomized"
         parts = code.cell_code(root, cell.task, cell.embodiment, randomized, self._recipe.motion)
-        own = digest([slot.physical.path, cell.alpha])
+        own = {"slot": digest([slot.physical.path, cell.alpha]), "recipe": self._physics}
         acting = {"policy": code.evaluation_code(root)} if self._recipe.corrections else {}
         # what bodies look like decides which attempts are accepted
         if self._recipe.view == "unoccluded":
             acting["view"] = digest([code.drawing_code(root), parts.looks])
-        files = self._objects(cell.task, randomized)
-        looks = digest([parts.looks, files["looks"]]) if files else parts.looks
-        placed = {"files": files["physics"]} if files else {}
-        physics = Key({"slot": own, "recipe": self._physics, **parts.physics, **acting, **placed})
+        looks = parts.looks
+        if files := self._objects(cell.task, randomized):
+            looks = digest([looks, files["looks"]])
+            acting["files"] = files["physics"]
+        physics = Key(own | parts.physics | acting)
         language = Key({"physics": physics.digest, "recipe": self._language, **parts.language})
         return SlotKeys(physics, self._render(slot, physics, looks), language)
 

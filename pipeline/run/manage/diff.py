@@ -1,7 +1,7 @@
 """`domino-data diff A B`: which slots of two datasets differ, and why, by both indices."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from pipeline.data.dataset import Dataset
@@ -10,13 +10,9 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.files import Listing
 from pipeline.data.slots.records import unpack_keys
 
-MISSING, GIVEN_UP, LOST, BYTES = (
-    "is not finished",
-    "was given up",
-    "is finished, and its file is gone",
-    "other bytes, same keys",
-)
-UNWANTED = "not wanted"  # what a slot is to a dataset whose recipe has no such slot
+MISSING, UNWANTED = "is not finished", "not wanted"
+GIVEN_UP, LOST = "was given up", "is finished, and its file is gone"
+BYTES = "other bytes, same keys"  # of another state log, or by a damaged installation
 
 
 @dataclass(frozen=True)
@@ -30,18 +26,15 @@ class Difference:
 
     def describe(self) -> str:
         """One line."""
-        if UNWANTED in (self.a, self.b):
-            first, second = (
-                (("A", self.a), ("B", self.b))
-                if self.a == UNWANTED
-                else (("B", self.b), ("A", self.a))
-            )
-            return f"{self.slot}: {UNWANTED} by {first[0]}, {second[1]} in {second[0]}"
-        why = f"other {', '.join(self.parts)}" if self.parts else ""
-        return (
-            f"{self.slot}:"
-            f" {why or (self.a if self.a == self.b else f'{self.a} in A, {self.b} in B')}"
-        )
+        if self.a == UNWANTED:
+            why = f"{UNWANTED} by A, {self.b} in B"
+        elif self.b == UNWANTED:
+            why = f"{UNWANTED} by B, {self.a} in A"
+        elif self.parts:
+            why = f"other {', '.join(self.parts)}"
+        else:
+            why = self.a if self.a == self.b else f"{self.a} in A, {self.b} in B"
+        return f"{self.slot}: {why}"
 
 
 @dataclass(frozen=True)
@@ -58,21 +51,27 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
     """{"same": slots alike in both, "differ": [Difference], "why": {reason: slots}, "recipes": keys
     of the recipes that differ}. Raises DatasetError."""
     recipes = a.recipe(), b.recipe()
-    sides = [_sides(dataset, recipe) for dataset, recipe in zip((a, b), recipes, strict=True)]
+    first, second = _sides(a, recipes[0]), _sides(b, recipes[1])
     wanted = [dict.fromkeys(recipe.slots()) for recipe in recipes]
-    slots = wanted[0] | wanted[1]
-    found = dict[Slot, Difference]()
-    for slot in slots:
-        if d := _difference(slot, sides[0].get(slot), sides[1].get(slot)):
-            said = [
-                state if slot in mine else UNWANTED
-                for state, mine in zip((d.a, d.b), wanted, strict=True)
-            ]
-            found[slot] = replace(d, a=said[0], b=said[1])
-    why = Counter(d.describe().partition(": ")[2] for d in found.values())
+    found, same = list[Difference](), 0
+    for slot in wanted[0] | wanted[1]:
+        one, other, parts = first.get(slot), second.get(slot), tuple[str, ...]()
+        if one and other:
+            if one == other and one.there:
+                same += 1
+                continue
+            parts = _parts(slot, one, other)
+        elif one is other:
+            continue
+        in_a = _state(one) if slot in wanted[0] else UNWANTED
+        in_b = _state(other) if slot in wanted[1] else UNWANTED
+        if in_a == in_b != LOST:
+            in_a = in_b = "" if parts else BYTES
+        found.append(Difference(slot.path, in_a, in_b, parts))
+    why = Counter(each.describe().partition(": ")[2] for each in found)
     return {
-        "same": sum(slot in sides[0] and slot in sides[1] and slot not in found for slot in slots),
-        "differ": [asdict(d) for d in found.values()],
+        "same": same,
+        "differ": [asdict(each) for each in found],
         "why": dict(why.most_common()),
         "recipes": differences(*recipes),
     }
@@ -81,33 +80,12 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
 def _sides(dataset: Dataset, recipe: Recipe) -> dict[Slot, _Side]:
     rows = dataset.rows(recipe, "sha256")
     there = Listing(dataset.episodes, recipe).there(rows).tolist()
-    columns = zip(
-        rows.slots,
-        rows.accepted.tolist(),
-        rows.more["sha256"],
-        rows.keys.tolist(),
-        there,
-        strict=True,
-    )
+    accepted, keys = rows.accepted.tolist(), rows.keys.tolist()
+    columns = zip(rows.slots, accepted, rows.more["sha256"], keys, there, strict=True)
     return {
         slot: _Side(accepted, sha.hex(), rows.texts[key], here)
         for slot, accepted, sha, key, here in columns
     }
-
-
-def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | None:
-    """The difference of a slot; None if there is none, or if neither dataset has the slot."""
-    if a is None or b is None:
-        return None if a is b else Difference(slot.path, _state(a), _state(b))
-    lost = not (a.there and b.there)
-    if a.accepted != b.accepted or lost:
-        return Difference(slot.path, _state(a), _state(b), _parts(slot, a, b))
-    if a.keys != b.keys or a.sha256 != b.sha256:
-        parts = _parts(slot, a, b)
-        # an episode that was made from another state log, or by a damaged installation, has other
-        # bytes with the same keys
-        return Difference(slot.path, "" if parts else BYTES, "" if parts else BYTES, parts)
-    return None
 
 
 def _state(side: _Side | None) -> str:

@@ -42,12 +42,12 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
         if dry_run:
             return found
         whole = [dataset.root / orphan.path for orphan in found if orphan.why == WHOLE]
-        held = sum(dataset.episode(slot).exists() for slot in recipe.slots())
-        if len(whole) > LARGE * (len(whole) + held):
+        held = len(whole) + sum(dataset.episode(slot).exists() for slot in recipe.slots())
+        if len(whole) > LARGE * held:
             raise DatasetError(
-                f"{dataset.root}: {len(whole)} of {len(whole) + held} whole episodes belong to no"
-                f" slot of {dataset.manifest.name}, more than {100 * LARGE:g} %: restore the"
-                " manifest that they were built with, or move them away"
+                f"{dataset.root}: {len(whole)} of {held} whole episodes belong to no slot of"
+                f" {dataset.manifest.name}, more than {100 * LARGE:g} %: restore the manifest that"
+                " they were built with, or move them away"
             )
         sweep(dataset.root)  # of what is half-written only that whose process is gone
         for path in whole:
@@ -57,7 +57,10 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
             remove(path)
         delete(*gone)
         for folder in ("episodes", "annotations", "assets/bodies"):
-            _remove_empty(dataset.root / folder)
+            below = (dataset.root / folder).rglob("*")
+            for path in sorted((path for path in below if path.is_dir()), reverse=True):
+                if not any(path.iterdir()):
+                    path.rmdir()
     return found
 
 
@@ -76,9 +79,8 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
             yield orphan(path, WHOLE if name in whole else "episode of no slot")
     for stage in (dataset.root / "annotations").glob("*@*"):
         for path in stage.rglob("*.h5"):
-            if path.relative_to(stage).with_suffix(
-                ".hdf5"
-            ).as_posix() not in held and _EPISODE.fullmatch(path.stem):
+            episode = path.relative_to(stage).with_suffix(".hdf5").as_posix()
+            if episode not in held and _EPISODE.fullmatch(path.stem):
                 yield orphan(path, "annotation of no episode")
     named = _list_named(dataset, recipe, held | whole)
     for path in dataset.bodies.glob("[0-9a-f][0-9a-f]/*.npz"):
@@ -112,12 +114,8 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
     """The assets that episodes, stored failures and orphans/ name; None if one of these cannot be
     read."""
-    rows = dataset.rows(recipe, "assets")
-    names = dataset.ask(lambda index: index.assets())
-    named = {
-        names[number]
-        for number in {int(number) for text in rows.more["assets"] for number in text.split()}
-    }
+    rows, names = dataset.rows(recipe, "assets"), dataset.ask(lambda index: index.assets())
+    named = {names[int(number)] for text in rows.more["assets"] for number in text.split()}
     known = {f"{slot.path}.hdf5" for slot in rows.where(rows.accepted).slots}
     unknown = (dataset.episodes / name for name in held - known)
     for path in (*unknown, *dataset.failures.rglob("*.hdf5"), *dataset.orphans.rglob("*.hdf5")):
@@ -127,9 +125,3 @@ def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | 
         except (EpisodeError, OSError, KeyError, ValueError):
             return None
     return named
-
-
-def _remove_empty(folder: Path) -> None:
-    for path in sorted((p for p in folder.rglob("*") if p.is_dir()), reverse=True):
-        if not any(path.iterdir()):
-            path.rmdir()

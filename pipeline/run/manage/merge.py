@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,50 +47,47 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     OSError."""
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
+    there = out.root.resolve()
     for source in sources:
-        here, there = source.root.resolve(), out.root.resolve()
+        here = source.root.resolve()
         if here.is_relative_to(there) or there.is_relative_to(here):
             raise DatasetError(
                 f"--out {out.root} is one of the datasets, within one or around it: name another"
                 " directory"
             )
-    for source in sources:
         source.check_seal()
     recipes = [source.recipe() for source in sources]
     recipe = _join_recipes(sources, recipes)
     held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]
     _check_keys(sources, held)
     out.create(recipe)
+    taken = Counter[int]()
     with exclusive(out.root):
-        return _merge(sources, held, out, recipe)
-
-
-def _merge(
-    sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], out: Dataset, recipe: Recipe
-) -> Merged:
-    """As `merge`, of slots that fit together, into a directory that is the recipe's."""
-    taken = [0] * len(sources)
-    with IndexWriter(out, recipe) as writer:
-        known = dict(out.records(recipe))
-        for slot in recipe.slots():
-            number = next((n for n, records in enumerate(held) if slot in records), None)
-            if number is None:
-                continue
-            taken[number] += 1
-            record = held[number][slot]
-            if known.get(slot) != record:
-                _take(sources[number], out, slot, record)
-                writer.add(slot, record)
-    for source in sources:
-        for path in sorted(source.assets.rglob("*")):
-            if path.is_file() and not path.name.endswith(".tmp"):
-                _link(path, out.assets / path.relative_to(source.assets))
-        _take_annotations(source, out)
-    out.write_attempts(recipe)
-    write_atomic(out.provenance, seal(_provenance(sources)))
-    refresh(out, annotation_sheet)
-    accepted, wanted = out.present(recipe).accepted, sum(recipe.counts().values()) * recipe.variants
-    return Merged(wanted, int(accepted.sum()), int((~accepted).sum()), tuple(taken))
+        with IndexWriter(out, recipe) as writer:
+            known = dict(out.records(recipe))
+            for slot in recipe.slots():
+                number = next((n for n, records in enumerate(held) if slot in records), None)
+                if number is None:
+                    continue
+                taken[number] += 1
+                record = held[number][slot]
+                if known.get(slot) != record:
+                    _take(sources[number], out, slot, record)
+                    writer.add(slot, record)
+        for source in sources:
+            for path in sorted(source.assets.rglob("*")):
+                if path.is_file() and not path.name.endswith(".tmp"):
+                    _link(path, out.assets / path.relative_to(source.assets))
+            _take_annotations(source, out)
+        out.write_attempts(recipe)
+        made = [source.made_by() for source in sources]
+        same = all(each == made[0] for each in made)
+        write_atomic(out.provenance, seal(made[0] if same else made[0] | {"merged_from": made}))
+        refresh(out, annotation_sheet)
+        accepted = out.present(recipe).accepted
+    wanted = sum(recipe.counts().values()) * recipe.variants
+    each = tuple(taken[number] for number in range(len(sources)))
+    return Merged(wanted, int(accepted.sum()), int((~accepted).sum()), each)
 
 
 def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
@@ -110,10 +107,9 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
         key: tuple(dict.fromkeys(value for recipe in recipes for value in getattr(recipe, key)))
         for key in ("tasks", "embodiments", "levels", "domains", "alpha")
     }
-    update |= {
-        "objects": {key: names for recipe in recipes for key, names in recipe.objects.items()}
-    }
-    update |= {"episodes": _most(recipes), "variants": max(recipe.variants for recipe in recipes)}
+    update["objects"] = {key: names for recipe in recipes for key, names in recipe.objects.items()}
+    update["episodes"] = _most(recipes)
+    update["variants"] = max(recipe.variants for recipe in recipes)
     joined = first.model_copy(update=update)
     for source, recipe in zip(sources, recipes, strict=True):
         if more := left_out(recipe, joined):
@@ -123,23 +119,18 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
 
 def _most(recipes: Sequence[Recipe]) -> Any:
     """The largest number of episodes; by domain if any recipe counts by domain."""
-    values = [recipe.episodes for recipe in recipes]
-    if all(isinstance(value, int) for value in values):
-        return max(value for value in values if isinstance(value, int))
-    counts: dict[str, int] = defaultdict(int)
-    for recipe, value in zip(recipes, values, strict=True):
-        for domain, count in (
-            dict.fromkeys(recipe.domains, value) if isinstance(value, int) else value
-        ).items():
-            counts[domain] = max(counts[domain], count)
-    return dict(counts)
+    numbers, counts = list[int](), Counter[str]()
+    for recipe in recipes:
+        of = recipe.episodes
+        numbers += [of] if isinstance(of, int) else []
+        counts |= Counter(dict.fromkeys(recipe.domains, of) if isinstance(of, int) else dict(of))
+    return max(numbers) if len(numbers) == len(recipes) else dict(counts)
 
 
 def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]]) -> None:
     """Raise DatasetError for slots that the datasets have differently, or of another version of the
     code."""
-    first: dict[tuple[str, str], tuple[str, Dataset]] = {}
-    of_cell: dict[tuple[object, int], tuple[str, Dataset]] = {}
+    first: dict[object, tuple[str, Dataset]] = {}
     for source, records in zip(sources, held, strict=True):
         for slot, record in records.items():
             for kind, part in SHARED:
@@ -151,17 +142,16 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
                         f" code ({kind}: {part}, at {slot.path}): build one of them again first"
                     )
             text = pack_keys(slot, record.keys)
-            seen, where = of_cell.setdefault((slot.cell, slot.variant), (text, source))
+            seen, where = first.setdefault((slot.cell, slot.variant), (text, source))
             if seen != text:
                 raise DatasetError(
                     f"{where.root} and {source.root} have other keys in {slot.cell.path}:"
                     " `domino-data diff` shows which; build one of them again first"
                 )
-    for slot, record in held[0].items():
-        for source, records in zip(sources[1:], held[1:], strict=True):
-            if slot in records and records[slot].sha256 != record.sha256:
+            seen, where = first.setdefault(slot, (record.sha256, source))
+            if seen != record.sha256:
                 raise DatasetError(
-                    f"{sources[0].root} and {source.root} both have {slot.path}, with other bytes:"
+                    f"{where.root} and {source.root} both have {slot.path}, with other bytes:"
                     " verify both"
                 )
 
@@ -171,10 +161,8 @@ def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None
     for row in record.attempts:
         if row.get("kept"):
             _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
-    path = source.file(slot, record.accepted)
-    if _state(path) != (record.file.size, record.file.changed) and not is_intact(
-        path, record.sha256
-    ):
+    path, known = source.file(slot, record.accepted), (record.file.size, record.file.changed)
+    if _state(path) != known and not is_intact(path, record.sha256):
         raise DatasetError(f"{path}: {CHANGED}")
     _link(path, out.file(slot, record.accepted))
 
@@ -182,14 +170,12 @@ def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None
 def _take_annotations(source: Dataset, out: Dataset) -> None:
     """Take over annotations of episodes that the result has."""
     for stage in sorted((source.root / "annotations").glob("*@*")):
-        there = out.root / "annotations" / stage.name
         for path in sorted(stage.rglob("*")):
-            relative = path.relative_to(stage)
-            episode = out.episodes / relative.with_suffix(".hdf5")
-            if path.is_file() and (
-                relative.name == "stage.json" or (path.suffix == ".h5" and episode.exists())
-            ):
-                _link(path, there / relative)
+            name = path.relative_to(stage)
+            episode = out.episodes / name.with_suffix(".hdf5")
+            wanted = name.name == "stage.json" or (path.suffix == ".h5" and episode.exists())
+            if path.is_file() and wanted:
+                _link(path, out.root / "annotations" / stage.name / name)
 
 
 def _link(path: Path, to: Path) -> None:
@@ -209,9 +195,3 @@ def _state(path: Path) -> tuple[int, int]:
     """Size in bytes and time of change in ns of a file."""
     state = path.stat()
     return state.st_size, state.st_mtime_ns
-
-
-def _provenance(sources: Sequence[Dataset]) -> dict[str, Any]:
-    """What made the datasets: the same for all, or that of the first with all of them beside it."""
-    made = [source.made_by() for source in sources]
-    return made[0] if all(each == made[0] for each in made) else made[0] | {"merged_from": made}

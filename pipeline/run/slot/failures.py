@@ -15,13 +15,14 @@ from pipeline.data.store.place import place_of
 from pipeline.motion.planar import PlanarMotion
 from pipeline.report.film_strip import encode
 from pipeline.report.page import failed_folder
-from pipeline.run.slot.make import draw, episode_of, write
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.dry_run import DRY_RUN
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import REACT, REPLAY, Demonstrator, Replay
 from pipeline.stages.scene import build_scene
+
+from .make import draw, episode_of, write
 
 KEPT = {"none": (), "rendered": (REPLAY, REACT), "all": (DRY_RUN, REPLAY, REACT)}
 """Stages whose failures are kept, by the recipe's keep_failures; the others record nothing."""
@@ -49,19 +50,12 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
     if motion is None:
         touched = log.time_of("meeting")
         meeting = float(log.times[-1]) if touched is None else touched
-        motion = PlanarMotion.still(
-            scene.bodies[scene.task.target].pose, max(meeting, 1 / recipe.fps)
-        )
+        pose = scene.bodies[scene.task.target].pose
+        motion = PlanarMotion.still(pose, max(meeting, 1 / recipe.fps))
     scene = scene.furnished(motion)
     images = draw(dataset, scene, log, recipe, phases)
-    rollout = Rollout(
-        scene,
-        motion,
-        meeting,
-        Replay(log, failure.steps),
-        failure.steps,
-        failed.demonstrator,
-    )
+    replay = Replay(log, failure.steps)
+    rollout = Rollout(scene, motion, meeting, replay, failure.steps, failed.demonstrator)
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
     why = FailureInfo(
         attempt=failed.number,
@@ -91,29 +85,20 @@ WIDTH = 256  # pixels of a frame
 def keep_last_frames(
     dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure
 ) -> None:
-    """Write the last frames of an attempt as the head camera sees them to report/failed/CELL/.
-    None if nothing moved or the cell has a picture of this failure. Raises OSError."""
-    folder = failed_folder(dataset.root, slot.cell.path)
+    """Write the last frames of an attempt as the head camera sees them to report/failed/CELL/,
+    unless nothing moved or the cell has a picture of this failure. Raises OSError."""
+    folder, log = failed_folder(dataset.root, slot.cell.path), failure.log
     name = f"{failure.stage}-{failure.reason}"
-    if failure.log is None or any(folder.glob(f"{name}-*.jpg")):
+    if log is None or any(folder.glob(f"{name}-*.jpg")):
         return
     scene = build_scene(recipe.spec(slot, number), recipe.ruling())
     if failure.motion is not None:
         scene = scene.furnished(failure.motion)
-    appearance = appearance_of(
-        scene, Setup(camera=recipe.camera, cameras=("head",), render="raster-fast")
-    )
-    last, step = len(failure.log) - 1, round(APART * recipe.fps)
-    (view,) = render(
-        appearance,
-        failure.log,
-        frames=[max(0, last - step * back) for back in reversed(range(FRAMES))],
-    )
-    height = WIDTH * view.rgb.shape[1] // view.rgb.shape[2]
-    frames = [
-        cv2.resize(frame, (WIDTH, height), interpolation=cv2.INTER_AREA) for frame in view.rgb
-    ]
-    write_atomic(
-        folder / f"{name}-{slot.index}-{number}.jpg",
-        encode(np.hstack(frames).astype(np.uint8), quality=80),
-    )
+    setup = Setup(camera=recipe.camera, cameras=("head",), render="raster-fast")
+    step = round(APART * recipe.fps)
+    chosen = [max(0, len(log) - 1 - step * back) for back in reversed(range(FRAMES))]
+    (view,) = render(appearance_of(scene, setup), log, frames=chosen)
+    size = (WIDTH, WIDTH * view.rgb.shape[1] // view.rgb.shape[2])
+    frames = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in view.rgb]
+    picture = encode(np.hstack(frames).astype(np.uint8), quality=80)
+    write_atomic(folder / f"{name}-{slot.index}-{number}.jpg", picture)

@@ -17,19 +17,20 @@ from pipeline.data.intact import is_intact
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.files import remove_given_up, write_given_up
-from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
+from pipeline.data.slots.records import SlotRecord, untimed
 from pipeline.data.store.place import place_of
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
-from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
-from pipeline.run.slot.make import draw, episode_of, read_facts, renew, send_slot, write
-from pipeline.run.slot.worker_log import worker_log
 from pipeline.run.state import IMAGES, SENTENCES, SlotState
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator, expert_of
 from pipeline.world.drawing.vulkan import ensure_renderer
+
+from .failures import Failed, keep_failure, keep_last_frames, remove_failures
+from .make import draw, episode_of, read_facts, renew, send_slot, write
+from .worker_log import worker_log
 
 RENEWAL = -1
 """Stands for the number of an attempt when only images or sentences are made."""
@@ -50,13 +51,11 @@ class FillJob:
     """What a worker is sent.
 
     `renewing` is the record of an episode of which only images or sentences are made. `lost`
-    attempts are recorded as failed; if RENEWAL is among them, the episode is made from nothing.
-    `code` is the driver's version."""
+    attempts are recorded as failed; if RENEWAL is among them, the episode is made from nothing."""
 
     root: str
     recipe: Recipe
     slot: Slot
-    code: str
     renewing: SlotRecord | None = None
     lost: tuple[LostAttempt, ...] = ()
 
@@ -67,10 +66,9 @@ class FillJob:
         if not isinstance(attempt, int):
             # they died before they began: on the first attempt that they would have made
             lost = {one.attempt for one in self.lost}
-            untried = [each for each in range(self.recipe.attempts) if each not in lost]
-            if not untried:
+            attempt = next((n for n in range(self.recipe.attempts) if n not in lost), None)
+            if attempt is None:
                 raise CrewError(f"{self.slot.path}: workers die of it before they try any seed")
-            attempt = untried[0]
         return replace(self, lost=(*self.lost, LostAttempt(attempt, died.reason, died.seconds)))
 
 
@@ -89,7 +87,7 @@ class NodeCheck:
             raise DatasetError(
                 f"{self.root} is not there: --out must be where all nodes of the cluster reach it"
             )
-        if code_version() != self.code:
+        if self.code != code_version():
             raise DatasetError(
                 f"runs code {code_version()}, the driver {self.code}: install the same version on"
                 " all nodes"
@@ -108,25 +106,17 @@ def demonstrator_of(recipe: Recipe) -> Demonstrator:
 
 def slot_jobs(dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState]) -> deque[FillJob]:
     """What the workers are sent to make what is missing of some slots, in their order."""
+    renewed = {slot for slot, state in todo.items() if state.todo in (IMAGES, SENTENCES)}
+    records = dict[Slot, SlotRecord]()
     # a failed attempt that is kept is only made with its slot
-    renewed = {
-        slot
-        for slot, state in todo.items()
-        if state.todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"
-    }
-    records = (
-        {slot: record for slot, record in dataset.records(recipe) if slot in renewed}
-        if renewed
-        else {}
-    )
-    root, code = str(dataset.root.resolve()), code_version()
-    return deque(FillJob(root, recipe, slot, code, records.get(slot)) for slot in todo)
+    if renewed and recipe.keep_failures == "none":
+        records = {slot: record for slot, record in dataset.records(recipe) if slot in renewed}
+    root = str(dataset.root.resolve())
+    return deque(FillJob(root, recipe, slot, records.get(slot)) for slot in todo)
 
 
 def slot_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
-    """`fill_logged`, in a process that has hashed its code: this is not the first attempt's
-    time."""
-    code_version()
+    """What each worker does."""
     return fill_logged
 
 
@@ -156,33 +146,19 @@ def fill_slot(job: FillJob) -> SlotRecord:
 
 def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
     """Make what is missing of a slot; yield the number of each attempt when it begins, and return
-    the record, which the driver writes. Raises DatasetError on a worker whose code differs from the
-    driver's."""
-    if job.code != code_version():
-        raise DatasetError(
-            f"a worker runs code {code_version()}, the driver {job.code}: install the same version"
-            " everywhere"
-        )
+    the record, which the driver writes."""
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
-    record, old = None, job.renewing
-    _remove_partial(dataset.episode(job.slot))
-    # a worker that died may have written it already
-    if (
-        old
-        and not any(one.attempt == RENEWAL for one in job.lost)
-        and is_intact(dataset.episode(job.slot), old.sha256)
-    ):
-        yield RENEWAL
-        with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
-            record = renew(dataset, job.recipe, job.slot, old, keys)
-    return record or (yield from _from_nothing(dataset, job, keys))
-
-
-def _remove_partial(path: Path) -> None:
-    """Remove what a worker that was killed, on whatever machine, has left half-written of a
-    file."""
+    path, old = dataset.episode(job.slot), job.renewing
+    # what a worker that was killed, on whatever machine, has left half-written
     for left in path.parent.glob(f".{path.name}.*.tmp"):
         left.unlink(missing_ok=True)
+    tried = any(one.attempt == RENEWAL for one in job.lost)
+    # a worker that died may have written it already
+    if old and not tried and is_intact(path, old.sha256):
+        yield RENEWAL
+        with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
+            return renew(dataset, job.recipe, job.slot, old, keys)
+    return (yield from _from_nothing(dataset, job, keys))
 
 
 def _from_nothing(
@@ -191,28 +167,18 @@ def _from_nothing(
     """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
-    phases, rows, sha, known = Phases(), list[dict[str, Any]](), "", FileFacts()
+    phases, rows = Phases(), list[dict[str, Any]]()
     demonstrator = demonstrator_of(recipe)
     remove(dataset.episode(slot))
     remove_failures(dataset, slot)
     for number in range(recipe.attempts):
         spec, began = recipe.spec(slot, number), time.perf_counter()
-        row = asdict(slot.cell) | {
-            "slot": slot.index,
-            "attempt": number,
-            "seed": spec.seed,
-            "stage": "",
-            "reason": "",
-        }
+        row: dict[str, Any] = asdict(slot.cell)
+        row |= {"slot": slot.index, "attempt": number, "seed": spec.seed, "stage": "", "reason": ""}
         row |= {"detail": "", "conditions": []}
-        if number in lost:
-            row |= {
-                "outcome": "failed",
-                "stage": "worker",
-                "reason": lost[number].reason,
-                "sim_steps": 0,
-            }
-            rows.append(row | {"seconds": lost[number].seconds})
+        if one := lost.get(number):
+            row |= {"outcome": "failed", "stage": "worker", "reason": one.reason, "sim_steps": 0}
+            rows.append(row | {"seconds": one.seconds})
             continue
         yield number
         try:
@@ -220,34 +186,25 @@ def _from_nothing(
             if recipe.view == "unoccluded":
                 require_view(rollout, recipe)
         except Failure as failure:
-            row |= {
-                "outcome": "failed",
-                "stage": failure.stage,
-                "reason": failure.reason,
-                "sim_steps": failure.steps,
-            }
-            row |= {"detail": failure.detail, "conditions": list(failure.conditions)}
+            row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason}
+            row |= {"sim_steps": failure.steps, "detail": failure.detail}
+            row |= {"conditions": list(failure.conditions)}
             row |= asdict(failure.drawn) if failure.drawn else {}
-            row["seconds"] = time.perf_counter() - began
+            seconds = time.perf_counter() - began
             keep_last_frames(dataset, recipe, slot, number, failure)
-            if kept := keep_failure(
-                dataset, recipe, Failed(slot, number, failure, keys, demonstrator), phases
-            ):
+            failed = Failed(slot, number, failure, keys, demonstrator)
+            if kept := keep_failure(dataset, recipe, failed, phases):
                 row["kept"] = kept
-        else:
-            images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
-            row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(
-                rollout.motion.features()
-            )
-            episode = replace(
-                episode_of(rollout, recipe, images.drawing, keys), attempts=untimed([*rows, row])
-            )
-            sha = write(dataset.episode(slot), episode, images, phases)
-            known = read_facts(dataset, slot)
+            rows.append({"seconds": seconds} | row)
+            continue
+        images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
+        row |= {"outcome": "accepted", "sim_steps": rollout.steps}
+        row |= asdict(rollout.motion.features())
+        episode = episode_of(rollout, recipe, images.drawing, keys)
+        episode = replace(episode, attempts=untimed([*rows, row]))
+        sha = write(dataset.episode(slot), episode, images, phases)
+        known = read_facts(dataset, slot)
         rows.append({"seconds": time.perf_counter() - began} | row)
-        if sha:
-            break
-    if not sha:
-        return replace(write_given_up(dataset, slot, keys, rows), phases=phases.record())
-    remove_given_up(dataset, slot)
-    return SlotRecord(keys, True, sha, tuple(rows), phases.record(), known)
+        remove_given_up(dataset, slot)
+        return SlotRecord(keys, True, sha, tuple(rows), phases.record(), known)
+    return replace(write_given_up(dataset, slot, keys, rows), phases=phases.record())

@@ -34,26 +34,23 @@ from pipeline.tasks.language.sentences import instructions
 
 def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
     """The accepted rollout as an episode, without images."""
-    scene, task = rollout.scene, rollout.scene.task
-    words = {name: body.instance.words() for name, body in scene.bodies.items()}
-    objects = {
-        name: ObjectInfo(
+    scene, task, log = rollout.scene, rollout.scene.task, rollout.replay.log
+    objects = dict[str, ObjectInfo]()
+    for name, body in scene.bodies.items():
+        words, values = body.instance.words(), vars(body.instance).items()
+        objects[name] = ObjectInfo(
             family=body.family,
-            noun=words[name].noun,
-            description=words[name].seen[0],
-            parameters={
-                k: v for k, v in vars(body.instance).items() if isinstance(v, int | float | str)
-            },
+            noun=words.noun,
+            description=words.seen[0],
+            parameters={k: v for k, v in values if isinstance(v, int | float | str)},
         )
-        for name, body in scene.bodies.items()
-    }
+    workspace = task.workspace
     meta = EpisodeMeta(
         fps=recipe.fps,
         target=task.target,
         manipulated=task.manipulated,
         category=task.category,
         arms=scene.arms,
-        choices=scene.choices,
         objects=objects,
         clutter=scene.clutter,
         clutter_wanted=scene.rules.clutter,
@@ -69,17 +66,11 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         **rollout.demonstrator.describe(),
         physics_hz=PHYSICS_HZ,
         step_limit=at_rate(task.step_limit, recipe.fps),
-        workspace=(
-            task.workspace.x_min,
-            task.workspace.x_max,
-            task.workspace.y_min,
-            task.workspace.y_max,
-        ),
+        workspace=(workspace.x_min, workspace.x_max, workspace.y_min, workspace.y_max),
         drawing=drawing,
-        physics_id=physics_id(scene.spec, rollout.replay.log),
+        physics_id=physics_id(scene.spec, log),
         **keys.header(),
     )
-    log = rollout.replay.log
     derived = Interception(meta, log, rollout.motion, log.pose(task.target))
     return Episode(
         scene.spec,
@@ -139,35 +130,27 @@ def images_of(
 
 def stored_images(file: EpisodeFile) -> Images:
     """The images of an episode file as they are, frames still encoded."""
-    meta = file.meta
-    views, coded = [], []
-    for name, info in meta.drawing.cameras.items():
+
+    def optional(key: str) -> NDArray[Any] | None:
+        return file.array(key) if file.has(key) else None
+
+    views, coded = list[View](), list[NDArray[Any]]()
+    for name, info in file.meta.drawing.cameras.items():
         group = f"observation/{name}"
-        optional = {key: _array(file, f"{group}/{key}") for key in ("depth", "actor_segmentation")}
-        camera, none = info.camera(name), np.empty((0, info.height, info.width, 3), np.uint8)
-        views.append(
-            View(
-                camera,
-                file.array(f"{group}/pose"),
-                none,
-                optional["depth"],
-                optional["actor_segmentation"],
-            )
+        poses, none = (
+            file.array(f"{group}/pose"),
+            np.empty((0, info.height, info.width, 3), np.uint8),
         )
+        depth, mask = optional(f"{group}/depth"), optional(f"{group}/actor_segmentation")
+        views.append(View(info.camera(name), poses, none, depth, mask))
         coded.append(file.array(f"{group}/rgb"))
     tracks = {key: values for key, values in file.interception().items() if key.startswith(TRACKS)}
-    return Images(meta.drawing, views, coded, _array(file, "pointcloud"), tracks)
-
-
-def _array(file: EpisodeFile, key: str) -> NDArray[Any] | None:
-    return file.array(key) if file.has(key) else None
+    return Images(file.meta.drawing, views, coded, optional("pointcloud"), tracks)
 
 
 def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
     """Write an episode file; its sha256."""
-    own = {
-        key: values for key, values in episode.interception.items() if not key.startswith(TRACKS)
-    }
+    own = {key: v for key, v in episode.interception.items() if not key.startswith(TRACKS)}
     with phases("write"):
         tracked = replace(episode, interception=own | dict(images.tracks))
         write_episode(path, tracked, images.views, images.coded, images.pointcloud)
@@ -178,9 +161,8 @@ def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
     """What is known of a slot's episode file. Raises EpisodeError for one that cannot be read."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
-        return FileFacts.of(
-            path.stat(), len(file), file.meta.physics_id, list(file.meta.drawing.assets.values())
-        )
+        assets = list(file.meta.drawing.assets.values())
+        return FileFacts.of(path.stat(), len(file), file.meta.physics_id, assets)
 
 
 def renew(
@@ -192,7 +174,7 @@ def renew(
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
     scene = build_scene(old.spec, recipe.ruling()).furnished(motion_from_json(old.motion))
-    # then an asset is missing
+    # with the same keys, an asset is missing
     if old_entry.keys.render != keys.render or old_entry.keys.language == keys.language:
         images = draw(dataset, scene, old.log, recipe, phases)
     meta = old.meta.model_copy(update={"drawing": images.drawing, **keys.header()})

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.state_log import physics_id
@@ -16,9 +16,8 @@ from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
-from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
-from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.make import images_of, read_facts, send_slot, write
+from pipeline.data.slots.records import SlotRecord, untimed
+from pipeline.run.identity.slot_keys import redrawn_keys
 from pipeline.stages.attempt import Phases
 from pipeline.stages.drawing.render import (
     SURFACE,
@@ -32,15 +31,13 @@ from pipeline.stages.drawing.render import images_of as surfaces_of
 from pipeline.world.looks.materials import load_parts
 from pipeline.world.shapes import Parts
 
-# assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each
-KEPT_PARTS = 256
+from .make import images_of, read_facts, send_slot, write
 
 
 @dataclass(frozen=True)
 class DrawJob:
     """One episode to draw: `slot` of the dataset `out`, from the episode `origin` of `source` with
-    `record`. `same_look`: whether its stored look is the wanted one; `code`: the driver's
-    version."""
+    `record`. `same_look`: whether its stored look is the wanted one."""
 
     source: str
     out: str
@@ -49,7 +46,6 @@ class DrawJob:
     origin: Slot
     record: SlotRecord
     same_look: bool
-    code: str
 
 
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
@@ -78,25 +74,19 @@ def is_drawn(
 def draw_slot(job: DrawJob) -> SlotRecord | str:
     """Draw one slot and write its episode; one that was given up in the source is given up here.
 
-    Returns the record, or in one line why the source cannot be drawn from. Raises DatasetError on a
-    worker of other code, OSError."""
-    if job.code != code_version():
-        raise DatasetError(
-            f"a worker runs code {code_version()}, the driver {job.code}: install the same version"
-            " everywhere"
-        )
+    Returns the record, or in one line why the source cannot be drawn from. Raises OSError."""
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
     keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
-    attempts = (
-        ()
-        if job.slot.variant
-        else tuple({k: v for k, v in row.items() if k != "kept"} for row in job.record.attempts)
+    attempts = tuple(
+        {k: v for k, v in row.items() if k != "kept"}
+        for row in (() if job.slot.variant else job.record.attempts)
     )
     if not job.record.accepted:
         return write_given_up(out, job.slot, keys, attempts)
     try:
-        sha, known = _draw(source, out, job, attempts, keys, phases)
+        sha = _draw(source, out, job, attempts, keys, phases)
+        known = read_facts(out, job.slot)
     except DominoError as error:
         return str(error)
     record = SlotRecord(keys, True, sha, attempts, phases.record(), known)
@@ -111,56 +101,45 @@ def _draw(
     attempts: Sequence[Mapping[str, Any]],
     keys: SlotKeys,
     phases: Phases,
-) -> tuple[str, FileFacts]:
-    """Write the episode; its sha256, and what is known of it."""
-    path, store = source.episode(job.origin), AssetStore(source.bodies)
+) -> str:
+    """Write the episode; its sha256."""
+    path, recipe, variant = source.episode(job.origin), job.recipe, job.slot.variant
+    store, own = AssetStore(source.bodies), AssetStore(out.bodies)
     with phases("read"):
         if not is_intact(path, job.record.sha256):
             raise EpisodeError(f"{path}: {CHANGED}")
         with EpisodeFile(path) as file:
             episode = file.read()
         stored = stored_appearance(episode, store, cached_parts)
-    look = stored.visuals
+    spec, log, meta = episode.spec, episode.log, episode.meta
+    look = stored.visuals if job.same_look else visuals_of(spec, recipe, variant)
+    sensing = sensing_of(spec, recipe.sensors, meta.fps, variant)
+    appearance = with_setup(stored, recipe, look, log.sides, sensing)
     if not job.same_look:
-        look = visuals_of(episode.spec, job.recipe, job.slot.variant)
-    sensing = sensing_of(episode.spec, job.recipe.sensors, episode.meta.fps, job.slot.variant)
-    appearance = with_setup(stored, job.recipe, look, episode.log.sides, sensing)
-    if not job.same_look:
-        appearance = replace(appearance, images=surfaces_of(look, job.recipe))
-    kept = {
-        name: key
-        for name, key in episode.meta.drawing.assets.items()
-        if not name.startswith(SURFACE)
-    }
-    cameras = {camera.name: CameraInfo.of(camera) for camera in appearance.cameras}
+        appearance = replace(appearance, images=surfaces_of(look, recipe))
+    assets = meta.drawing.assets.items()
+    kept = {name: key for name, key in assets if not name.startswith(SURFACE)}
     changed = {
         "preset": appearance.preset,
         "visuals": look,
-        "cameras": cameras,
-        "sensors": job.recipe.sensors,
+        "cameras": {camera.name: CameraInfo.of(camera) for camera in appearance.cameras},
+        "sensors": recipe.sensors,
+        "assets": kept | keep_images(appearance.images, own),
     }
-    changed["assets"] = kept | keep_images(appearance.images, AssetStore(out.bodies))
-    drawing = episode.meta.drawing.model_copy(update=changed)
-    objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
-    images = images_of(appearance, drawing, objects, episode.log, job.recipe, phases)
+    drawing = meta.drawing.model_copy(update=changed)
+    objects = [name for name in meta.objects if name not in meta.clutter]
+    images = images_of(appearance, drawing, objects, log, recipe, phases)
     with phases("write"):
         for key in dict.fromkeys(kept.values()):
-            AssetStore(out.bodies).copy(key, store)
-    known = {
-        "physics_id": physics_id(episode.spec, episode.log),
-        "variant": job.slot.variant,
-        "drawing": images.drawing,
-    }
-    redrawn = replace(
-        episode,
-        meta=episode.meta.model_copy(update=known | keys.header()),
-        attempts=untimed(attempts),
-    )
-    sha = write(out.episode(job.slot), redrawn, images, phases)
-    return sha, read_facts(out, job.slot)
+            own.copy(key, store)
+    known = {"physics_id": physics_id(spec, log), "variant": variant, "drawing": images.drawing}
+    meta = meta.model_copy(update=known | keys.header())
+    redrawn = replace(episode, meta=meta, attempts=untimed(attempts))
+    return write(out.episode(job.slot), redrawn, images, phases)
 
 
-@lru_cache(maxsize=KEPT_PARTS)
+# the links of five robots and some objects, about 0.1 MB each
+@lru_cache(maxsize=256)
 def _load_parts(bodies: Path, key: str) -> Parts:
     return load_parts(AssetStore(bodies), key)
 

@@ -169,16 +169,16 @@ def test_domains_may_want_different_numbers():
         ({"sight": "100ms,5m"}, "sight: noise must be less than or equal to 0.1 (got 5.0)"),
         (
             {"sight": "100ms,5mm"},
-            "sight: sets how the reactive expert sees: choose this expert, too",
+            "sight: needs the reactive expert",
         ),
         (
             {"takeover": "error"},
-            "takeover: sets when the expert takes over: name a policy to correct",
+            "takeover: needs a policy to correct",
         ),
         ({"corrections": "psychic"}, "corrections: 'psychic' is unknown"),
         (
             {"perturb": "push"},
-            "perturb: perturbs the robot after a policy has acted: name a policy to correct",
+            "perturb: needs a policy to correct",
         ),
         ({"perturb": "kick"}, "perturb must be 'pause' or 'push'"),
         ({"embodiments": ["r2d2"]}, "r2d2"),

@@ -16,7 +16,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import resolve
-from pipeline.run.provenance import provenance
+from pipeline.run.provenance import licences_of
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS, Draw
 from pipeline.tasks.contract import UndeclaredFamily
@@ -66,7 +66,7 @@ def test_a_layout_places_the_object_and_the_rules_come_back(cards):
     assert Recipe(objects="playing_cards=cards_0,playing_cards=robotwin:cards_1").objects[
         "playing_cards"
     ] == ("cards_0", "cards_1")
-    made = provenance("none", resolved)["licences"]
+    made = licences_of(resolved)
     assert made["cards_0"] == "Proprietary" and made["aloha-agilex"] == "Apache-2.0"
 
 

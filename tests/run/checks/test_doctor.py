@@ -103,12 +103,6 @@ def test_memory_for_workers(available, verdict, fix):
     assert found.verdict == verdict and fix in found.fix
 
 
-def test_little_shared_memory_or_none(tmp_path, monkeypatch):
-    assert doctor.check_shared_memory(tmp_path / "none").verdict == "WARN"
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: Usage(64e6, 0, 64e6))
-    assert doctor.check_shared_memory(tmp_path).verdict == "WARN"
-
-
 @pytest.mark.parametrize(
     "owners", [["opencv-python", "opencv-python-headless"], ["opencv-python"], []]
 )
@@ -116,28 +110,3 @@ def test_cv2_has_one_owner(owners):
     found = doctor.check_cv2(owners)
     assert found.verdict == "FAIL" and "--reinstall opencv-python-headless" in found.fix
     assert doctor.check_cv2(["opencv-python-headless"]).verdict == "PASS"
-
-
-def test_extras_name_what_they_lack():
-    wanted = [
-        "torch<3; extra == 'annotate'",
-        'transformers>=5 ; extra == "annotate"',
-        "pyarrow; extra == 'lerobot'",
-        "numpy>=2",
-        "x; extra == 'other'",
-    ]
-    missing = doctor.missing_by_extra(wanted, lambda name: name.replace("transformers", ""))
-    assert missing == {"annotate": ["transformers"], "lerobot": []}
-    annotate, lerobot = doctor.check_extras(missing)
-    assert (annotate.verdict, lerobot.verdict) == ("WARN", "PASS")
-    assert "transformers" in annotate.detail and "domino-data[annotate]" in annotate.fix
-
-
-def test_weights_that_are_here_and_that_are_not(tmp_path, monkeypatch):
-    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "empty"))
-    (tmp_path / "here").mkdir()
-    (tmp_path / "here" / "config.json").write_text("{}")
-    (tmp_path / "here" / "model.safetensors").write_bytes(b"")
-    here, gone = (doctor.check_weights(str(tmp_path / name)) for name in ("here", "gone"))
-    assert (here.verdict, here.detail) == ("PASS", str(tmp_path / "here"))
-    assert gone.verdict == "WARN" and str(tmp_path / "gone") in gone.detail

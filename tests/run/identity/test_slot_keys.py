@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.data.episode.events import EventSpec
 from pipeline.data.imperfections import DriveErrors, Sensors
-from pipeline.data.recipe.model import Floor, Slot
+from pipeline.data.recipe.model import Slot
 from pipeline.data.setup.brought import Brought
 from pipeline.data.setup.rules import Corrections, Sight
 from pipeline.data.spec import EpisodeSpec
@@ -309,7 +309,6 @@ NO_KEYS = {
     "alpha": (0.1, 0.2),
     "episodes": 7,
     "total": 70,
-    "floor": Floor(share=0.5),
     "variants": 3,
     "visual_seed": 4,  # of looks that are not drawn from it
     "assets": "robotwin:elsewhere",

@@ -16,7 +16,6 @@ from pipeline.export.shared.episodes import FAILURES, ExportError
 from pipeline.export.shared.record import check_export
 from pipeline.motion.models import motion_from_json
 from pipeline.run.checks.verify import verify
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, missing, states
@@ -39,7 +38,7 @@ def fill(root, **changes):
     dataset = Dataset(root)
     dataset.create(recipe)
     slot = next(recipe.slots())
-    record = fill_slot(FillJob(str(root), recipe, slot, code_version()))
+    record = fill_slot(FillJob(str(root), recipe, slot))
     record_all(dataset, [(slot, record)])
     return dataset, recipe, record
 
@@ -190,6 +189,6 @@ def test_what_is_said_of_a_damaged_one_helps(failed, tmp_path):
         assert missing(copy, recipe, writer) == {slot: SlotState(PHYSICS, (GONE,), False)}
     with pytest.raises(DatasetError, match="remove it, if it is there, and run the build again"):
         intact_failures(copy, recipe)
-    again = fill_slot(FillJob(str(copy.root), recipe, slot, code_version()))
+    again = fill_slot(FillJob(str(copy.root), recipe, slot))
     assert path.read_bytes() == whole and again.attempts[0]["kept"] == sha256
     assert intact_failures(copy, recipe) == [path]

@@ -4,7 +4,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.dataset import Dataset
-from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.tasks import TASKS
@@ -36,7 +35,7 @@ def test_a_failed_attempt_names_its_conditions_in_the_attempts_table(tmp_path, u
     dataset = Dataset(tmp_path / "out")
     dataset.create(recipe)
     slot = next(recipe.slots())
-    record = fill_slot(FillJob(str(dataset.root), recipe, slot, code_version()))
+    record = fill_slot(FillJob(str(dataset.root), recipe, slot))
     record_all(dataset, [(slot, record)])
     assert not record.accepted and len(record.attempts) == BUDGET
     dataset.write_attempts(recipe)

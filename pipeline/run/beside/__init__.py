@@ -1,1 +1,0 @@
-"""What stands beside the road of a build: progress, metrics, early stop."""
