@@ -25,7 +25,7 @@ def pose(position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) 
 # few numbers of a pose.
 
 
-def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+def quat_multiply(a: ArrayLike, b: ArrayLike) -> Floats:
     """Hamilton product of quaternions wxyz, `(..., 4)` x `(..., 4)` -> `(..., 4)`."""
     a, b = np.asarray(a, float), np.asarray(b, float)
     out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
@@ -33,12 +33,12 @@ def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     return out
 
 
-def _parts(a: NDArray[np.float64]) -> list[Any]:
+def _parts(a: Floats) -> list[Any]:
     """Components along the last axis; plain floats for a single vector, the fastest."""
     return a.tolist() if a.ndim == 1 else [a[..., i] for i in range(a.shape[-1])]
 
 
-def _multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+def _multiply(a: Floats, b: Floats, out: Floats) -> None:
     aw, ax, ay, az = _parts(a)
     bw, bx, by, bz = _parts(b)
     out[..., 0] = aw * bw - ax * bx - ay * by - az * bz
@@ -47,7 +47,7 @@ def _multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.fl
     out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
 
 
-def quat_rotate(q: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
+def quat_rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     """Rotate vectors `(..., 3)` by unit quaternions wxyz `(..., 4)`."""
     q, v = np.asarray(q, float), np.asarray(v, float)
     out = np.empty((*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 3))
@@ -55,7 +55,7 @@ def quat_rotate(q: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
     return out
 
 
-def _rotate(q: NDArray[np.float64], v: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+def _rotate(q: Floats, v: Floats, out: Floats) -> None:
     """v + w t + u x t with u the vector part and t = 2 u x v."""
     w, x, y, z = _parts(q)
     a, b, c = _parts(v)
@@ -65,14 +65,14 @@ def _rotate(q: NDArray[np.float64], v: NDArray[np.float64], out: NDArray[np.floa
     out[..., 2] = c + w * tz + (x * ty - y * tx)
 
 
-def quat_about(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+def quat_about(axis: ArrayLike, angle: float) -> Floats:
     """Quaternion wxyz of a rotation by `angle` rad about `axis` (any length)."""
     n = np.asarray(axis, float)
     n = n / np.linalg.norm(n)
     return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * n])
 
 
-def quat_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+def quat_from_rpy(roll: float, pitch: float, yaw: float) -> Floats:
     """URDF fixed-axis roll, pitch, yaw (rad) -> quaternion wxyz: Rz(yaw) Ry(pitch) Rx(roll)."""
     return quat_multiply(
         quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), pitch)),
@@ -80,7 +80,7 @@ def quat_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     )
 
 
-def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
+def quat_from_matrix(m: ArrayLike) -> Floats:
     """Rotation matrix `(3, 3)` -> quaternion wxyz with w >= 0 (Shepperd's method)."""
     m = np.asarray(m, float)
     t = np.array([np.trace(m), m[0, 0], m[1, 1], m[2, 2]])
@@ -99,7 +99,7 @@ def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
     return -q if q[0] < 0 else q
 
 
-def quat_to_matrix(q: ArrayLike) -> NDArray[np.float64]:
+def quat_to_matrix(q: ArrayLike) -> Floats:
     """Unit quaternions wxyz `(..., 4)` -> rotation matrices `(..., 3, 3)`."""
     q = np.asarray(q, float)
     w, x, y, z = _parts(q)
@@ -153,13 +153,13 @@ def inverse(a: ArrayLike) -> Pose:
     return out
 
 
-def transform(a: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+def transform(a: ArrayLike, points: ArrayLike) -> Floats:
     """Points `(..., 3)` of the local frame of pose `a` `(..., 7)`, in its parent frame."""
     a = np.asarray(a, float)
     return a[..., :3] + quat_rotate(a[..., 3:], points)
 
 
-def matrix(a: ArrayLike) -> NDArray[np.float64]:
+def matrix(a: ArrayLike) -> Floats:
     """Homogeneous matrix `(..., 4, 4)` of poses `(..., 7)`."""
     a = np.asarray(a, float)
     m = np.zeros((*a.shape[:-1], 4, 4))
@@ -175,12 +175,12 @@ def from_matrix(m: ArrayLike) -> Pose:
     return pose(m[:3, 3], quat_from_matrix(m[:3, :3]))
 
 
-def quat_conjugate(q: ArrayLike) -> NDArray[np.float64]:
+def quat_conjugate(q: ArrayLike) -> Floats:
     """The inverse of unit quaternions (..., 4) wxyz."""
     return np.asarray(q, float) * [1.0, -1.0, -1.0, -1.0]
 
 
-def rotation_vector(q: ArrayLike) -> NDArray[np.float64]:
+def rotation_vector(q: ArrayLike) -> Floats:
     """Rotation vector (3,), rad, of a unit quaternion wxyz, the short way round."""
     q = np.asarray(q, float)
     q = q if q[0] >= 0 else -q
@@ -199,7 +199,7 @@ def yawed(position: ArrayLike, yaw: float) -> Pose:
     return pose(position, quat_about((0, 0, 1), yaw))
 
 
-def between(poses: NDArray[np.float64], at: ArrayLike) -> NDArray[np.float64]:
+def between(poses: Floats, at: ArrayLike) -> Floats:
     """Poses (N,...,7) at times `at` (N,) in frames, from those at the frames (T,...,7): linear
     between two, quaternions normalised. Earlier times have the first pose."""
     t = np.clip(np.asarray(at, float), 0, len(poses) - 1)

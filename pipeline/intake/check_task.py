@@ -10,8 +10,6 @@ import numpy as np
 from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.spec import EpisodeSpec
-from pipeline.intake.own_tasks import check_task as check_declared
-from pipeline.intake.reachability import find_unreached
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.reasons import reasons_of
@@ -20,6 +18,9 @@ from pipeline.tasks import TASKS
 from pipeline.tasks.language.check import check_templates, faults
 from pipeline.tasks.language.sentences import instructions
 from pipeline.tasks.outcome import failed
+
+from .own_tasks import check_task as check_declared
+from .reachability import find_unreached
 
 SEEDS_PER_LEVEL = 12
 LAYOUTS = 40

@@ -9,15 +9,16 @@ import numpy as np
 
 from pipeline.data.names import is_name
 from pipeline.data.process.limited import run_limited
-from pipeline.intake.objects.draft import ObjectDraft, ObjectOptions, draft_of, write_object
-from pipeline.intake.objects.holding import WIDEST
-from pipeline.intake.objects.robotwin import drafts_of_directory, is_robotwin
-from pipeline.intake.objects.solid import bounds
-from pipeline.intake.objects.standing import kinds_of
 from pipeline.plugins import directories, load_plugins
 from pipeline.world.objects import from_files
 from pipeline.world.objects.contract import FAMILIES, directory_of
 from pipeline.world.objects.from_files import ObjectError, add_directory
+
+from .draft import ObjectDraft, ObjectOptions, draft_of, write_object
+from .holding import WIDEST
+from .robotwin import drafts_of_directory, is_robotwin
+from .solid import bounds
+from .standing import kinds_of
 
 
 class AddedObject(NamedTuple):

@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.atomic import write_atomic
-from pipeline.intake.objects.holding import two_finger_grasps
-from pipeline.intake.objects.solid import solid_of
-from pipeline.intake.objects.standing import frames_like, kinds_like, stand_up
 from pipeline.world.files import write_glb
 from pipeline.world.meshes.part import Part
 from pipeline.world.meshes.reader import drawn, read_mesh, welded
@@ -19,6 +16,10 @@ from pipeline.world.objects import from_files
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, ObjectToml, piece
 from pipeline.world.shapes import Collider, Parts
+
+from .holding import two_finger_grasps
+from .solid import solid_of
+from .standing import frames_like, kinds_like, stand_up
 
 DENSITY = 400.0  # kg/m3: a box of cereal, a mug, a toy
 SMALLEST, LARGEST = 0.008, 1.0  # m, the longest edge of an object

@@ -11,10 +11,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.intake.objects.solid import bounds, inside, planes
+from pipeline.poses import Floats
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, pinches
 from pipeline.world.shapes import Collider
+
+from .solid import bounds, inside, planes
 
 OPENINGS = 16  # directions in the half circle
 PITCHES = np.radians([0, 15, 30, 45, 60, 75, 90])
@@ -31,7 +33,6 @@ SEAM, HOLLOW = 0.0005, 0.02
 TIP, TABLE = 0.012, 0.004  # m the fingers reach past the tcp, and stay above the table
 KEPT = 160
 
-type Floats = NDArray[np.float64]
 type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
 
 

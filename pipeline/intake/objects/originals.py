@@ -18,18 +18,13 @@ from pipeline.data.keys import digest, file_hash
 from pipeline.data.process.limited import LimitError, Limits, run_limited
 from pipeline.data.process.machine import user_cache
 from pipeline.data.recipe.model import RecipeError
-from pipeline.intake.objects.draft import ObjectOptions, write_object
-from pipeline.intake.objects.robotwin import (
-    VERSION,
-    Instance,
-    described_in,
-    draft_of_instance,
-    instances,
-)
-from pipeline.intake.objects.standing import first_of
 from pipeline.plugins import use_plugins
 from pipeline.world.meshes.part import MeshError
 from pipeline.world.objects.from_files import TOML, ObjectError, add_all
+
+from .draft import ObjectOptions, write_object
+from .robotwin import VERSION, Instance, described_in, draft_of_instance, instances
+from .standing import first_of
 
 SCHEME = "robotwin:"
 REFUSED = "refused.txt"

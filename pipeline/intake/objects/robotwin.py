@@ -13,26 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.data.parsing import ParseError, read_json
-from pipeline.intake.objects.draft import (
-    ObjectDraft,
-    ObjectOptions,
-    check_size,
-    looks_of,
-    moved,
-    settings_of,
-)
-from pipeline.intake.objects.holding import pinch_at, two_finger_grasps
-from pipeline.intake.objects.solid import solid_of
-from pipeline.intake.objects.standing import first_of, kinds_like, stand_up
-from pipeline.poses import Pose, from_matrix, quat_rotate
+from pipeline.poses import Floats, Pose, from_matrix, quat_rotate
 from pipeline.world.meshes.reader import read_mesh, welded
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases
 from pipeline.world.shapes import Collider
+
+from .draft import ObjectDraft, ObjectOptions, check_size, looks_of, moved, settings_of
+from .holding import pinch_at, two_finger_grasps
+from .solid import solid_of
+from .standing import first_of, kinds_like, stand_up
 
 # raise it when the same files give other objects: those in the user's cache are made again then
 VERSION = 2
@@ -40,8 +33,6 @@ VERSION = 2
 MASS = 0.1
 
 ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)
-
-type Floats = NDArray[np.float64]
 
 
 class _Data(BaseModel):

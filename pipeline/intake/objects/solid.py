@@ -10,13 +10,11 @@ from scipy.spatial import ConvexHull
 from trimesh.poses import compute_stable_poses
 
 from pipeline.intake.robots.simplify import Cut, convex_parts, corners
-from pipeline.poses import IDENTITY, inverse, transform
+from pipeline.poses import IDENTITY, Floats, inverse, transform
 from pipeline.world.objects.from_files import ObjectError, piece
 from pipeline.world.shapes import Collider
 
 CUT = Cut(threshold=0.06, pieces=14, resolution=500, iterations=20, hollow=1.15, tidy=True)
-
-type Floats = NDArray[np.float64]
 
 
 def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Collider, ...]:

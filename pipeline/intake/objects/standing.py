@@ -10,11 +10,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.intake.objects.solid import bounds, inside, ways_to_stand
-from pipeline.poses import Pose, pose, quat_rotate
+from pipeline.poses import Floats, Pose, pose, quat_rotate
 from pipeline.world.objects.contract import FAMILIES, Grasp
 from pipeline.world.objects.from_files import ObjectError
 from pipeline.world.shapes import Collider
+
+from .solid import bounds, inside, ways_to_stand
 
 AXES = {
     f"{sign}{axis}": value * row
@@ -27,8 +28,6 @@ LIKELIEST = 12  # sides tried where none is asked for
 CELLS = 12  # per edge of the box in which two shapes are compared
 PROPORTIONS = 0.5  # how much proportions count beside overlap
 USUAL = 0.15  # advantage of the side that is up in the file
-
-type Floats = NDArray[np.float64]
 
 
 def stand_up(

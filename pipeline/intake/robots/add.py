@@ -12,12 +12,6 @@ import numpy as np
 from pipeline.data.names import NONE, is_name
 from pipeline.data.parsing import ParseError, read_yaml
 from pipeline.data.process.limited import run_limited
-from pipeline.intake.robots.anatomy import Anatomy, Hints, anatomy, cloud
-from pipeline.intake.robots.join import mount
-from pipeline.intake.robots.mjcf import MJCF, read_mjcf
-from pipeline.intake.robots.place import find_site, overlaps
-from pipeline.intake.robots.simplify import ConvexPieces
-from pipeline.intake.robots.write import RobotDraft, write_robot
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount, RobotError, arm_poses
 from pipeline.world.robots.directory import TOML
@@ -25,6 +19,13 @@ from pipeline.world.robots.pairs import ALIASES, MODELS
 from pipeline.world.robots.stands import wrist_camera
 from pipeline.world.robots.surfaces import load_visual
 from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, read_urdf
+
+from .anatomy import Anatomy, Hints, anatomy, cloud
+from .join import mount
+from .mjcf import MJCF, read_mjcf
+from .place import find_site, overlaps
+from .simplify import ConvexPieces
+from .write import RobotDraft, write_robot
 
 CONFIG = "config.yml"
 
@@ -114,13 +115,9 @@ def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
         raise UrdfError(f"{path}: {error}") from error
     except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
         what = f"{type(error).__name__}: {error}"
-        raise UrdfError(
-            f"{path}: is no configuration of an embodiment of RoboTwin ({what})"
-        ) from error
+        raise UrdfError(f"{path}: is no configuration of RoboTwin's ({what})") from error
     if not urdf.is_relative_to(directory.resolve()) or not urdf.is_file():
-        raise UrdfError(
-            f"{path}: urdf_path names {values['urdf_path']!r}, which is no file of the directory"
-        )
+        raise UrdfError(f"{path}: urdf_path {values['urdf_path']!r} is no file of the directory")
     above = read_urdf(urdf, directory).parent_joint.values()
     first = next((j for j in above if j.name == joint), None)
     if first is None:
@@ -172,10 +169,8 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
     arm = replace(arm, allowed_overlap=tuple(sorted(touching | {parts.fingers})))
     site = find_site(arm)
     if site is None:
-        raise UrdfError(
-            f"{robot.path}: finds no place behind the table from which the arm {options.name!r}"
-            " reaches over it without touching"
-        )
+        what = f"the arm {options.name!r} reaches over the table without touching"
+        raise UrdfError(f"{robot.path}: finds no place from which {what}")
     # the opening direction is turned so that the wrist camera is above the hand at home
     left = site.arms["left"]
     hand = arm_poses(left, left.home)[left.hand]
@@ -190,13 +185,12 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
 def _gripper(parts: Anatomy, joints: tuple[Joint, ...]) -> Gripper:
     first = next(j for j in joints if j.name in parts.jaws)
     closed, opened = zip(*parts.jaws.values(), strict=True)
-    force, speed, stiffness, damping = JAW_FORCE, JAW_SPEED, 1500.0, 60.0
+    drive = JAW_FORCE, JAW_SPEED, 1500.0, 60.0
     if first.kind == "revolute":
-        travel = abs(parts.jaws[first.name][1] - parts.jaws[first.name][0])
-        speed = round(min(FASTEST, JAW_SPEED * travel / max(parts.opening / 2, 0.01)), 4)
-        force, stiffness, damping = JAW_TORQUE, 120.0, 5.0
-    ends = (tuple(parts.jaws), parts.fingers, closed, opened)
-    return Gripper(*ends, parts.opening, force, speed, stiffness, damping)
+        travel = abs(np.subtract(*parts.jaws[first.name]))
+        speed = float(round(min(FASTEST, JAW_SPEED * travel / max(parts.opening / 2, 0.01)), 4))
+        drive = JAW_TORQUE, speed, 120.0, 5.0
+    return Gripper(tuple(parts.jaws), parts.fingers, closed, opened, parts.opening, *drive)
 
 
 def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
@@ -208,10 +202,8 @@ def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
         ends = parts.jaws[joint.name]
         lower, upper = min(ends) - 1e-3, max(ends) + 1e-3
     elif not lower < upper:
-        raise UrdfError(
-            f"{path}: joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}, so that"
-            ' it cannot move: give it a <limit lower="" upper="">, or make it continuous or fixed'
-        )
+        limits = f"joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}"
+        raise UrdfError(f"{path}: {limits}: give it others, or make it continuous or fixed")
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
@@ -229,10 +221,8 @@ def _inertial(
     robot: UrdfRobot, name: str, link: UrdfLink, volume: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
     if link.mass < 0 or (link.mass == 0 and link.inertia.any()):
-        raise UrdfError(
-            f"{robot.path}: link {name!r} has mass {link.mass:g}: give it a mass above 0, or remove"
-            " its <inertial>"
-        )
+        fix = "give it one above 0, or remove its <inertial>"
+        raise UrdfError(f"{robot.path}: link {name!r} has mass {link.mass:g}: {fix}")
     mass, com, inertia = link.mass, link.com, link.inertia
     if mass == 0:
         points = cloud(robot, name)

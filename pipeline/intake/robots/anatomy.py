@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.poses import Pose, transform
+from pipeline.poses import Floats, Pose, transform
 from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.surfaces import surface
 from pipeline.world.robots.urdf_file import FREE, Mimic, UrdfError, UrdfRobot, UrdfShape
@@ -17,8 +16,6 @@ SNAP = np.cos(np.radians(12.0))  # a direction this near to an axis of the hand 
 SWING = 0.9  # rad that a single hinged jaw opens
 MOVES = 0.002  # m: a finger that moves less than this stands still
 JAW_WORDS = ("jaw", "grip", "finger", "claw")
-
-type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from pipeline.data.names import NONE, SIDES
 from pipeline.data.process.own_code import Finding
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.intake.robots.place import COARSE, measure
 from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import chain_of, fk
 from pipeline.poses import compose, transform
@@ -26,6 +25,8 @@ from pipeline.world.robots.contract import (
     jaw_positions,
     jaw_value,
 )
+
+from .place import COARSE, measure
 
 MOST_REACH = 0.5  # of the own half, below which most layouts are out of reach
 CAN = 0.04  # m, diameter

@@ -53,13 +53,11 @@ def couplings(model: Any) -> dict[int, Coupling]:
             moved = rows[:, joint]
             finite = np.isfinite(moved).all()
             slope, offset = np.polyfit(at, moved, 1).tolist() if finite else (np.nan, np.nan)
-            travel, bent = float(np.ptp(moved)), float(np.abs(slope * at + offset - moved).max())
+            travel = float(np.ptp(moved))
             if travel < STILL * (upper - lower):
                 slope, offset = 0.0, float(moved.mean())
-            elif not bent < BENT * travel:
-                raise CouplingError(
-                    joint, "is coupled to a driving joint, but does not follow it in proportion"
-                )
+            elif not np.abs(slope * at + offset - moved).max() < BENT * travel:
+                raise CouplingError(joint, "does not follow its driving joint in proportion")
             by_joint[joint] = Coupling(leader, slope, offset)
     return by_joint
 
@@ -97,8 +95,8 @@ def _groups(model: Any) -> list[set[int]]:
     """Sets of joints that constraints tie together, in the order of their first joints."""
     groups: list[set[int]] = []
     for tied in _tied(model):
-        touched = [group for group in groups if group & tied]
-        groups = [group for group in groups if not group & tied] + [tied.union(*touched)]
+        apart = [group for group in groups if not group & tied]
+        groups = [*apart, tied.union(*(group for group in groups if group & tied))]
     return sorted((group for group in groups if len(group) > 1), key=min)
 
 

@@ -22,21 +22,19 @@ def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
         raise UrdfError(f"{arm.path}: --flange {at!r}: has no such link; the last ones are {last}")
     for joint in (arm.parent_joint[link] for link in arm.below(at)[1:]):
         if joint.kind != "fixed":
-            raise UrdfError(
-                f"{arm.path}: joint {joint.name!r} moves beyond the flange {at!r}: leave --gripper"
-                " away"
-            )
-    hung = Joint("mount", "fixed", at, roots[0], pose())
-    above = {roots[0]: hung} | gripper.parent_joint
+            what = f"joint {joint.name!r} moves beyond the flange {at!r}"
+            raise UrdfError(f"{arm.path}: {what}: leave --gripper away")
     renamed = {
         PREFIX + link: replace(
             joint,
             name=PREFIX + joint.name,
-            parent=at if joint is hung else PREFIX + joint.parent,
+            parent=PREFIX + joint.parent,
             child=PREFIX + joint.child,
         )
-        for link, joint in above.items()
+        for link, joint in gripper.parent_joint.items()
     }
+    root = PREFIX + roots[0]
+    renamed[root] = Joint(f"{PREFIX}mount", "fixed", at, root, pose())
     mimics = {
         PREFIX + name: Mimic(PREFIX + m.joint, m.multiplier, m.offset)
         for name, m in gripper.mimics.items()
@@ -56,9 +54,6 @@ def _flange(arm: UrdfRobot) -> str:
     ends = [link for tip in last for link in arm.below(tip) if link not in parents]
     candidates = named if len(named) == 1 else ends
     if len(candidates) != 1:
-        names = ", ".join(candidates[:8]) or "none"
-        raise UrdfError(
-            f"{arm.path}: which link carries the gripper is not clear (found {names}); give"
-            " --flange LINK"
-        )
+        wrong = f"found {', '.join(candidates[:8]) or 'no link'} to carry the gripper"
+        raise UrdfError(f"{arm.path}: {wrong}; give --flange LINK")
     return candidates[0]

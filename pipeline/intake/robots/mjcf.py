@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.intake.robots.couplings import CouplingError, couplings
-from pipeline.intake.robots.join import FLANGE
-from pipeline.poses import Pose, compose, pose, quat_to_matrix
+from pipeline.poses import Floats, Pose, compose, pose, quat_to_matrix
 from pipeline.world.meshes.files import folders_of, read_bytes
 from pipeline.world.meshes.part import MeshError
 from pipeline.world.robots.contract import Joint, joint_motion
@@ -26,11 +23,12 @@ from pipeline.world.robots.urdf_file import (
     read_xml,
 )
 
+from .couplings import CouplingError, couplings
+from .join import FLANGE
+
 MJCF = (".xml", ".mjcf")
 GREY = (0.5, 0.5, 0.5, 1)  # MuJoCo's colour of a geom that has none
 REPLICAS, HEIGHTS = 10_000, 4_000_000  # of a file at most
-
-type Floats = NDArray[np.float64]
 
 
 def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
@@ -107,12 +105,11 @@ class _CompiledModel:
         return compose(pose(-self.anchors.get(body, pose())[:3]), at)
 
     def _joint(self, body: int) -> Joint:
-        model, name, parent = (
-            self.model,
-            self._name("body", body),
-            int(self.model.body_parentid[body]),
+        model, name = self.model, self._name("body", body)
+        parent, at = (
+            int(model.body_parentid[body]),
+            pose(model.body_pos[body], model.body_quat[body]),
         )
-        at = pose(model.body_pos[body], model.body_quat[body])
         origin = self._from_anchor(parent, compose(at, self.anchors.get(body, pose())))
         ends = self._name("body", parent), name
         if model.body_jntnum[body] == 0:
@@ -120,12 +117,9 @@ class _CompiledModel:
         j = int(model.body_jntadr[body])
         kind = {2: "prismatic", 3: "revolute"}.get(int(model.jnt_type[j]))
         if model.body_jntnum[body] > 1 or kind is None:
-            raise UrdfError(
-                f"{self.path}: body {name!r} has a ball joint, a free joint or several: use one"
-                " hinge or slide a body"
-            )
-        limited = model.jnt_limited[j]
-        lower, upper = model.jnt_range[j].tolist() if limited else (-2 * np.pi, 2 * np.pi)
+            raise UrdfError(f"{self.path}: body {name!r} must have one joint, a hinge or a slide")
+        turn = 2 * np.pi
+        lower, upper = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-turn, turn)
         x, y, z = model.jnt_axis[j].tolist()
         moves = (origin, (x, y, z), lower, upper, 0.0, self._effort(j))
         return Joint(self._name("joint", j), kind, *ends, *moves)
@@ -135,12 +129,12 @@ class _CompiledModel:
         model, effort = self.model, 0.0
         here = (model.actuator_trnid[:, 0] == joint) & (model.actuator_trntype == 0)
         for a in np.flatnonzero(here):
-            gear = abs(float(model.actuator_gear[a, 0]))
+            force = 0.0
             if model.actuator_forcelimited[a]:
-                effort = max(effort, gear * float(model.actuator_forcerange[a, 1]))
+                force = float(model.actuator_forcerange[a, 1])
             elif model.actuator_ctrllimited[a] and model.actuator_biastype[a] == 0:
                 force = float(model.actuator_gainprm[a, 0] * model.actuator_ctrlrange[a, 1])
-                effort = max(effort, gear * force)
+            effort = max(effort, abs(float(model.actuator_gear[a, 0])) * force)
         return effort
 
     def _flanges(self, body: int) -> Iterator[Joint]:
@@ -211,16 +205,15 @@ def _check_files(path: Path, root: Path) -> None:
             raise UrdfError(f"{path}: includes {file.name!r} twice or in a ring")
         seen.add(file)
         document = read_xml(file)
-        if file == path.resolve() and document.tag != "mujoco":
+        if len(seen) == 1 and document.tag != "mujoco":
             raise UrdfError(f"{path}: is no MJCF: it begins with <{document.tag}>, not <mujoco>")
         _check_size(path, document)
         keys = ("meshdir", "texturedir", "assetdir")
-        given = {c.get(key) for c in document.iter("compiler") for key in keys}
-        folders = ["", *sorted(filter(None, given))]
+        folders = {c.get(key) or "" for c in document.iter("compiler") for key in keys} | {""}
         for element in document.iter("*"):
             for name in (value for key, value in element.items() if key.startswith("file")):
-                places = [_within(path, root, Path(folder) / name, name) for folder in folders]
-                for one in (f for f in places if f.exists()):
+                places = [_within(path, root, Path(f) / name, name) for f in sorted(folders)]
+                for one in filter(Path.exists, places):
                     try:  # a pipe, a device, a pointer of Git LFS, or too large
                         read_bytes(one)
                     except MeshError as error:
@@ -232,23 +225,18 @@ def _check_files(path: Path, root: Path) -> None:
 def _check_size(path: Path, document: Any) -> None:
     """Refuse what MuJoCo would need gigabytes or minutes for."""
     for element in document.iter("replicate", "hfield"):
+        numbers, most = [element.get("nrow", "0"), element.get("ncol", "0")], HEIGHTS
         if element.tag == "replicate":
             above = [element, *element.iterancestors("replicate")]
             numbers, most = [one.get("count", "1") for one in above], REPLICAS
-        else:
-            numbers, most = [element.get("nrow", "0"), element.get("ncol", "0")], HEIGHTS
-        written = [text for text in numbers if text.strip().isdecimal() and len(text) < 12]
-        if (total := math.prod(map(int, written))) > most:
-            raise UrdfError(
-                f"{path}: line {element.sourceline}: <{element.tag}> makes {total} of it; {most} at"
-                " most"
-            )
+        total = math.prod(int(n) for n in numbers if n.strip().isdecimal() and len(n) < 12)
+        if total > most:
+            where = f"{path}: line {element.sourceline}: <{element.tag}>"
+            raise UrdfError(f"{where} makes {total} of it; {most} at most")
 
 
 def _within(path: Path, root: Path, place: Path, name: str) -> Path:
     target = (path.parent / place).resolve()
     if place.is_absolute() or PureWindowsPath(place).drive or not target.is_relative_to(root):
-        raise UrdfError(
-            f"{path}: names {name[:120]!r}, which is outside of {root}; copy the file there"
-        )
+        raise UrdfError(f"{path}: names {name[:120]!r}, which is outside of {root}; copy it there")
     return target

@@ -14,7 +14,7 @@ from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
-from pipeline.poses import compose, frame, pose, quat_about, quat_rotate, transform
+from pipeline.poses import Floats, compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment, arm_poses
 from pipeline.world.robots.stands import HEAD_CAMERA
@@ -29,8 +29,6 @@ PLACES = tuple(product((0.25, 0.3, 0.38, 0.45), (-0.55, -0.45, -0.38), (0.55, 0.
 TRIED = 4  # of the places, measured by inverse kinematics
 HOME_X, HOME_Y, HOME_Z = (0.0, 0.06, -0.06), (-0.2, -0.12, -0.28), (1.0, 1.08, 0.94)
 HOMES = tuple(product(HOME_X, HOME_Y, HOME_Z, (60.0, 75.0, 45.0)))
-
-type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

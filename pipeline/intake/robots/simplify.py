@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
-from pipeline.poses import pose, transform
+from pipeline.poses import Floats, pose, transform
 from pipeline.world.robots.surfaces import surface
 from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
 from pipeline.world.shapes import Collider
 
 CORNERS = 32  # of a piece at most
-
-type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,11 @@ import trimesh
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.names import SIDES
-from pipeline.intake.robots.urdf_text import arm_urdf, mesh_file
 from pipeline.world.files import write_glb
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.directory import TOML, URDF
+
+from .urdf_text import arm_urdf, mesh_file
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ import numpy as np
 from lxml import etree
 
 from pipeline.poses import Floats, matrix, pose, quat_about
-from pipeline.world.meshes.files import find_file, parse_xml, pixels, read_bytes
-from pipeline.world.meshes.part import Ints, MeshError, MeshFile, MeshLook, Part, painted
+
+from .files import find_file, parse_xml, pixels, read_bytes
+from .part import Ints, MeshError, MeshFile, MeshLook, Part, painted
 
 SKIPPED = ("lines", "linestrips")
 DEEPEST = 100  # instances of nodes inside each other

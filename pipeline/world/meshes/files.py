@@ -16,7 +16,8 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from pipeline.data.reading import read_regular
-from pipeline.world.meshes.part import MeshError
+
+from .part import MeshError
 
 LFS_POINTER = b"version https://git-lfs"
 MAX_BYTES = 256_000_000

@@ -12,17 +12,9 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 
 from pipeline.poses import Floats, matrix, pose
-from pipeline.world.meshes.files import MAX_TRIANGLES, find_file, pixels, read_bytes
-from pipeline.world.meshes.part import (
-    Ints,
-    MeshError,
-    MeshFile,
-    MeshLook,
-    Part,
-    painted,
-    srgb,
-    tinted,
-)
+
+from .files import MAX_TRIANGLES, find_file, pixels, read_bytes
+from .part import Ints, MeshError, MeshFile, MeshLook, Part, painted, srgb, tinted
 
 MAGIC, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 TYPES = dict(zip((5120, 5121, 5122, 5123, 5125, 5126), map(np.dtype, "bBhHIf"), strict=True))

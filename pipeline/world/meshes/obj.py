@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.poses import Floats
-from pipeline.world.meshes.files import find_file, pixels, read_bytes, similar
-from pipeline.world.meshes.part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
+
+from .files import find_file, pixels, read_bytes, similar
+from .part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
 
 SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 """How many numbers an option of a texture has at most; the others have one word."""

@@ -10,23 +10,14 @@ from scipy.spatial import KDTree
 
 from pipeline.data.errors import DominoError
 from pipeline.poses import Floats
-from pipeline.world.meshes.dae import read_dae
-from pipeline.world.meshes.files import MAX_TRIANGLES, read_bytes
-from pipeline.world.meshes.gltf import read_gltf
-from pipeline.world.meshes.obj import read_obj
-from pipeline.world.meshes.part import (
-    Color,
-    Ints,
-    MeshError,
-    MeshFile,
-    MeshLook,
-    Part,
-    joined,
-    painted,
-    stacked,
-)
 from pipeline.world.objects.surface import finish
 from pipeline.world.shapes import Material, Mesh, Parts
+
+from .dae import read_dae
+from .files import MAX_TRIANGLES, read_bytes
+from .gltf import read_gltf
+from .obj import read_obj
+from .part import Color, Ints, MeshError, MeshFile, MeshLook, Part, joined, painted, stacked
 
 PLAIN = (0.8, 0.8, 0.8)
 CREASE = 40.0

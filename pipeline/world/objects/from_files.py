@@ -17,16 +17,9 @@ from pipeline.data.parsing import LARGEST_FILE
 from pipeline.data.reading import read_regular
 from pipeline.poses import IDENTITY
 from pipeline.world.files import Table, read_glb, read_toml
-from pipeline.world.objects.contract import (
-    FAMILIES,
-    Family,
-    Grasp,
-    NamedFrames,
-    Words,
-    directory_of,
-    register,
-)
 from pipeline.world.shapes import Collider, Parts, Shape
+
+from .contract import FAMILIES, Family, Grasp, NamedFrames, Words, directory_of, register
 
 TOML, LOOKS, SOLID = "object.toml", "looks.glb", "solid.obj"
 FRICTION = 0.6

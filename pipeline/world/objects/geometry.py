@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
 from pipeline.poses import Floats, pose, quat_about, quat_multiply
-from pipeline.world.objects.surface import box_uv, finish
 from pipeline.world.shapes import Mesh, deferred, quads
+
+from .surface import box_uv, finish
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:

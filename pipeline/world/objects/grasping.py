@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from pipeline.poses import compose, yawed
-from pipeline.world.objects.contract import Grasp
+
+from .contract import Grasp
 
 PITCHES = (0, 15, 30, 45, 60, 75, 90)
 TILTED = (30, 45, 60, 75, 90)

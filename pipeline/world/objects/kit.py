@@ -10,8 +10,9 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from pipeline.poses import Pose, frame
-from pipeline.world.objects.contract import FAMILIES, Family, Grasp, NamedFrames, Words
-from pipeline.world.objects.words import describe
+
+from .contract import FAMILIES, Family, Grasp, NamedFrames, Words
+from .words import describe
 
 
 def listed(text: str) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from string import Formatter
 
 from pipeline.data.errors import DominoError
 from pipeline.registry import UnknownName
-from pipeline.world.objects.contract import FAMILIES, Words
+
+from .contract import FAMILIES, Words
 
 SEEN, UNSEEN = 12, 3
 """Descriptions of every object for the two splits, as many as the original has."""

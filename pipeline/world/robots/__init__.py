@@ -6,8 +6,9 @@ from pathlib import Path
 from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
 from pipeline.data.setup.rules import Layout
-from pipeline.world.robots.contract import Embodiment, RobotError
-from pipeline.world.robots.pairs import ALIASES, MODELS, pair, register, register_all
+
+from .contract import Embodiment, RobotError
+from .pairs import ALIASES, MODELS, pair, register, register_all
 
 OURS = Path(__file__).parents[2] / "assets" / "robots"
 

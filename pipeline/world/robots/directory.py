@@ -11,10 +11,11 @@ from pydantic import Field
 
 from pipeline.poses import frame
 from pipeline.world.files import GlbError, Table, read_glb, read_toml
-from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount, RobotError
-from pipeline.world.robots.stands import HEAD_CAMERA, Stand, Triple, box, wrist_camera
-from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 from pipeline.world.shapes import Collider, Parts
+
+from .contract import Arm, Gripper, Joint, Link, Mount, RobotError
+from .stands import HEAD_CAMERA, Stand, Triple, box, wrist_camera
+from .urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
 
@@ -217,7 +218,7 @@ def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
             others.append(shape)
     if others:
         # trimesh takes longer than the rest of a robot
-        from pipeline.world.robots.surfaces import load_visual
+        from .surfaces import load_visual
 
         parts += load_visual(others)
     return tuple(parts)
@@ -227,7 +228,7 @@ def _solids(collisions: tuple[UrdfShape, ...]) -> tuple[Collider, ...]:
     solids = []
     for shape in collisions:
         if shape.kind == "mesh":
-            from pipeline.world.robots.surfaces import hull
+            from .surfaces import hull
 
             solids.append(Collider("convex", (), vertices=hull(shape)))
         else:

@@ -11,10 +11,11 @@ from pipeline.data.names import NONE, SIDES
 from pipeline.data.setup.rules import Layout
 from pipeline.poses import compose, pose, quat_from_rpy
 from pipeline.registry import Registry
-from pipeline.world.robots.contract import Arm, Embodiment, RobotError, check_arm
-from pipeline.world.robots.directory import TOML, RobotModel
-from pipeline.world.robots.stands import HEAD_CAMERA, Stand, pedestal
 from pipeline.world.shapes import Mesh
+
+from .contract import Arm, Embodiment, RobotError, check_arm
+from .directory import TOML, RobotModel
+from .stands import HEAD_CAMERA, Stand, pedestal
 
 _STRETCHES = 0.6
 """m; furniture below this height stretches, what is above rises."""

@@ -9,8 +9,9 @@ import trimesh
 from pipeline.poses import Floats, transform
 from pipeline.world.meshes.part import Ints, MeshError, MeshLook, Part, stacked
 from pipeline.world.meshes.reader import PLAIN, area_vectors, drawn, read_mesh
-from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
 from pipeline.world.shapes import Parts
+
+from .urdf_file import UrdfError, UrdfShape
 
 TRIANGLES_PER_LINK = 1500
 FEWEST = 50  # triangles of a part of a link

@@ -13,8 +13,9 @@ from pipeline.data.errors import DominoError
 from pipeline.poses import Floats, Pose, compose, pose, quat_to_matrix
 from pipeline.world.meshes.files import Folders, folders_of, parse_xml, read_bytes
 from pipeline.world.meshes.part import MeshError
-from pipeline.world.robots.contract import Joint, joint_motion
-from pipeline.world.robots.stands import at
+
+from .contract import Joint, joint_motion
+from .stands import at
 
 MAX_URDF_BYTES = 8_000_000
 MAX_LINKS = 500

@@ -113,7 +113,6 @@ class Basket(Parametric):
                 *(replace(c, weight=0.3) for c in arc_of_capsules(path, self.grip)),
             ),
             mass=0.3 * (self.hx * self.hy) / (0.095 * 0.07),
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -238,7 +237,6 @@ class Dustbin(Parametric):
             ),
             vessel(f, wall, h, 20, r),
             mass=2.5,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -268,7 +266,6 @@ class BigBin(Parametric):
             ((body, plastic(self.colour)), (rim, plastic(self.rim)), (plate, plastic(self.rim))),
             (*tray(self.hx, self.hy, wall, self.height),),
             mass=3.5,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

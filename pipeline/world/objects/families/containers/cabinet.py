@@ -151,7 +151,6 @@ class Cabinet(Parametric):
             tuple((at(box(*half, 0.0012), centre), skin) for half, centre in boards),
             tuple(c for half, centre in boards for c in box_collider(*half, centre)),
             mass=3.0,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

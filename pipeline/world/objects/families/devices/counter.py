@@ -81,7 +81,6 @@ class QrSign(Parametric):
             ),
             box_collider(hx, self.board, hz, (0, 0, middle)) + slab(hx + 0.004, self.foot, f),
             mass=0.25,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -126,7 +125,6 @@ class KitchenScale(Parametric):
             ((case, plastic(self.colour)), (at(platter, (0, y, z)), skin), (display, panel)),
             slab(self.hx, self.hy, z) + (_shifted(disc(r, t, z), y) if is_round else flat),
             mass=0.5,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

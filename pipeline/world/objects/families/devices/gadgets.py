@@ -68,7 +68,6 @@ class Fan(Parametric):
             + cylinder_collider(0.009, 0.012, stem)
             + cylinder_collider(r, z - w, z + w, (0, 0), ALONG_Y),
             mass=0.3,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -55,7 +55,6 @@ class Phone(Parametric):
             ((case, plastic(self.colour)), (black, plastic("black")), (glass, image)),
             slab(hx, hy, t),
             mass=0.19,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -85,7 +84,7 @@ class RemoteControl(Parametric):
         pad = decal(1.5 * hx, 2 * self.keypad * hy, (0, (0.9 - self.keypad) * hy, t + 0.0004))
         keys = printed(print_texture(self.colour, self.keys, "keys", "", self.seed), 0.5)
         visual = (body, plastic(self.colour)), (pad, keys)
-        return Shape(visual, slab(hx, hy, t), mass=0.12, friction=0.6)
+        return Shape(visual, slab(hx, hy, t), mass=0.12)
 
     def frames(self) -> NamedFrames:
         half = self.hx, self.length / 2, self.thickness / 2
@@ -132,7 +131,6 @@ class Mouse(Parametric):
             ((body, skin), (wheel, rubber(self.wheel))),
             convex_collider(stacked(self.outline(), levels).reshape(-1, 3)),
             mass=0.1,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -94,7 +94,6 @@ class AlarmClock(Parametric):
             + box_collider(bells, 0.42 * r, rise, (0, 0, z + rise))
             + push_button(0.009, z, h),
             mass=0.28,
-            friction=0.6,
         )
 
     def _digital(self) -> Shape:
@@ -109,7 +108,6 @@ class AlarmClock(Parametric):
             ((case, plastic(self.colour)), (screen, panel), (button, plastic(self.trim))),
             slab(hx, w, body) + push_button(0.013, body, self.height),
             mass=0.25,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -87,7 +87,6 @@ class Bottle(Parametric):
             + convex_collider(rings)
             + cylinder_collider(self.neck, top - 0.006, self.height),
             mass=0.75 * 1000 * np.pi * r**2 * self.body,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -142,7 +142,6 @@ class PhoneStand(Parametric):
             tuple((at(box(*half, 0.0012), place, turn), skin) for half, place, turn in boxes),
             tuple(c for half, place, turn in boxes for c in box_collider(*half, place, turn)),
             mass=0.3,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -200,7 +199,6 @@ class Rack(Parametric):
             + arc_of_capsules([root, tip], self.peg_radius)
             + arc_of_capsules(back, self.peg_radius),
             mass=0.9,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -129,7 +129,6 @@ class Roller(Parametric):
                 *cylinder_collider(h, *ends, (-middle, 0), ALONG_X),
             ),
             mass=650 * np.pi * (r**2 * self.body + h**2 * (self.length - self.body)),
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

@@ -78,7 +78,6 @@ class Seal(Parametric):
             + cylinder_collider(g, b + 0.38 * rise, h - 0.3 * g)
             + cylinder_collider(0.5 * g, h - 0.4 * g, h),
             mass=0.12,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -142,7 +141,6 @@ class Stapler(Parametric):
             ),
             box_collider(a, w, 0.006, (0, 0, 0.006)) + prism_collider(self.arm(), 0.92 * w),
             mass=0.22,
-            friction=0.6,
         )
 
     def _roof(self, x: float) -> float:

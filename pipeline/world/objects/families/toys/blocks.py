@@ -45,7 +45,6 @@ class Block(Parametric):
             ),
             box_collider(h, h, h, (0, 0, h)),
             mass=density * self.side**3,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:

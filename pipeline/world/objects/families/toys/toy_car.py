@@ -40,7 +40,6 @@ class Ball(Parametric):
             ((at(sphere(r, 8, 14), (0, 0, r)), skin),),
             sphere_collider(r, (0, 0, r)),
             mass=self.density * 4 / 3 * np.pi * r**3,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
@@ -151,7 +150,6 @@ class ToyCar(Parametric):
             ),
             slab(self.length / 2, w - 0.001, belt) + prism_collider(cabin, 0.86 * w),
             mass=0.11,
-            friction=0.6,
         )
 
     def frames(self) -> NamedFrames:
