@@ -47,10 +47,10 @@ def embodiments(as_json: AsJson = False) -> None:
     from pipeline.intake.catalogue.listings import list_robots
 
     values = list_robots()
-    headers = ("robot", "vector width", "reach (m)", "opening (m)", "cameras", "also called")
+    headers = ("robot", "vector width", "opening (m)", "cameras", "also called")
     rows = [
         (
-            *(e["name"], e["dof"], f"{e['reach']['left']:.2f}", f"{e['max_opening']['left']:.3f}"),
+            *(e["name"], e["dof"], f"{e['max_opening']['left']:.3f}"),
             *(", ".join(e["cameras"]), ", ".join(e["aliases"])),
         )
         for e in values

@@ -37,7 +37,7 @@ def test_tasks_are_one_line_each_under_headers_with_units():
 
 def test_robots_have_headers_with_units():
     header, *rows = shown("embodiments").splitlines()
-    assert "reach (m)" in header and len(rows) >= 5
+    assert "opening (m)" in header and len(rows) >= 5
 
 
 @pytest.mark.parametrize("verb", ["build", "plan"])

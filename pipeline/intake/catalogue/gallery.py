@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.html import render_page
-from pipeline.poses import Pose, compose, pose, quat_about
+from pipeline.poses import Pose, pose
 from pipeline.report.film_strip import encode
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.looks.visuals import CLEAN
+from pipeline.world.objects.colliders import ALONG_X, ALONG_Y
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp
 from pipeline.world.objects.geometry import at, box, cylinder
 from pipeline.world.physics.body import TABLE_TOP
@@ -24,27 +25,24 @@ Part = tuple[Mesh, Material]
 
 ON_TABLE = pose((0, 0, TABLE_TOP))
 AXES = ((0.9, 0.1, 0.1), (0.1, 0.75, 0.1), (0.15, 0.3, 1.0))
-JAWS = (0.1, 0.9, 0.9)
 MARKED = 5  # grasps of an instance that are drawn at most
 FIELD_OF_VIEW = 30.0  # degrees, vertical
 
 
-def axes(frame: Pose, length: float) -> list[Part]:
-    turns = (quat_about((0, 1, 0), np.pi / 2), quat_about((1, 0, 0), -np.pi / 2), (1, 0, 0, 0))
-    bar = cylinder(length / 16, length, 6)
+def _axes(frame: Pose, length: float) -> list[Part]:
+    bar, turns = cylinder(length / 16, length, 6), (ALONG_X, ALONG_Y, (1, 0, 0, 0))
     return [
-        (bar.moved(compose(frame, pose((0, 0, 0), q))), Material(c, 0.9))
+        (at(bar, quaternion=q).moved(frame), Material(c, 0.9))
         for q, c in zip(turns, AXES, strict=True)
     ]
 
 
-def jaws(grasp: Grasp) -> list[Part]:
+def _jaws(grasp: Grasp) -> list[Part]:
     """A thin fork: two fingers `width` apart, reaching 12 mm past the tcp along +x."""
-    gap = grasp.width / 2 + 0.0015
-    pieces = [at(box(0.018, 0.0012, 0.0012), (-0.006, y, 0)) for y in (-gap, gap)]
-    pieces.append(at(box(0.0012, gap, 0.0012), (-0.024, 0, 0)))
-    pieces.append(at(box(0.010, 0.0012, 0.0012), (-0.034, 0, 0)))
-    return [(m.moved(grasp.pose), Material(JAWS, 0.9)) for m in pieces]
+    gap, thin = grasp.width / 2 + 0.0015, 0.0012
+    fingers = [at(box(0.018, thin, thin), (-0.006, y, 0)) for y in (-gap, gap)]
+    palm = at(box(thin, gap, thin), (-0.024, 0, 0)), at(box(0.010, thin, thin), (-0.034, 0, 0))
+    return [(m.moved(grasp.pose), Material((0.1, 0.9, 0.9), 0.9)) for m in (*fingers, *palm)]
 
 
 def portrait(
@@ -63,10 +61,10 @@ def portrait(
     if marks:
         frames = instance.frames()
         for p in frames.points.values():
-            parts += axes(p, 0.04 * distance)
+            parts += _axes(p, 0.04 * distance)
         count = len(frames.grasps)
         for k in np.linspace(0, count - 1, min(MARKED, count)).astype(int):
-            parts += jaws(frames.grasps[k])
+            parts += _jaws(frames.grasps[k])
     at_eye = look(eye, -away, np.cross((0, 0, 1), -away))
     camera = Camera("portrait", CameraType(*size, FIELD_OF_VIEW), None, at_eye)
     with Renderer({"thing": parts}, (), [camera], CLEAN, preset) as renderer:
@@ -77,13 +75,11 @@ def write_gallery(
     path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)
 ) -> None:
     """Write one HTML page with instances of each family. Raises NoRenderer."""
-    # before the drawing, which takes seconds
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)  # before the drawing, which takes seconds
     seeds = range(per_family)
     exhibits = {name: [_exhibit(_draw(name, k), size) for k in seeds] for name in families}
     values = {"families": exhibits, "width": size[0]}
-    page = render_page("pipeline.intake.catalogue", "gallery.html", **values)
-    path.write_text(page, encoding="utf-8")
+    write_atomic(path, render_page("pipeline.intake.catalogue", "gallery.html", **values).encode())
 
 
 def _draw(name: str, seed: int) -> Family:
@@ -100,12 +96,8 @@ def write_portrait(name: str, path: Path) -> None:
 def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
     """JPEG bytes of an instance's images and lines of notes."""
     frames = instance.frames()
-    notes = (
-        ", ".join(instance.words().seen[-2:]),
-        f"frames: {', '.join(frames.points)}",
-        f"grasps: {', '.join(sorted({g.kind for g in frames.grasps}))}",
-    )
-    return {
-        "images": [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)],
-        "notes": notes,
-    }
+    kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
+    words = ", ".join(instance.words().seen[-2:])
+    images = [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)]
+    notes = (words, f"frames: {', '.join(frames.points)}", f"grasps: {kinds}")
+    return {"images": images, "notes": notes}

@@ -2,7 +2,7 @@
 
 import io
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,13 @@ from pipeline.data.atomic import write_atomic
 from pipeline.motion.contract import MotionRequest, NoMotion, Streams
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.motion.workspace import Workspace
-from pipeline.poses import transform, yawed
+from pipeline.poses import Floats, yawed
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
 from pipeline.tasks.layout import families_of
 from pipeline.world import robots
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import FAMILIES
-from pipeline.world.robots.contract import Arm, arm_limits, arm_poses, link_poses
-
-REACH_SAMPLES, REACH_STEPS, REACH_ROUNDS = 2000, 33, 6
 
 EXAMPLE = MotionRequest(
     *(1, 0.1, 4.0, yawed((0.0, 0.0, 0.80), 0.0), Workspace(-0.35, 0.35, -0.25, 0.25)),
@@ -33,24 +30,18 @@ EXAMPLE = MotionRequest(
 )
 """The motions that are drawn: alpha 0.1 m/s, 4 s to a meeting 6 cm above the table."""
 
-DRAWN = 5
-
 
 def list_tasks() -> list[dict[str, Any]]:
     out = []
     for name, task in sorted(TASKS.items()):
         rng = np.random.default_rng(0)
         paragraph = " ".join((type(task).__doc__ or "").strip().split("\n\n")[0].split())
+        keys = ("suite", "motion", "category", "step_limit", "target", "manipulated")
         out.append(
-            {
-                "name": name,
-                "suite": task.suite,
-                "motion": task.motion,
-                "category": task.category,
+            {"name": name}
+            | {key: getattr(task, key) for key in keys}
+            | {
                 "objects": [p.name for p in task.layout(Draw(rng, rng))],
-                "step_limit": task.step_limit,
-                "target": task.target,
-                "manipulated": task.manipulated,
                 "description": paragraph.split(". ")[0].rstrip("."),
             }
         )
@@ -77,49 +68,23 @@ def list_objects(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def list_robots() -> list[dict[str, Any]]:
-    out = []
-    for name in robots.MODELS:
-        e = robots.get_embodiment(name)
-        limits = {
-            f"{side}_{joint.name}": [joint.lower, joint.upper]
-            for side, arm in e.arms.items()
-            for joint in arm.joints
-            if joint.name in arm.arm_joints
+    return [
+        {
+            "name": name,
+            "aliases": list(e.aliases),
+            "dof": len(e.vector_names),
+            "joints": list(e.vector_names),
+            "limits": {
+                f"{side}_{joint.name}": [joint.lower, joint.upper]
+                for side, arm in e.arms.items()
+                for joint in arm.joints
+                if joint.name in arm.arm_joints
+            },
+            "max_opening": {side: arm.gripper.max_opening for side, arm in e.arms.items()},
+            "cameras": [c.name for c in cameras_of(e)],
         }
-        out.append(
-            {
-                "name": name,
-                "aliases": list(e.aliases),
-                "dof": len(e.vector_names),
-                "joints": list(e.vector_names),
-                "limits": limits,
-                "reach": {side: round(reach(arm), 3) for side, arm in e.arms.items()},
-                "max_opening": {side: arm.gripper.max_opening for side, arm in e.arms.items()},
-                "cameras": [c.name for c in cameras_of(e)],
-            }
-        )
-    return out
-
-
-def reach(arm: Arm) -> float:
-    """Farthest distance (m) of the tcp from the origin of the arm's first joint, within the joint
-    limits: the best of a fixed sample of configurations, improved joint by joint."""
-    first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
-    shoulder = arm_poses(arm, arm.home)[first.child][:3]  # which no joint moves
-
-    def distance(q: np.ndarray) -> np.ndarray:
-        poses = link_poses(arm, dict(zip(arm.arm_joints, q.T, strict=True)))
-        return np.linalg.norm(transform(poses[arm.hand], arm.tcp[:3]) - shoulder, axis=-1)
-
-    lower, upper = arm_limits(arm).T
-    sample = np.random.default_rng(0).uniform(lower, upper, (REACH_SAMPLES, len(lower)))
-    best = sample[np.argmax(distance(sample))]
-    for _ in range(REACH_ROUNDS):
-        for i in range(len(best)):
-            rows = np.repeat(best[None], 1 + REACH_STEPS, 0)
-            rows[1:, i] = np.linspace(lower[i], upper[i], REACH_STEPS)
-            best = rows[np.argmax(distance(rows))]
-    return float(distance(best[None])[0])
+        for name, e in ((name, robots.get_embodiment(name)) for name in robots.MODELS)
+    ]
 
 
 def list_motions() -> list[dict[str, Any]]:
@@ -142,9 +107,9 @@ def write_paths(page: Path) -> None:
     names = sorted(MODELS)
     figure = Figure(figsize=(2.6 * len(names), 5.2), dpi=80, layout="constrained")
     axes = figure.subplots(2, len(names), squeeze=False)
-    for column, name in enumerate(names):
-        above, beside = axes[:, column]
+    for name, (above, beside) in zip(names, axes.T, strict=True):
         above.set_title(name, fontsize=10)
+        beside.set_xlabel("x (m)", fontsize=7)
         for axis, k, label in ((above, 1, "y (m)"), (beside, 2, "z (m)")):
             for number, level in MODELS[name].levels.items():
                 for path in _paths(name, number):
@@ -153,20 +118,16 @@ def write_paths(page: Path) -> None:
             axis.set_aspect("equal", adjustable="datalim")
             axis.tick_params(labelsize=6)
             axis.set_ylabel(label, fontsize=7)
-        beside.set_xlabel("x (m)", fontsize=7)
     buffer = io.BytesIO()
     FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
     write_atomic(page, buffer.getvalue())
 
 
-def _paths(name: str, level: int) -> list[np.ndarray]:
-    paths: list[np.ndarray] = []
-    for seed in range(DRAWN):
-        keys = ([seed, level], [seed, level, 1])
-        asked = replace(EXAMPLE, level=level)
+def _paths(name: str, level: int) -> Iterator[Floats]:
+    for seed in range(5):
+        streams = Streams(*map(np.random.default_rng, ([seed, level], [seed, level, 1])))
         try:
-            motion = MODELS[name].draw(asked, Streams(*map(np.random.default_rng, keys)))
+            motion = MODELS[name].draw(replace(EXAMPLE, level=level), streams)
         except NoMotion:
             continue
-        paths.append(motion.pose(np.linspace(0.0, asked.duration, 120))[:, :3])
-    return paths
+        yield motion.pose(np.linspace(0.0, EXAMPLE.duration, 120))[:, :3]

@@ -68,7 +68,7 @@ class _OriginalInstance:
 
     @property
     def name(self) -> str:
-        return f"{self.family}_{self.model.directory[:3]}_{self.files.number or 0}"
+        return f"{self.family}_{self.model.directory[:3]}_{self.files.at}"
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         raise RecipeError(
             f"assets: {root} holds no object for these tasks; name RoboTwin's assets/objects"
         )
-    objects, places = dict[str, list[str]](), dict[str, Path]()
+    objects, places = dict[str, tuple[str, ...]](), dict[str, Path]()
     ungraspable, unreadable = dict[str, str](), dict[str, str]()
     made = {each.name: _place_of(each, cache / "items") for each in instances}
     missing = [(each, made[each.name]) for each in instances if not _is_made(made[each.name])]
@@ -103,12 +103,12 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
     for each in instances:
         place = made[each.name]
         if (place / TOML).is_file():
-            objects.setdefault(each.key, []).append(each.name)
+            objects[each.key] = (*objects.get(each.key, ()), each.name)
             places[each.name] = place
             continue
         why = unmade.get(each.name) or (place / REFUSED).read_text()
         refused = ungraspable if why == NO_GRASP else unreadable
-        refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
+        refused[each.name] = f"{each.model.directory} {each.files.at}: {why}"
     pairs = [[name, str(place)] for name, place in sorted(places.items())]
     plugins = cache / "sets" / digest(pairs)
     (plugins / "objects").mkdir(parents=True, exist_ok=True)
@@ -116,9 +116,8 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         _link(plugins / "objects" / name, place)
     add_all(plugins / "objects")
     use_plugins([str(plugins)])
-    by_key = {key: tuple(names) for key, names in objects.items()}
     refusals = tuple(ungraspable.values()), tuple(unreadable.values())
-    return Found(f"{SCHEME}{root.absolute()}", by_key, *refusals)
+    return Found(f"{SCHEME}{root.absolute()}", objects, *refusals)
 
 
 def _root(assets: str) -> Path:
@@ -126,9 +125,7 @@ def _root(assets: str) -> Path:
     for root in (given / "assets" / "objects", given / "objects", given):
         if root.is_dir():
             return root
-    raise RecipeError(
-        f"assets: {given}: is no directory; name the directory assets/objects of RoboTwin"
-    )
+    raise RecipeError(f"assets: {given}: is no directory; name assets/objects of RoboTwin")
 
 
 def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
@@ -139,9 +136,8 @@ def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
 
 def _instances(root: Path, key: str) -> Iterator[_OriginalInstance]:
     model = MODELS[key]
-    numbered = sorted(instances(root / model.directory), key=lambda each: int(each.number or 0))
-    for each in numbered:
-        if not model.ids or int(each.number or 0) in model.ids:
+    for each in instances(root / model.directory):
+        if not model.ids or each.at in model.ids:
             yield _OriginalInstance(key, key.rpartition(".")[2], model, each)
 
 
@@ -174,17 +170,11 @@ def _make_here(batch: Sequence[tuple[_OriginalInstance, Path]]) -> None:
     for instance, place in batch:
         if _is_made(place):
             continue
+        options, model = ObjectOptions(instance.name, instance.family, place.parent), instance.model
         try:
-            draft = draft_of_instance(
-                instance.files,
-                ObjectOptions(instance.name, instance.family, place.parent),
-                instance.model.scale,
-            )
-            if (
-                instance.model.held
-                and first_of(instance.family).frames().grasps
-                and not draft.settings.grasps
-            ):
+            draft = draft_of_instance(instance.files, options, model.scale)
+            usual = first_of(instance.family).frames().grasps if model.held else ()
+            if usual and not draft.settings.grasps:
                 raise ObjectError(NO_GRASP)
         except (ObjectError, MeshError) as error:
             write_atomic(place / REFUSED, str(error).encode())

@@ -7,7 +7,6 @@ number. Contact frames are unscaled, in the mesh's frame: the gripper comes agai
 opens along their z axis."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -53,6 +52,10 @@ class Instance:
     solid: Path
     data: Path
 
+    @property
+    def at(self) -> int:
+        return int(self.number or 0)
+
 
 def is_robotwin(directory: Path) -> bool:
     return directory.is_dir() and any(directory.glob("model_data*.json"))
@@ -61,30 +64,27 @@ def is_robotwin(directory: Path) -> bool:
 def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
     """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and
     MeshError."""
-    numbered = sorted(instances(directory), key=lambda each: int(each.number or 0))
+    numbered = instances(directory)
     if not numbered:
-        raise ObjectError(
-            f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects"
-            " are not read"
-        )
+        raise ObjectError(f"{directory}: has no base.glb; articulated objects are not read")
     drafts = dict[str, ObjectDraft]()
     for each in numbered:
-        name = options.name if len(numbered) == 1 else f"{options.name}_{each.number or 0}"
+        name = options.name if len(numbered) == 1 else f"{options.name}_{each.at}"
         drafts[name] = draft_of_instance(each, replace(options, name=name))
     return drafts
 
 
-def instances(directory: Path) -> Iterator[Instance]:
-    for data in directory.glob("model_data*.json"):
-        match = re.fullmatch(r"model_data([0-9]*)\.json", data.name)
-        if match is None or not data.is_file():
-            continue
-        number = match[1]
-        names = [f"visual/base{number}.glb", f"base{number}.glb", f"textured{number}.obj"]
-        visual = next((directory / name for name in names if (directory / name).is_file()), None)
-        if visual is not None:
+def instances(directory: Path) -> list[Instance]:
+    """The instances of a directory in the order of their numbers."""
+    found = list[Instance]()
+    for data in filter(Path.is_file, directory.glob("model_data*.json")):
+        number = data.stem.removeprefix("model_data")
+        names = (f"visual/base{number}.glb", f"base{number}.glb", f"textured{number}.obj")
+        visual = next(filter(Path.is_file, (directory / name for name in names)), None)
+        if visual is not None and (number.isdecimal() or not number):
             solid = directory / f"collision/base{number}.glb"
-            yield Instance(number, visual, solid if solid.is_file() else visual, data)
+            found.append(Instance(number, visual, solid if solid.is_file() else visual, data))
+    return sorted(found, key=lambda each: each.at)
 
 
 def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 1.0) -> ObjectDraft:
@@ -132,8 +132,7 @@ def _read_phrases(each: Instance, noun: str) -> Phrases | None:
     both = list[tuple[str, ...]]()
     for key in ("seen", "unseen"):
         given = texts.get(key) if isinstance(texts, dict) else None
-        given = given if isinstance(given, list) else []
-        short = (text for text in given if isinstance(text, str) and 0 < len(text) <= 80)
+        short = (t for t in given or () if isinstance(t, str) and 0 < len(t) <= 80)
         both.append(tuple(dict.fromkeys(ARTICLE.sub("", text.strip()) for text in short)))
     seen, unseen = both
     return Phrases(noun=noun, seen=(noun, *seen), unseen=unseen or (noun,)) if seen else None
@@ -143,10 +142,9 @@ def contact_grasps(
     data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]
 ) -> tuple[Grasp, ...]:
     """The contact points for which a hand has room, as grasps."""
-    grasps = []
-    for at in _poses(data.contact_points_pose, scale, upright):
-        y, z = quat_rotate(at[3:], np.eye(3)[1:])
-        grasps.append(pinch_at(solid, at[:3], -y, z))
+    poses = _poses(data.contact_points_pose, scale, upright)
+    axes = (quat_rotate(at[3:], np.eye(3)[1:]) for at in poses)
+    grasps = (pinch_at(solid, at[:3], -y, z) for at, (y, z) in zip(poses, axes, strict=True))
     return tuple(grasp for grasp in grasps if grasp is not None)
 
 
@@ -158,9 +156,8 @@ def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Po
             matrix = np.array(values, float)
         except (TypeError, ValueError) as error:
             raise ObjectError("model_data: a frame is not a matrix of 4 x 4 numbers") from error
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            continue
-        if abs(np.linalg.det(matrix[:3, :3])) < 1e-6:
+        is_sound = matrix.shape == (4, 4) and np.isfinite(matrix).all()
+        if not is_sound or abs(np.linalg.det(matrix[:3, :3])) < 1e-6:
             continue
         left, _, right = np.linalg.svd(matrix[:3, :3])
         rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right

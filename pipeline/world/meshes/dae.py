@@ -24,16 +24,13 @@ type Element = Any
 def read_dae(file: Path, within: Path) -> MeshFile:
     """The parts of a COLLADA file in metres; files that it names lie below `within`. Raises
     MeshError."""
-    reader = _Reader(file, within, _without_namespaces(parse_xml(read_bytes(file))))
-    parts = tuple(part.moved(reader.unit()) for part in reader.parts())
-    up = (reader.root.findtext("asset/up_axis") or "Y_UP").strip()[:1].lower()
-    return MeshFile(parts, tuple(dict.fromkeys(reader.notes)), up)
-
-
-def _without_namespaces(root: Element) -> Element:
+    root = parse_xml(read_bytes(file))
     for element in root.iter(etree.Element):
         element.tag = etree.QName(element).localname
-    return root
+    reader = _Reader(file, within, root)
+    parts = tuple(part.moved(reader.unit()) for part in reader.parts())
+    up = (root.findtext("asset/up_axis") or "Y_UP").strip()[:1].lower()
+    return MeshFile(parts, tuple(dict.fromkeys(reader.notes)), up)
 
 
 class _Reader:
@@ -99,39 +96,30 @@ class _Reader:
 
     def _primitive(self, element: Element, bound: Element | None) -> Part:
         if element.find("ph") is not None:
-            raise MeshError(
-                "has a polygon with a hole (<ph>), which is not read; make it triangles"
-            )
-        inputs = [
-            (i.get("semantic"), int(i.get("offset", 0)), i) for i in element.iterfind("input")
-        ]
-        stride = 1 + max(offset for _, offset, _ in inputs)
-        rows = [
-            np.array((p.text or "").split(), np.int64).reshape(-1, stride)
-            for p in element.iterfind("p")
-        ]
+            raise MeshError("has a polygon with a hole (<ph>); make it triangles")
+        inputs = [(int(i.get("offset", 0)), i) for i in element.iterfind("input")]
+        stride = 1 + max(offset for offset, _ in inputs)
+        rows = [_numbers(p, np.int64).reshape(-1, stride) for p in element.iterfind("p")]
         corners = np.concatenate(rows)[_triangles(element, [len(row) for row in rows])]
-        chosen = {semantic: (offset, i) for semantic, offset, i in reversed(inputs)}
+        chosen = {i.get("semantic"): (offset, i) for offset, i in reversed(inputs)}
         offset, vertex = chosen["VERTEX"]
-        position = next(
-            i
-            for i in self._target(vertex, "source").iterfind("input")
-            if i.get("semantic") == "POSITION"
-        )
-        points, which = self._source(position)[:, :3], corners[..., offset]
+        sources = {i.get("semantic"): i for i in self._target(vertex, "source").iterfind("input")}
+        points, which = self._source(sources["POSITION"])[:, :3], corners[..., offset]
         if not len(which) or which.min() < 0 or which.max() >= len(points):
             raise MeshError("has a triangle of vertices that it does not hold")
         part = Part(points[which].reshape(-1, 3), np.arange(which.size).reshape(-1, 3))
+
+        def at_corners(semantic: str, width: int) -> Floats:
+            offset, source = chosen[semantic]
+            return self._source(source)[:, :width][corners[..., offset].ravel()]
+
         look = MeshLook() if bound is None else self._look(self._target(bound, "target"))
         if look.texture is not None and "TEXCOORD" in chosen:
-            offset, source = chosen["TEXCOORD"]
-            uv = self._source(source)[:, :2][corners[..., offset].ravel()]
-            return replace(part, look=look, uv=uv * [1, -1] + [0, 1])
+            return replace(part, look=look, uv=at_corners("TEXCOORD", 2) * [1, -1] + [0, 1])
         if look.texture is not None:
             self.notes.append("has a texture and no coordinates for it: it is not drawn")
         if bound is None and "COLOR" in chosen:
-            offset, source = chosen["COLOR"]
-            return painted(part, self._source(source)[:, :3][corners[..., offset].ravel()])
+            return painted(part, at_corners("COLOR", 3))
         return replace(part, look=MeshLook(look.color))
 
     def _source(self, element: Element) -> Floats:
@@ -141,7 +129,7 @@ class _Reader:
         if accessor is None or array is None:
             raise MeshError("has a source without numbers")
         stride, offset = int(accessor.get("stride", 1)), int(accessor.get("offset", 0))
-        values = np.array((array.text or "").split(), float)[offset:]
+        values = _numbers(array)[offset:]
         return values[: len(values) // stride * stride].reshape(-1, stride)
 
     def _look(self, material: Element) -> MeshLook:
@@ -153,32 +141,25 @@ class _Reader:
             shader = technique.find(kind)
             if shader is None:
                 continue
-            light = shader.find("emission" if kind == "constant" else "diffuse")
-            color = None if light is None else light.find("color")
-            texture = None if light is None else light.find("texture")
+            light = "emission" if kind == "constant" else "diffuse"
+            color, texture = shader.find(f"{light}/color"), shader.find(f"{light}/texture")
             if texture is not None:
                 return MeshLook((0.8, 0.8, 0.8), self._texture(texture.get("texture", ""), profile))
             if color is not None:
-                r, g, b = np.clip([float(v) for v in (color.text or "").split()][:3], 0, 1).tolist()
+                r, g, b = np.clip(_numbers(color)[:3], 0, 1).tolist()
                 return MeshLook((r, g, b))
         self.notes.append("has a material without a diffuse color")
         return MeshLook()
 
     def _texture(self, name: str, profile: Element) -> np.ndarray | None:
         for _ in range(3):  # a sampler, its surface, its image
-            parameter = next(
-                (p for p in profile.iterfind("newparam") if p.get("sid") == name), None
-            )
-            if parameter is None:
+            named = {p.get("sid"): p for p in reversed(profile.findall("newparam"))}
+            if name not in named:
                 break
-            element_above = next(
-                (e for e in parameter.iter("source", "init_from", "instance_image")), None
-            )
-            name = (
-                ""
-                if element_above is None
-                else (element_above.get("url", "").lstrip("#") or element_above.text or "").strip()
-            )
+            above = next(named[name].iter("source", "init_from", "instance_image"), None)
+            name = ""
+            if above is not None:
+                name = (above.get("url", "").lstrip("#") or above.text or "").strip()
         image = self._by_id.get(name)
         start = None if image is None else next(image.iter("init_from"), None)
         written = "" if start is None else "".join(start.itertext()).strip()
@@ -187,16 +168,19 @@ class _Reader:
         return self._images[written]
 
     def _load(self, written: str) -> np.ndarray | None:
+        name = unquote(written).removeprefix("file://")
         try:
-            path = find_file(
-                unquote(written).removeprefix("file://"), self.file.parent, self.within
-            )
+            path = find_file(name, self.file.parent, self.within)
         except MeshError as error:
             if "outside of" in str(error):
                 raise
             self.notes.append(f"has no texture: {error}; it is drawn grey")
             return None
         return pixels(read_bytes(path))
+
+
+def _numbers(element: Element, kind: type = float) -> np.ndarray:
+    return np.array((element.text or "").split(), kind)
 
 
 def _child(element: Element, tag: str) -> Element:
@@ -211,7 +195,7 @@ def _placement(node: Element) -> Floats:
     for element in node.iterchildren("matrix", "translate", "rotate", "scale", "lookat", "skew"):
         if element.tag in ("lookat", "skew"):
             raise MeshError(f"places a node by <{element.tag}>, which is not read; use <matrix>")
-        values = np.array((element.text or "").split(), float)
+        values = _numbers(element)
         if element.tag == "matrix":
             step = values.reshape(4, 4)
         elif element.tag == "translate":

@@ -4,7 +4,7 @@ package, or refused."""
 import io
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PureWindowsPath
@@ -22,7 +22,6 @@ from .part import MeshError
 LFS_POINTER = b"version https://git-lfs"
 MAX_BYTES = 256_000_000
 MAX_NAME = 500  # characters of a file name
-MAX_PIXELS = 8192 * 8192
 MAX_TRIANGLES = 500_000  # of one file: a link or an object is drawn with 2000 at most
 TEXTURE = 512  # pixels of a kept texture's longer edge at most
 
@@ -47,9 +46,9 @@ def find_file(name: str, beside: Path, within: Path) -> Path:
     path = _below(beside / name, within, name)
     if path.is_file():
         return path
-    for near, why in similar(name, beside, within):
-        raise MeshError(f"{name!r} {why}; write {os.path.relpath(near, beside.resolve())!r}")
     missing = "is no regular file" if path.exists() else f"was not found in {beside}"
+    if near := similar(name, beside, within):
+        missing += f"; write {os.path.relpath(near, beside.resolve())!r}"
     raise MeshError(f"{name!r} {missing}")
 
 
@@ -63,41 +62,22 @@ def check_name(name: str) -> None:
         raise MeshError(f"{name!r} is an absolute path; name the file relative to this one")
 
 
-def similar(name: str, beside: Path, within: Path) -> Iterator[tuple[Path, str]]:
-    """Files below `within` that a name may mean, each with what is wrong with the name."""
-    slashes = name.replace("\\", "/")
-    ways = ((slashes, "has backslashes"), (unquote(slashes), "has percent signs"))
-    for written, why in ways:
-        path = _in_any_case(beside, written)
-        if path is None or not path.resolve().is_relative_to(within.resolve()):
-            continue
-        same = os.path.normpath(beside / written) == os.path.normpath(path)
-        yield path, why if same else "is written in another case"
-
-
-def _in_any_case(folder: Path, name: str) -> Path | None:
-    for part in Path(name).parts:
-        if part == ".." or (folder / part).exists():
-            folder = folder / part
-            continue
-        try:
-            entries = sorted(folder.iterdir())
-        except OSError:
-            return None
-        alike = [entry for entry in entries if entry.name.lower() == part.lower()]
-        if not alike:
-            return None
-        folder = alike[0]
-    return folder if folder.is_file() else None
+def similar(name: str, beside: Path, within: Path) -> Path | None:
+    """The file below `within` that a name may mean: with other slashes, percent signs or case."""
+    folder = beside
+    for part in Path(unquote(name.replace("\\", "/"))).parts:
+        if part != ".." and not (folder / part).exists():
+            entries = sorted(folder.iterdir()) if folder.is_dir() else ()
+            part = next((e.name for e in entries if e.name.lower() == part.lower()), part)
+        folder = folder / part
+    inside = folder.is_file() and folder.resolve().is_relative_to(within.resolve())
+    return folder if inside else None
 
 
 def _below(path: Path, within: Path, name: str) -> Path:
     target = path.resolve()
     if not target.is_relative_to(within.resolve()):
-        plain = Path(os.path.normpath(path.absolute()))
-        linked = any(plain.is_relative_to(top) for top in (within.absolute(), within.resolve()))
-        why = "is a link to a file outside of" if linked else "is outside of"
-        raise MeshError(f"{name!r} {why} {within}; copy the file there")
+        raise MeshError(f"{name!r} is outside of {within}; copy the file there")
     return target
 
 
@@ -120,21 +100,17 @@ def pixels(data: bytes) -> NDArray[np.uint8]:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(data))
-            width, height = image.size
-            if width * height > MAX_PIXELS:
-                raise MeshError(f"has a texture of {width} x {height} pixels; make it smaller")
-            small = image.convert("RGBA")
-    except Image.DecompressionBombError as error:
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data)).convert("RGBA")
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
         raise MeshError("has a texture of too many pixels; make it smaller") from error
     except (OSError, ValueError, SyntaxError) as error:
         why = " ".join(str(error).split())[:80]
         raise MeshError(f"has a texture that is no image ({why})") from error
-    if (scale := TEXTURE / max(width, height)) < 1:
-        size = max(1, round(width * scale)), max(1, round(height * scale))
-        small = small.resize(size)
-    return np.array(small, np.uint8)
+    if (scale := TEXTURE / max(image.size)) < 1:
+        width, height = (max(1, round(edge * scale)) for edge in image.size)
+        image = image.resize((width, height))
+    return np.array(image, np.uint8)
 
 
 FOLDERS_ABOVE = 2  # folders above that of a file below which its meshes may lie
@@ -166,10 +142,8 @@ class Folders:
         package, _, file = rest.partition("/")
         folder = self._package(package)
         if folder is None:
-            raise MeshError(
-                f"{name[:120]!r} is of the package {package[:60]!r}, which is not here: give"
-                f" --package {package}=DIR"
-            )
+            what = f"{name[:120]!r} is of the package {package[:60]!r}"
+            raise MeshError(f"{what}, which is not here: give --package {package}=DIR")
         return find_file(file, folder, folder), folder
 
     def _package(self, name: str) -> Path | None:
@@ -178,9 +152,8 @@ class Folders:
         if not name or name.startswith("."):
             return None
         own = [folder for folder in self._above if name in (folder.name, _package_name(folder))]
-        return next(
-            (folder for folder in (*own, *(f / name for f in self._above)) if folder.is_dir()), None
-        )
+        folders = (*own, *(folder / name for folder in self._above))
+        return next(filter(Path.is_dir, folders), None)
 
 
 def folders_of(

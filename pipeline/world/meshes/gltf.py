@@ -5,6 +5,7 @@ import base64
 import json
 import struct
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_to_bytes
@@ -19,20 +20,16 @@ from .part import Ints, MeshError, MeshFile, MeshLook, Part, painted, srgb, tint
 MAGIC, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 TYPES = dict(zip((5120, 5121, 5122, 5123, 5125, 5126), map(np.dtype, "bBhHIf"), strict=True))
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-MESHOPT = "meshopt: unpack it first, with `gltf-transform copy`"
 COMPRESSED = {
-    "KHR_draco_mesh_compression": (
-        "Draco: unpack it first, with `gltf-transform copy` or the package DracoPy"
-    ),
-    "EXT_meshopt_compression": MESHOPT,
-    "KHR_meshopt_compression": MESHOPT,
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
 }
 READ = {"KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_unlit"}
 INSTANCES = "EXT_mesh_gpu_instancing"
 LOOKS = tuple(
     f"{vendor}_{kind}_"
-    for vendor in ("KHR", "EXT", "MSFT")
-    for kind in ("materials", "lights", "texture")
+    for vendor, kind in product(("KHR", "EXT", "MSFT"), ("materials", "lights", "texture"))
 )
 POINTS, STRIP, FAN = (0, 1, 2, 3), 5, 6
 REPEAT = 10497
@@ -55,8 +52,9 @@ def read_gltf(file: Path, within: Path) -> MeshFile:
 
 
 def _refuse_packed(extensions: dict[str, Any]) -> None:
-    if packed := COMPRESSED.keys() & extensions.keys():
-        raise MeshError(f"is packed by {COMPRESSED[min(packed)]} ({min(packed)})")
+    for name in sorted(COMPRESSED.keys() & extensions.keys()):
+        fix = "unpack it first, with `gltf-transform copy`"
+        raise MeshError(f"is packed by {COMPRESSED[name]}: {fix} ({name})")
 
 
 class _Document:
@@ -69,10 +67,8 @@ class _Document:
         self._images: dict[int, np.ndarray] = {}
 
     def check_extensions(self) -> None:
-        required, used = (
-            set(self.document.get(f"extensions{k}", ())) for k in ("Required", "Used")
-        )
-        for name in sorted(required | used):
+        required = set(self.document.get("extensionsRequired", ()))
+        for name in sorted(required | set(self.document.get("extensionsUsed", ()))):
             if name in required or name.startswith("KHR_draco"):
                 _refuse_packed({name: None})
             if name == INSTANCES:
@@ -111,7 +107,7 @@ class _Document:
             raise MeshError(f"has an array of {count} values; simplify it first")
         values = np.zeros((count, width), dtype)
         if "bufferView" in accessor:
-            values = self._strided(accessor, count, width, dtype).copy()
+            values[:] = self._strided(accessor, count, width, dtype)
         if sparse := accessor.get("sparse"):
             n, at = sparse["count"], sparse["indices"]
             rows = self._strided(at, n, 1, TYPES[at["componentType"]]).ravel()
@@ -130,21 +126,15 @@ class _Document:
 
     def parts(self) -> Iterator[Part]:
         """The triangles of every mesh, wherever a node of the scene places it."""
-        placed, meshes = list(self._placed()), self.document.get("meshes", [])
-        total = sum(self._count(p) for mesh, _ in placed for p in meshes[mesh]["primitives"])
-        if total > MAX_TRIANGLES:
-            raise MeshError(f"has {total} triangles; {MAX_TRIANGLES} at most, simplify it first")
-        read: dict[int, list[Part]] = {}
-        for mesh, at in placed:
+        total, read = 0, dict[int, list[Part]]()
+        for mesh, at in self._placed():
             if mesh not in read:
-                found = map(self._primitive, meshes[mesh]["primitives"])
+                found = map(self._primitive, self.document["meshes"][mesh]["primitives"])
                 read[mesh] = [part for part in found if part]
+            total += sum(len(part.faces) for part in read[mesh])
+            if total > MAX_TRIANGLES:
+                raise MeshError(f"has more than {MAX_TRIANGLES} triangles; simplify it first")
             yield from (part.moved(at) for part in read[mesh])
-
-    def _count(self, primitive: dict[str, Any]) -> int:
-        number = primitive.get("indices", primitive["attributes"]["POSITION"])
-        count = int(self.document["accessors"][number]["count"])
-        return count if primitive.get("mode", 4) in (STRIP, FAN) else count // 3
 
     def _placed(self) -> Iterator[tuple[int, Floats]]:
         """Mesh and matrix (4,4) of every node of the scene that has a mesh."""
@@ -182,14 +172,10 @@ class _Document:
         corners = np.arange(len(points))
         if "indices" in primitive:
             corners = self.array(primitive["indices"]).astype(np.int64).ravel()
-        number = primitive.get("material")
-        material = {} if number is None else self.document["materials"][number]
-        part = Part(points, _triangles(corners, mode))
-        return self._looked(part, at, material, number is not None)
+        return self._looked(Part(points, _triangles(corners, mode)), at, primitive.get("material"))
 
-    def _looked(
-        self, part: Part, at: dict[str, int], material: dict[str, Any], stated: bool
-    ) -> Part:
+    def _looked(self, part: Part, at: dict[str, int], number: int | None) -> Part:
+        material = {} if number is None else self.document["materials"][number]
         if material.get("alphaMode") == "BLEND":
             self.notes.append("draws a transparent surface as opaque")
         surface = material.get("pbrMetallicRoughness", {})
@@ -213,7 +199,7 @@ class _Document:
         if shades is not None:
             return painted(part, srgb(shades * factor))
         r, g, b = srgb(factor).tolist()
-        return Part(part.points, part.faces, MeshLook((r, g, b) if stated else None))
+        return Part(part.points, part.faces, MeshLook(None if number is None else (r, g, b)))
 
     def _uv(self, info: dict[str, Any], at: dict[str, int], count: int) -> Floats | None:
         """Coordinates (P,2) of a texture, transformed; None where the mesh has none."""
@@ -231,8 +217,8 @@ class _Document:
         uv = uv + change.get("offset", (0, 0))
         texture = self.document["textures"][info["index"]]
         sampler = self.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
-        is_repeated = {sampler.get(wrap, REPEAT) for wrap in ("wrapS", "wrapT")} == {REPEAT}
-        if not is_repeated and (uv.min() < 0 or uv.max() > 1):
+        wraps = {sampler.get(wrap, REPEAT) for wrap in ("wrapS", "wrapT")}
+        if wraps != {REPEAT} and (uv.min() < 0 or uv.max() > 1):
             self.notes.append("repeats a texture that is to be clamped or mirrored")
         return uv
 

@@ -1,5 +1,6 @@
 """Reads Wavefront OBJ with its MTL: faces by material, Kd, map_Kd, colors of vertices."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from pipeline.poses import Floats
 from .files import find_file, pixels, read_bytes, similar
 from .part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
 
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE).fullmatch
 SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 """How many numbers an option of a texture has at most; the others have one word."""
 
@@ -33,12 +35,9 @@ class _Faces:
     uvs: list[int] = field(default_factory=list)
 
     def add(self, corners: list[str], points: int, uvs: int) -> None:
-        at, texels = list[int](), list[int]()
-        for corner in corners:
-            point, _, rest = corner.partition("/")
-            texel = rest.partition("/")[0]
-            at.append(_index(point, points))
-            texels.append(_index(texel, uvs) if texel else -1)
+        named = [f"{corner}//".split("/")[:2] for corner in corners]
+        at = [_index(point, points) for point, _ in named]
+        texels = [_index(texel, uvs) if texel else -1 for _, texel in named]
         for k in range(1, len(at) - 1):
             self.points += (at[0], at[k], at[k + 1])
             self.uvs += (texels[0], texels[k], texels[k + 1])
@@ -81,10 +80,8 @@ def read_obj(file: Path, within: Path) -> MeshFile:
             continue
         if name and name not in library:
             notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
-        part, uv, shade = _gather(faces, at, texels, colors)
-        parts.append(
-            _looked(part, uv, shade, library.get(name, _Material()), (file, within, notes))
-        )
+        part, shade = _gather(faces, at, texels, colors)
+        parts.append(_looked(part, shade, library.get(name, _Material()), (file, within, notes)))
     return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
 
 
@@ -101,48 +98,42 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
     if any(len(point) < 3 for point in points):
         raise MeshError("has a vertex of fewer than 3 numbers")
     at = np.array([point[:3] for point in points], float).reshape(-1, 3)
-    if not any(len(point) >= 6 for point in points):
+    colored = [len(point) >= 6 for point in points]
+    if not any(colored):
         return at, None
-    if not all(len(point) >= 6 for point in points):
+    if not all(colored):
         notes.append("has vertices without a color among others: they are white")
-    return at, np.array([point[3:6] if len(point) >= 6 else (1, 1, 1) for point in points], float)
+    return at, np.array([(*point[3:], 1, 1, 1)[:3] for point in points], float)
 
 
 def _gather(
     faces: _Faces, at: Floats, texels: Floats, colors: Floats | None
-) -> tuple[Part, Floats | None, Floats | None]:
-    """Triangles of one material, their coordinates (P,2) and colors (P,3), if there are some."""
+) -> tuple[Part, Floats | None]:
+    """Triangles of one material, and the colors (P,3) of their points, if there are some."""
     corners = np.stack([faces.points, faces.uvs], 1)
     if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
         raise MeshError("has a triangle of vertices that it does not hold")
     used, index = np.unique(corners, axis=0, return_inverse=True)
-    part = Part(at[used[:, 0]], index.reshape(-1, 3))
     uv = texels[used[:, 1]] if len(texels) and used[:, 1].min() >= 0 else None
-    return part, uv, None if colors is None else colors[used[:, 0]]
+    part = Part(at[used[:, 0]], index.reshape(-1, 3), uv=uv)
+    return part, None if colors is None else colors[used[:, 0]]
 
 
 def _looked(
-    part: Part,
-    uv: Floats | None,
-    shade: Floats | None,
-    material: _Material,
-    place: tuple[Path, Path, list[str]],
+    part: Part, shade: Floats | None, material: _Material, place: tuple[Path, Path, list[str]]
 ) -> Part:
     file, within, notes = place
-    kd = np.array(material.kd or (1.0, 1.0, 1.0))
-    image = None
+    kd, image, uv = np.array(material.kd or (1.0, 1.0, 1.0)), None, part.uv
     if material.texture and uv is None:
         notes.append("has a texture and no coordinates for it: the color alone is used")
     elif material.texture:
         image = _texture(material.texture, file, within, notes)
     if image is not None and uv is not None:
-        moved = uv * material.scale + material.offset
-        return replace(
-            part, look=MeshLook((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1]
-        )
+        uv = (uv * material.scale + material.offset) * [1, -1] + [0, 1]
+        return replace(part, look=MeshLook((1.0, 1.0, 1.0), tinted(image, kd)), uv=uv)
     if shade is not None:
         return painted(part, shade * kd)
-    return replace(part, look=MeshLook(material.kd))
+    return replace(part, look=MeshLook(material.kd), uv=None)
 
 
 def _texture(name: str, file: Path, within: Path, notes: list[str]):
@@ -152,14 +143,17 @@ def _texture(name: str, file: Path, within: Path, notes: list[str]):
     except MeshError as error:
         if "outside of" in str(error):
             raise
-        missing = str(error)
+        guess = _guess(name, file, within)
+        if guess is None:
+            notes.append(f"has no texture: {error}; the color alone is used")
+            return None
+    notes.append(f"takes {guess.name} for the texture {name!r}")
+    return pixels(read_bytes(guess))
+
+
+def _guess(name: str, file: Path, within: Path) -> Path | None:
     last = name.replace("\\", "/").rpartition("/")[2]
-    guesses = [*similar(name, file.parent, within)] or [*similar(last, file.parent, within)]
-    if not guesses:
-        notes.append(f"has no texture: {missing}; the color alone is used")
-        return None
-    notes.append(f"takes {guesses[0][0].name} for the texture {name!r}")
-    return pixels(read_bytes(guesses[0][0]))
+    return similar(name, file.parent, within) or similar(last, file.parent, within)
 
 
 def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict[str, _Material]:
@@ -169,11 +163,10 @@ def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict
     except MeshError as error:
         if "outside of" in str(error):
             raise
-        guesses = [*similar(name.replace("\\", "/").rpartition("/")[2], file.parent, within)]
-        if not guesses:
+        path = _guess(name, file, within)
+        if path is None:
             notes.append(f"has no materials: {error}")
             return {}
-        path = guesses[0][0]
         notes.append(f"takes {path.name} for the material library {name!r}")
     materials: dict[str, _Material] = {}
     current = ""
@@ -194,33 +187,24 @@ def _color(text: str) -> Color:
     values = text.split()
     if values[0] in ("spectral", "xyz"):
         raise MeshError(f"has a color Kd {values[0]}, which is not read; write it as three numbers")
-    r, g, b = (float(v) for v in (values * 3 if len(values) == 1 else values)[:3])
-    return (min(max(r, 0.0), 1.0), min(max(g, 0.0), 1.0), min(max(b, 0.0), 1.0))
+    r, g, b = np.clip([float(v) for v in (values * 3)[:3]], 0, 1).tolist()
+    return (r, g, b)
 
 
 def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
     """The material with the texture of a line map_Kd: options first, then the name."""
     words = text.split()
-    values: dict[str, list[float]] = {}
+    values: dict[str, list[float]] = {"-s": [], "-o": []}
     while len(words) > 1 and words[0].startswith("-"):
-        option = words.pop(0)
-        numbers: list[float] = []
-        while len(words) > 1 and len(numbers) < SEVERAL.get(option, 0) and _is_number(words[0]):
+        option, numbers = words.pop(0), list[float]()
+        while len(words) > 1 and len(numbers) < SEVERAL.get(option, 0) and NUMBER(words[0]):
             numbers.append(float(words.pop(0)))
-        if option in ("-s", "-o"):
+        if option in values:
             values[option] = numbers
             continue
         if option not in SEVERAL:
             words.pop(0)
         notes.append(f"ignores the option {option} of a texture")
-    u, v, *_ = (*values.get("-s", ()), 1.0, 1.0)
-    x, y, *_ = (*values.get("-o", ()), 0.0, 0.0)
+    u, v, *_ = (*values["-s"], 1.0, 1.0)
+    x, y, *_ = (*values["-o"], 0.0, 0.0)
     return replace(material, texture=" ".join(words), scale=(u, v), offset=(x, y))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -1,5 +1,6 @@
 """Mesh files of seven formats as parts, and what of them is drawn and what is solid."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,16 +37,12 @@ def drawn(parts: Sequence[Part], budget: int, fewest: int, plain: Color = PLAIN)
 
 
 def _mesh(part: Part, budget: int) -> Mesh:
-    points, faces, uv = part.points, part.faces, part.uv
+    points, faces = part.points, part.faces
+    uv = None if part.uv is None else part.uv[faces]
     if len(faces) > budget:
         points, faces = thinned(points, faces, budget)
-    if uv is None:
-        return finish(points, faces, crease=CREASE)
-    if faces is part.faces:
-        return finish(points, faces, uv[faces], CREASE)
-    return finish(
-        points, faces, _carry_over(part.points[part.faces], uv[part.faces], points[faces]), CREASE
-    )
+        uv = None if uv is None else _carry_over(part.points[part.faces], uv, points[faces])
+    return finish(points, faces, uv, CREASE)
 
 
 def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
@@ -109,34 +106,23 @@ def read_mesh(file: Path, within: Path | None = None) -> MeshFile:
     """The parts of a mesh file, one a look, in its own frame and units. Files that it names lie
     below `within`, by default its own folder. Raises MeshError, one line that names the file."""
     kind = file.suffix.lower()
+    fix = "convert it to .stl, .obj or .glb"
     if kind not in FORMATS:
-        raise MeshError(
-            f"{file}: not one of {', '.join(FORMATS)}; convert it to .stl, .obj or .glb"
-        )
+        raise MeshError(f"{file}: not one of {', '.join(FORMATS)}; {fix}")
     try:
         read = READERS.get(kind, _read_bare)(file, within or file.parent)
         mesh = read._replace(parts=joined(read.parts))
         _check(mesh.parts)
     except DominoError as error:
-        raise MeshError(
-            str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}"
-        ) from error
-    except RecursionError as error:
-        raise MeshError(f"{file}: its parts are nested too deeply") from error
+        raise MeshError(f"{file}: {str(error).removeprefix(f'{file}: ')}") from error
     except Exception as error:  # whatever a damaged file leads its reader to
         why = " ".join(f"{error}".split())[:160] or type(error).__name__
-        raise MeshError(
-            f"{file}: not readable ({why}); convert it to .stl, .obj or .glb"
-        ) from error
+        raise MeshError(f"{file}: not readable ({why}); {fix}") from error
     return mesh
 
 
 def _read_bare(file: Path, within: Path) -> MeshFile:
     """STL, PLY and OFF, which name no other file."""
-    import io
-
-    import trimesh
-
     kind = file.suffix.lower()[1:]
     mesh = trimesh.load(io.BytesIO(read_bytes(file)), file_type=kind, force="mesh", process=False)
     if not isinstance(mesh, trimesh.Trimesh):
@@ -157,10 +143,8 @@ def _check(parts: tuple[Part, ...]) -> None:
     if not faces:
         raise MeshError("holds no triangles")
     if faces > MAX_TRIANGLES or len(parts) > MAX_PARTS:
-        raise MeshError(
-            f"has {faces} triangles in {len(parts)} materials; {MAX_TRIANGLES} in {MAX_PARTS} at"
-            " most, simplify it first"
-        )
+        what = f"has {faces} triangles in {len(parts)} materials"
+        raise MeshError(f"{what}; {MAX_TRIANGLES} in {MAX_PARTS} at most, simplify it first")
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.points):
             raise MeshError("has a triangle of vertices that it does not hold")

@@ -158,7 +158,7 @@ AWAY = {"buffers": [{"byteLength": 36, "uri": "../../secret.bin"}]}
     ("changes", "said"),
     [
         (NODES, "circle"),
-        (MANY, "10000000 triangles"),
+        (MANY, "simplify it first"),
         (AWAY, "outside of"),
         ({"buffers": [{"byteLength": 36, "uri": "/etc/passwd"}]}, "absolute path"),
         (
@@ -219,7 +219,7 @@ def test_a_texture_that_unpacks_to_gigabytes_is_not_unpacked(tmp_path):
     )
     (tmp_path / "bomb.png").write_bytes(bomb)
     textured_obj(tmp_path / "box.obj", "newmtl a\nmap_Kd bomb.png\n")
-    with pytest.raises(DominoError, match="12000 x 12000"):
+    with pytest.raises(DominoError, match="too many pixels"):
         read_mesh(tmp_path / "box.obj")
 
 

@@ -144,7 +144,7 @@ def test_colors_of_vertices_become_a_palette_times_the_factor(tmp_path, glb, kin
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("KHR_draco_mesh_compression", "is packed by Draco: .*DracoPy"),
+        ("KHR_draco_mesh_compression", "is packed by Draco: .*gltf-transform"),
         ("EXT_meshopt_compression", "is packed by meshopt: .*gltf-transform"),
         ("EXT_mesh_gpu_instancing", "instances of a mesh on the GPU"),
         ("VENDOR_shape", "requires the extension 'VENDOR_shape', which is not read"),
@@ -198,7 +198,7 @@ def test_deep_and_many_nodes_end_at_once(tmp_path, glb):
     with pytest.raises(MeshError, match="has 100000 nodes"):
         read_mesh(glb.write(tmp_path / "many.glb", nodes=[{"mesh": 0}] * 100_000))
     glb.primitive["indices"] = glb.accessor(np.tile(TWO, 50_000))
-    with pytest.raises(MeshError, match="has 600000 triangles"):
+    with pytest.raises(MeshError, match="has more than 500000 triangles"):
         read_mesh(
             glb.write(
                 tmp_path / "often.glb", nodes=[{"mesh": 0}] * 6, scenes=[{"nodes": [*range(6)]}]
