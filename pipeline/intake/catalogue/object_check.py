@@ -31,6 +31,8 @@ between tested points."""
 
 SECONDS = 1.0
 
+type Problems = Callable[[Family, Shape], Iterator[str]]
+
 
 def check_object(name: str) -> list[Finding]:
     """The findings on one object family, on instances of seeds 0, 1, 2 ... Raises UnknownName."""
@@ -47,18 +49,22 @@ def _check(name: str, family: type[Family]) -> list[Finding]:
     held = f"{len(frames.grasps)}, of kinds {kinds}"
     if not kinds:
         held = "none: it can only be pressed or put on"
-    meshes, fits = _of_each(built, partial(_meshes, most)), _of_each(built, _fit)
+
+    def of_each(name: str, problems: Problems, good: str, count: int = BUILT) -> Finding:
+        found = (f"{a}: {problem}" for a, shape in built[:count] for problem in problems(a, shape))
+        return _judge(name, found, good)
+
     good = f"at most {most} triangles, finite, with unit normals"
     solid = [
-        _judge("meshes", meshes, good),
-        _judge("shape", fits, "stands on z = 0; what is drawn and what is solid agree"),
-        _judge("frames", _of_each(built, _frames), ", ".join(frames.points)),
+        of_each("meshes", partial(_meshes, most), good),
+        of_each("shape", _fit, "stands on z = 0; what is drawn and what is solid agree"),
+        of_each("frames", _frames, ", ".join(frames.points)),
     ]
-    grasps = _judge("grasps", _of_each(built[:2], _grasps), held)
-    rest = _judge("rest", _of_each(built, partial(_rest, name)), "rests where it is put")
+    grasps = of_each("grasps", _grasps, held, 2)
+    rest = of_each("rest", partial(_rest, name), "rests where it is put")
     if model:
-        hollows = _of_each(built, partial(_hollows, model))
-        return [*solid, _judge("hollows", hollows, "hollow where its family is"), grasps, rest]
+        hollows = of_each("hollows", partial(_hollows, model), "hollow where its family is")
+        return [*solid, hollows, grasps, rest]
     always = f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same"
     words = _judge("words", _words(drawn), f"{SEEN} seen and {UNSEEN} unseen descriptions")
     return [_judge("drawing", _drawing(family, drawn), always), *solid, grasps, words, rest]
@@ -74,15 +80,9 @@ def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
     return Finding(name, first is None, first or good)
 
 
-def _of_each(
-    built: Iterable[tuple[Family, Shape]], problems: Callable[[Family, Shape], Iterator[str]]
-) -> Iterator[str]:
-    return (f"{one}: {problem}" for one, shape in built for problem in problems(one, shape))
-
-
 def _drawing(family: type[Family], drawn: Sequence[Family]) -> Iterator[str]:
     if list(drawn) != [family.draw(_rng(seed)) for seed in range(INSTANCES)]:
-        yield ("the same seed draws another instance: draw from `rng` only, in a frozen dataclass")
+        yield "the same seed draws another instance: draw from `rng` only, in a frozen dataclass"
     different = len(set(drawn))
     if different < INSTANCES:
         yield f"{INSTANCES} seeds draw {different} instances: draw its sizes and colours from `rng`"
@@ -142,10 +142,9 @@ def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
             free_before(s, points[label]) for s, points in ((model.shape(), theirs), (shape, own))
         )
         if usual >= ROOM and free < usual * SHALLOW:
-            yield (
-                f"{1000 * free:.0f} mm are free before its frame {label}, {1000 * usual:.0f} mm in"
-                f" a {family}: nothing goes in there; use another --family, or correct the frame"
-            )
+            here = f"{1000 * free:.0f} mm are free before its frame {label}"
+            there = f"{1000 * usual:.0f} mm in a {family}"
+            yield f"{here}, {there}: use another --family, or correct the frame"
 
 
 def free_before(shape: Shape, at: Pose) -> float:
@@ -164,11 +163,10 @@ def _grasps(one: Family, shape: Shape) -> Iterator[str]:
             yield f"a grasp of kind {g.kind} is {g.width:.3f} m wide: above 0, {WIDEST} m at most"
         elif not any(_holds(shape.collision, g, ahead) for ahead in AHEAD):
             at = ", ".join(f"{x:.3f}" for x in g.pose[:3])
-            yield (
-                f"a grasp of kind {g.kind} at ({at}) m holds nothing {1000 * g.width:.1f} mm wide:"
-                " along its opening direction (y) the collision pieces must end"
-                f" {1000 * g.width / 2:.1f} mm to either side of the tcp"
+            what = (
+                f"a grasp of kind {g.kind} at ({at}) m holds nothing {1000 * g.width:.1f} mm wide"
             )
+            yield f"{what}: along y the collision pieces must end so far to either side of the tcp"
 
 
 def _holds(pieces: Sequence[Collider], g: Grasp, ahead: float) -> bool:
@@ -205,10 +203,8 @@ def _words(drawn: Sequence[Family]) -> Iterator[str]:
 def _rest(name: str, one: Family, _: Shape) -> Iterator[str]:
     moved, tilt = _settle(Body(name, name, one, pose((0, 0, TABLE_TOP))))
     if moved > 0.005 or tilt > 2.0:
-        yield (
-            f"put on a table it moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in"
-            f" {SECONDS:g} s: give it a flat base of collision pieces"
-        )
+        what = f"moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in {SECONDS:g} s"
+        yield f"put on a table it {what}: give it a flat base of collision pieces"
 
 
 def _settle(body: Body) -> tuple[float, float]:

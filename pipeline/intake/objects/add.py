@@ -1,6 +1,7 @@
 """`domino-data objects add`: a mesh file or a directory of RoboTwin-OD becomes objects."""
 
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +19,6 @@ from .draft import ObjectDraft, ObjectOptions, draft_of, write_object
 from .holding import WIDEST
 from .robotwin import drafts_of_directory, is_robotwin
 from .solid import bounds
-from .standing import kinds_of
 
 
 class AddedObject(NamedTuple):
@@ -72,33 +72,26 @@ def check_free(names: Iterable[str], to: Path) -> None:
 
 def check_names(options: ObjectOptions) -> None:
     """Raise ObjectError for no name, and for a family that is unknown or kept elsewhere."""
-    if not is_name(options.name) or options.name != options.name.lower():
-        raise ObjectError(
-            f"--name {options.name!r}: is no name of an object; use lower case and underscores"
-        )
-    if options.family not in FAMILIES or directory_of(FAMILIES[options.family]) is not None:
-        ours = ", ".join(name for name, family in FAMILIES.items() if directory_of(family) is None)
-        raise ObjectError(f"--family {options.family}: no such family; choose from {ours}")
-    if (home := home_of(options.family)) not in (None, options.to.resolve()):
-        raise ObjectError(f"--family {options.family}: is a family of {home}: give --to {home}")
-
-
-def home_of(family: str) -> Path | None:
-    """The directory of plugins whose module defines a family, if any."""
+    name, family = options.name, options.family
+    if not is_name(name) or name != name.lower():
+        raise ObjectError(f"--name {name!r}: is no name; use lower case and underscores")
+    if family not in FAMILIES or directory_of(FAMILIES[family]) is not None:
+        ours = ", ".join(each for each, kind in FAMILIES.items() if directory_of(kind) is None)
+        raise ObjectError(f"--family {family}: no such family; choose from {ours}")
     file = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).resolve()
-    return next((directory for directory in directories() if directory in file.parents), None)
+    home = next((plugins for plugins in directories() if plugins in file.parents), None)
+    if home not in (None, options.to.resolve()):
+        raise ObjectError(f"--family {family}: is a family of {home}: give --to {home}")
 
 
 def describe(added: AddedObject) -> Iterator[str]:
-    directory = added.directory
+    directory, name, plugins = added.directory, added.directory.name, added.directory.parents[1]
     yield from (f"note: {note}" for note in added.notes)
-    files = directory_of(FAMILIES[directory.name])
-    assert files is not None
+    files = directory_of(FAMILIES[name])
     settings, solid = files.settings, files.solid
     size = " x ".join(f"{100 * edge:.1f}" for edge in np.ptp(bounds(solid), axis=0))
-    grasps = FAMILIES[directory.name].draw(np.random.default_rng()).frames().grasps
-    counted = ", ".join(f"{count} {kind}" for kind, count in kinds_of(grasps).items())
-    name, plugins = directory.name, directory.parents[1]
+    kinds = sorted(Counter(kind for kind, _, _ in settings.grasps).items())
+    counted = ", ".join(f"{count} {kind}" for kind, count in kinds)
     weight = f"{size} cm, {settings.mass:g} kg, {len(solid)} convex pieces"
     yield f"wrote {directory}: {weight}, grasps: {counted or 'none'}"
     if not counted:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from pipeline.data.atomic import write_atomic
 from pipeline.world.files import write_glb
@@ -77,11 +78,9 @@ def check_size(file: Path, parts: Sequence[Part]) -> None:
     points = np.concatenate([part.points for part in parts])
     size = float(np.ptp(points, axis=0).max())
     if not SMALLEST <= size <= LARGEST:
-        near = 10.0 ** np.round(np.log10(0.12 / max(size, 1e-12)))
-        raise ObjectError(
-            f"{file}: is {size:.3g} m long; objects are {SMALLEST:g} to {LARGEST:g} m: try --scale"
-            f" {near:g}"
-        )
+        fix = f"try --scale {10.0 ** np.round(np.log10(0.12 / max(size, 1e-12))):g}"
+        usual = f"objects are {SMALLEST:g} to {LARGEST:g} m"
+        raise ObjectError(f"{file}: is {size:.3g} m long; {usual}: {fix}")
 
 
 def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...]:
@@ -99,9 +98,7 @@ def settings_of(
     mass = options.mass if options.mass is not None else (options.density or DENSITY) * volume
     words = options.words or (options.name.replace("_", " "),)
     if not 0.001 <= mass <= 50:
-        raise ObjectError(
-            f"--mass {mass:.3g}: objects weigh 0.001 to 50 kg; give --mass, --density or --scale"
-        )
+        raise ObjectError(f"--mass {mass:.3g}: 0.001 to 50 kg; give --mass, --density or --scale")
     return ObjectToml.model_validate(
         {
             "family": options.family,
@@ -133,10 +130,12 @@ def write_object(draft: ObjectDraft, directory: Path) -> None:
 
 
 def toml_of(settings: ObjectToml) -> str:
-    head = {key: getattr(settings, key) for key in ("family", "source", "licence")}
-    words = settings.words.model_dump(mode="json")
+    def rows(table: BaseModel, *keys: str) -> list[str]:
+        values = table.model_dump(mode="json", include=set(keys))
+        return [f"{key} = {json.dumps(values[key], ensure_ascii=False)}" for key in keys]
+
     text = [
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in head.items()),
+        *rows(settings, "family", "source", "licence"),
         f"mass = {settings.mass:g}  # kg",
         f"friction = {settings.friction:g}",
         "grasps = [  # kind, width (m), tcp in the object's frame: x y z qw qx qy qz",
@@ -144,7 +143,7 @@ def toml_of(settings: ObjectToml) -> str:
         "]",
         "",
         "[words]",
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in words.items()),
+        *rows(settings.words, "noun", "seen", "unseen"),
         "",
         "[frames]  # x y z qw qx qy qz, z is the outward normal",
         *(f"{name} = {json.dumps(list(at))}" for name, at in settings.frames.items()),

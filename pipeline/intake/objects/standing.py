@@ -3,7 +3,7 @@
 A frame lies where the family's first instance has it in its bounding box, moved along its normal to
 the surface if the family's is on one. A grasp is of the kind of the family's nearest grasp."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -174,7 +174,3 @@ def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
     share = (at[:, :3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
     x, y = (quat_rotate(at[:, 3:], np.eye(3)[k]) for k in (0, 1))
     return np.concatenate([share, TURNED * x, TURNED * np.abs(y)], axis=1)
-
-
-def kinds_of(grasps: Sequence[Grasp]) -> Mapping[str, int]:
-    return {kind: sum(g.kind == kind for g in grasps) for kind in sorted({g.kind for g in grasps})}

@@ -53,16 +53,12 @@ def anatomy(robot: UrdfRobot, hints: Hints = Hints()) -> Anatomy:
     mimics = {**robot.mimics, **hints.mimics}
     for joint in joints:
         if joint.kind in FREE:
-            raise UrdfError(
-                f"{robot.path}: joint {joint.name!r} is {joint.kind}, and an arm stands on a fixed"
-                f" base: make it fixed, or give --base {joint.child}, the root of the arm"
-            )
+            fix = f"make it fixed, or give --base {joint.child}, the root of the arm"
+            raise UrdfError(f"{robot.path}: joint {joint.name!r} is {joint.kind}: {fix}")
     arm, jaws = _split(robot, base, joints, mimics, hints)
     if not arm:
-        raise UrdfError(
-            f"{robot.path}: no joint moves between {base!r} and the gripper; give --base LINK, the"
-            " root of the arm"
-        )
+        wrong = f"no joint moves between {base!r} and the gripper"
+        raise UrdfError(f"{robot.path}: {wrong}; give --base LINK, the root of the arm")
     hand = next(j for j in joints if j.name in jaws).parent
     travel = _travel(robot, joints, jaws, mimics, hints)
     fingers, tcp, opening, travel = _grip(robot, hand, links, travel)
@@ -91,17 +87,16 @@ def _split(
     robot: UrdfRobot, base: str, joints: Sequence[Joint], mimics: Mapping[str, Mimic], hints: Hints
 ) -> tuple[list[str], list[str]]:
     """Names of the arm's joints in order and of the gripper's moving joints."""
-    arm: list[str] = []
-    rigid = {base}
+    arm, rigid, words = list[str](), {base}, ""
     while True:
         while more := {j.child for j in joints if j.kind == "fixed" and j.parent in rigid} - rigid:
             rigid |= more
         following = [j for j in joints if j.kind != "fixed" and j.parent in rigid]
         if not following:
             break
-        next_joint = following[0]
-        is_jaw = next_joint.name == hints.jaw or next_joint.name in mimics
-        if len(following) > 1 or is_jaw or next_joint.kind != "revolute":
+        last = following[0]
+        is_jaw = last.name == hints.jaw or last.name in mimics
+        if len(following) > 1 or is_jaw or last.kind != "revolute":
             links, jaws = {j.child for j in following}, [j.name for j in following]
             for joint in joints:
                 if joint.parent in links:
@@ -109,16 +104,12 @@ def _split(
                     if joint.kind != "fixed" and joint.name not in jaws:
                         jaws.append(joint.name)
             return arm, jaws
-        arm.append(next_joint.name)
-        rigid = {next_joint.child}
-    last = next((j for j in joints if arm and j.name == arm[-1]), None)
-    words = "" if last is None else f"{last.name} {last.child}".lower()
-    if last is not None and (any(word in words for word in JAW_WORDS) or len(arm) > 7):
-        return arm[:-1], [last.name]
-    raise UrdfError(
-        f"{robot.path}: has no gripper: no joint moves beyond {arm[-1] if arm else base!r}; add one"
-        " to the URDF, or give --jaw"
-    )
+        arm.append(last.name)
+        rigid, words = {last.child}, f"{last.name} {last.child}".lower()
+    if arm and (any(word in words for word in JAW_WORDS) or len(arm) > 7):
+        return arm[:-1], arm[-1:]
+    wrong = f"no joint moves beyond {arm[-1] if arm else base!r}"
+    raise UrdfError(f"{robot.path}: has no gripper: {wrong}; add one, or give --jaw")
 
 
 def _travel(
@@ -133,18 +124,14 @@ def _travel(
     free = [name for name in jaws if name not in mimics]
     slides = all(by_name[name].kind == "prismatic" for name in free)
     if len(free) > 2 or (len(free) == 2 and not slides):
-        raise UrdfError(
-            f"{robot.path}: {len(free)} joints of the hand move by themselves"
-            f" ({', '.join(free[:6])}): only grippers of two coupled fingers are supported; couple"
-            " them with <mimic>, or use another hand"
-        )
+        wrong = f"{len(free)} joints of the hand move by themselves ({', '.join(free[:6])})"
+        raise UrdfError(f"{robot.path}: {wrong}: couple them with <mimic>, or use another hand")
     ends: dict[str, tuple[float, float]] = {}
     for name in free:
         joint = by_name[name]
         if not joint.lower < joint.upper:
-            raise UrdfError(
-                f"{robot.path}: joint {name!r} of the gripper needs limits lower < upper"
-            )
+            wrong = f"joint {name!r} of the gripper needs limits lower < upper"
+            raise UrdfError(f"{robot.path}: {wrong}")
         strokes = hints.strokes if name == hints.jaw else None
         ends[name] = strokes or (joint.lower, joint.upper)
     if len(free) == 2 and _shift(robot, by_name[free[0]]) @ _shift(robot, by_name[free[1]]) > 0:
@@ -153,9 +140,8 @@ def _travel(
     for name in (n for n in jaws if n in mimics):
         rule = mimics[name]
         if rule.joint not in ends:
-            raise UrdfError(
-                f"{robot.path}: {name!r} mimics {rule.joint!r}, no driven joint of the gripper"
-            )
+            wrong = f"{name!r} mimics {rule.joint!r}, no driven joint of the gripper"
+            raise UrdfError(f"{robot.path}: {wrong}")
         a, b = ends[rule.joint]
         ends[name] = rule.multiplier * a + rule.offset, rule.multiplier * b + rule.offset
     return ends
@@ -195,9 +181,8 @@ def _grip(
     first = max(moving, key=end_of)
     opening = shift[first] - approach * (shift[first] @ approach)
     if np.linalg.norm(opening) < MOVES:
-        raise UrdfError(
-            f"{robot.path}: the fingers of {hand!r} do not move across its approach direction"
-        )
+        wrong = f"the fingers of {hand!r} do not move across its approach direction"
+        raise UrdfError(f"{robot.path}: {wrong}")
     opening = _snapped(opening)
     against = [n for n in moving if shift[n] @ opening < 0]
     second = max(against or [n for n in clouds if n not in moving], key=end_of, default=hand)
@@ -233,10 +218,8 @@ def _grip(
     elif ends[0] > ends[1]:
         travel, ends = {name: (b, a) for name, (a, b) in travel.items()}, ends[::-1]
     if ends[1] < 0.01:
-        raise UrdfError(
-            f"{robot.path}: the fingers {first!r} and {second!r} leave {1e3 * ends[1]:.0f} mm"
-            " between them when open"
-        )
+        wrong = f"leave {1e3 * ends[1]:.0f} mm between them when open"
+        raise UrdfError(f"{robot.path}: the fingers {first!r} and {second!r} {wrong}")
     if ends[0] < 0:  # the pads meet before the end of the travel
         low, high = 0.0, 1.0
         for _ in range(30):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
-from pipeline.planning.collision import CollisionScene, CollisionWorld
+from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
 from pipeline.poses import Floats, compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.physics.body import TABLE_TOP
@@ -70,19 +70,13 @@ class Reach:
 
 
 def stood(
-    arm: Arm,
-    place: tuple[float, float, float],
-    yaw: float = 0.0,
-    home: Iterable[float] | None = None,
+    arm: Arm, place: tuple[float, float, float], yaw: float, home: Iterable[float]
 ) -> Embodiment:
     """Two of an arm with bases at (-x, y, z) and (x, y, z), turned by `yaw` rad; no furniture."""
     x, y, z = place
-    q = quat_about((0, 0, 1), yaw)
-    rest = arm.home if home is None else tuple(home)
-    arms = {
-        side: replace(arm, base=pose((s * x, y, z), q), home=rest)
-        for side, s in (("left", -1), ("right", 1))
-    }
+    turn, rest = quat_about((0, 0, 1), yaw), tuple(home)
+    bases = {"left": pose((-x, y, z), turn), "right": pose((x, y, z), turn)}
+    arms = {side: replace(arm, base=base, home=rest) for side, base in bases.items()}
     return Embodiment(arm.model, arms, HEAD_CAMERA)
 
 
@@ -105,33 +99,31 @@ def solve(
     free = CollisionWorld(robot).with_objects(margin=0.0).free("left", robot.arms["right"].home)
     q, done = np.zeros((len(cells), chain.dof)), np.zeros(len(cells), bool)
     for azimuth in scan.azimuths:
-        left = np.flatnonzero(~done)
-        if not len(left):
+        if not len(left := np.flatnonzero(~done)):
             break
         found, ok = ik_many(chain, targets(height, pitch, azimuth, cells[left]), [arm.home], IK)
-        n = len(left)
-        for half in (slice(0, n), slice(n, 2 * n)):
-            fresh = ok[half] & ~done[left]
-            fresh[fresh] = [free(row) for row in found[half][fresh]]
-            q[left[fresh]], done[left[fresh]] = found[half][fresh], True
+        for rows, solved in zip(np.split(found, 2), np.split(ok, 2), strict=True):
+            fresh = solved & ~done[left]
+            fresh[fresh] = [free(row) for row in rows[fresh]]
+            q[left[fresh]], done[left[fresh]] = rows[fresh], True
     return q, done
 
 
 def measure(robot: Embodiment, scan: Scan) -> Reach:
-    arm = robot.arms["left"]
     cells = np.array(list(product(scan.x, scan.y)), np.float64)
-    own, mid = cells[:, 0] < 0.001, np.abs(cells[:, 0]) < 0.101
-    shape = (len(scan.heights), len(scan.pitches))
-    share = {"own": np.zeros(shape), "mid": np.zeros(shape)}
-    hidden, close, n = 0.0, 0.0, 0
-    for i, j in np.ndindex(shape):
+    own, mid = np.zeros((2, len(scan.heights), len(scan.pitches)))
+    blocked = list[tuple[bool, bool]]()
+    for i, j in np.ndindex(own.shape):
         q, ok = solve(robot, scan.heights[i], scan.pitches[j], cells, scan)
-        share["own"][i, j], share["mid"][i, j] = ok[own].mean(), ok[mid].mean()
+        own[i, j], mid[i, j] = (
+            ok[cells[:, 0] < 0.001].mean(),
+            ok[np.abs(cells[:, 0]) < 0.101].mean(),
+        )
         for k in np.flatnonzero(ok)[::8] if scan.pitches[j] < 90 else ():
             point = np.array([*cells[k], TABLE_TOP + scan.heights[i]])
-            covers, near = _blocks_view(arm, q[k], point)
-            hidden, close, n = hidden + covers, close + near, n + 1
-    return Reach(share["own"], share["mid"], hidden / max(n, 1), close / max(n, 1))
+            blocked.append(_blocks_view(robot.arms["left"], q[k], point))
+    hidden, close = np.mean(blocked or [(False, False)], axis=0).tolist()
+    return Reach(own, mid, hidden, close)
 
 
 def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
@@ -242,32 +234,27 @@ def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats
 
 def overlaps(arm: Arm, samples: int = 40) -> dict[tuple[str, str], float]:
     """Share of random configurations in which two links that are not joined touch, if above 0."""
-    robot = stood(arm, (FAR, 0.0, 0.0))
+    robot = stood(arm, (FAR, 0.0, 0.0), 0.0, arm.home)
     chain = chain_of(robot.arms["left"])
     rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (samples, chain.dof))
     world = CollisionWorld(robot, ())
     scene = world.with_objects(margin=0.0)
     other = (chain.lower + chain.upper) / 2
-    found = {}
-    for g, (a, b) in enumerate(scene.pairs.bodies):
-        names = world.names[a], world.names[b]
-        if not all(name.startswith("left_") for name in names):
+    found, pairs = {}, scene.pairs
+    for g, numbers in enumerate(pairs.bodies):
+        a, b = (world.names[i] for i in numbers)
+        if not (a.startswith("left_") and b.startswith("left_")):
             continue
-        one = _only_pair(scene, g)
+        first, last = pairs.starts[g : g + 2]
+        only = pairs._replace(
+            bodies=pairs.bodies[g : g + 1],
+            starts=np.array([0, last - first]),
+            margins=pairs.margins[g : g + 1],
+            a=pairs.a[first:last],
+            b=pairs.b[first:last],
+        )
+        one = replace(scene, pairs=only)
         share = float(np.mean([one.first_blocked(row, other) is not None for row in rows]))
         if share:
-            found[names[0].removeprefix("left_"), names[1].removeprefix("left_")] = share
+            found[a.removeprefix("left_"), b.removeprefix("left_")] = share
     return found
-
-
-def _only_pair(scene: CollisionScene, group: int) -> CollisionScene:
-    p = scene.pairs
-    first, last = p.starts[group], p.starts[group + 1]
-    kept = p._replace(
-        bodies=p.bodies[group : group + 1],
-        starts=np.array([0, last - first]),
-        margins=p.margins[group : group + 1],
-        a=p.a[first:last],
-        b=p.b[first:last],
-    )
-    return replace(scene, pairs=kept)

@@ -17,11 +17,7 @@ ALONG_Y = quat_about((1, 0, 0), -np.pi / 2)
 
 
 def box_collider(
-    hx: float,
-    hy: float,
-    hz: float,
-    position: ArrayLike = (0, 0, 0),
-    quaternion: ArrayLike = UPRIGHT,
+    hx: float, hy: float, hz: float, position: ArrayLike, quaternion: ArrayLike = UPRIGHT
 ) -> Colliders:
     return (Collider("box", (hx, hy, hz), pose(position, quaternion)),)
 
@@ -31,15 +27,12 @@ def cylinder_collider(
     lower: float,
     upper: float,
     centre: ArrayLike = (0, 0),
-    quaternion: ArrayLike = (1, 0, 0, 0),
+    quaternion: ArrayLike = UPRIGHT,
 ) -> Colliders:
     """A cylinder between two heights at `centre` (x, y), turned about its own middle."""
     x, y = np.asarray(centre, float)
-    return (
-        Collider(
-            "cylinder", (radius, (upper - lower) / 2), pose((x, y, (lower + upper) / 2), quaternion)
-        ),
-    )
+    at = pose((x, y, (lower + upper) / 2), quaternion)
+    return (Collider("cylinder", (radius, (upper - lower) / 2), at),)
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
@@ -66,11 +59,8 @@ def sphere_collider(radius: float, position: ArrayLike = (0, 0, 0)) -> Colliders
 
 def capsule_between(a: ArrayLike, b: ArrayLike, radius: float) -> Colliders:
     a, b = np.asarray(a, float), np.asarray(b, float)
-    return (
-        Collider(
-            "capsule", (radius, float(np.linalg.norm(b - a)) / 2), pose((a + b) / 2, _along(b - a))
-        ),
-    )
+    half = float(np.linalg.norm(b - a)) / 2
+    return (Collider("capsule", (radius, half), pose((a + b) / 2, _along(b - a))),)
 
 
 def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
@@ -86,9 +76,8 @@ def convex_collider(points: ArrayLike) -> Colliders:
 
 def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
     """The hull of a prism over an outline (K,2) of (x, z), between y = -`half` and `half`."""
-    return convex_collider(
-        np.concatenate([np.insert(outline, 1, y, axis=1) for y in (-half, half)])
-    )
+    sides = [np.insert(outline, 1, y, axis=1) for y in (-half, half)]
+    return convex_collider(np.concatenate(sides))
 
 
 def ring_of_boxes(
@@ -120,13 +109,11 @@ def vessel(foot: float, wall: float, height: float, n: int, rim: float | None = 
 
 def tray(hx: float, hy: float, wall: float, height: float) -> Colliders:
     """An open box of outer half extents that stands at z = 0."""
-    h = height / 2
+    h, w = height / 2, wall / 2
     return (
         *slab(hx, hy, wall),
-        *box_collider(wall / 2, hy, h, (hx - wall / 2, 0, h)),
-        *box_collider(wall / 2, hy, h, (wall / 2 - hx, 0, h)),
-        *box_collider(hx, wall / 2, h, (0, hy - wall / 2, h)),
-        *box_collider(hx, wall / 2, h, (0, wall / 2 - hy, h)),
+        *(c for x in (hx - w, w - hx) for c in box_collider(w, hy, h, (x, 0, h))),
+        *(c for y in (hy - w, w - hy) for c in box_collider(hx, w, h, (0, y, h))),
     )
 
 

@@ -32,10 +32,7 @@ class ObjectError(DominoError):
 
 def _unit(values: tuple[float, ...]) -> tuple[float, ...]:
     if abs(np.linalg.norm(values[3:]) - 1) > 1e-3 or not np.all(np.abs(values[:3]) < 2):
-        raise ValueError(
-            "is not a pose x y z qw qx qy qz: its quaternion has another length than 1, or it is 2"
-            " m away"
-        )
+        raise ValueError("is no pose x y z qw qx qy qz with a unit quaternion within 2 m")
     return values
 
 
@@ -96,9 +93,8 @@ class FileObject(Family):
     def frames(self) -> NamedFrames:
         settings = self.directory.settings
         points = {name: np.array(row) for name, row in settings.frames.items()}
-        return NamedFrames(
-            points, tuple(Grasp(np.array(row), width, kind) for kind, width, row in settings.grasps)
-        )
+        grasps = (Grasp(np.array(row), width, kind) for kind, width, row in settings.grasps)
+        return NamedFrames(points, tuple(grasps))
 
     def words(self) -> Words:
         words = self.directory.settings.words
@@ -121,22 +117,17 @@ def add_directory(path: Path) -> None:
         known = directory_of(FAMILIES[path.name])
         if known is not None and known.path == path:
             return
-        raise ObjectError(
-            f"{path / TOML}: another object or family is called {path.name!r}; rename the directory"
-        )
+        wrong = f"another object or family is called {path.name!r}; rename the directory"
+        raise ObjectError(f"{path / TOML}: {wrong}")
     if not is_name(path.name):
-        raise ObjectError(
-            f"{path / TOML}: {path.name!r} is no name of an object; use lower case and underscores"
-        )
+        wrong = f"{path.name!r} is no name of an object; use lower case and underscores"
+        raise ObjectError(f"{path / TOML}: {wrong}")
     directory = Directory(path)
-    if directory.settings.family not in FAMILIES:
-        raise ObjectError(
-            f"{path / TOML}: family: no object family {directory.settings.family!r}; `domino-data"
-            " objects` lists them"
-        )
-    register(path.name)(
-        type(path.name, (FileObject,), {"directory": directory, "__module__": __name__})
-    )
+    if (family := directory.settings.family) not in FAMILIES:
+        wrong = f"no object family {family!r}; `domino-data objects` lists them"
+        raise ObjectError(f"{path / TOML}: family: {wrong}")
+    body = {"directory": directory, "__module__": __name__}
+    register(path.name)(type(path.name, (FileObject,), body))
 
 
 def add_all(folder: Path) -> None:
@@ -161,23 +152,18 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
         if file.stat().st_size > LARGEST_FILE:
             raise ValueError(f"is larger than {LARGEST_FILE} bytes")
         for line in read_regular(file).decode().splitlines():
-            match line.split():
-                case ["o", *_]:
-                    groups.append([])
-                case ["v", x, y, z]:
-                    groups[-1].append([float(x), float(y), float(z)])
-                case _:
-                    pass
+            word, *values = line.split() or [""]
+            if word == "o":
+                groups.append([])
+            elif word == "v":
+                groups[-1].append([float(value) for value in values])
         if not 0 < len(groups) <= MOST_PIECES or max(map(len, groups)) > MOST_CORNERS:
-            raise ValueError(
-                f"holds no piece, more than {MOST_PIECES}, or one of more than {MOST_CORNERS}"
-                " corners"
-            )
+            most = f"{MOST_PIECES} pieces of {MOST_CORNERS} corners at most"
+            raise ValueError(f"has {len(groups)} pieces; {most}, and one at least")
         return tuple(piece(np.array(points)) for points in groups)
     except (OSError, ValueError, IndexError, QhullError) as error:
-        raise ObjectError(
-            f"{file}: not readable as collision pieces ({' '.join(str(error).split())[:120]})"
-        ) from error
+        why = " ".join(str(error).split())[:120]
+        raise ObjectError(f"{file}: not readable as collision pieces ({why})") from error
 
 
 def piece(points: NDArray[np.float64]) -> Collider:

@@ -2,8 +2,6 @@
 stored."""
 
 import numpy as np
-from manifold3d import Manifold
-from manifold3d import Mesh as SolidMesh
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.poses import Floats
@@ -30,9 +28,8 @@ def finish(
     size = np.linalg.norm(area_normal, axis=1)
     keep = size > 1e-12
     faces, area_normal, size = faces[keep], area_normal[keep], size[keep]
-    normals = _corner_normals(
-        faces, area_normal, area_normal / size[:, None], np.cos(np.radians(crease))
-    )
+    unit = area_normal / size[:, None]
+    normals = _corner_normals(faces, area_normal, unit, np.cos(np.radians(crease)))
     corners = faces.ravel()
     columns = [corners[:, None], np.rint(normals * 2e3).astype(np.int64)]
     corner_uv = None
@@ -93,39 +90,3 @@ def join(*meshes: Mesh) -> Mesh:
     """One mesh of several; uvs survive only if all have them."""
     bare = any(m.uvs is None for m in meshes)
     return merge([Mesh(m.vertices, m.triangles, m.normals, None) if bare else m for m in meshes])
-
-
-def cut(body: Mesh, *tools: Mesh, crease: float = 40.0) -> Mesh:
-    """`body` minus `tools`, with box uvs. Raises ValueError if a mesh is not a closed solid."""
-    solid = _solid(body)
-    for tool in tools:
-        solid = solid - _solid(tool)
-    return _from_solid(solid, crease)
-
-
-def _solid(mesh: Mesh) -> Manifold:
-    keys, index = np.unique(
-        np.rint(mesh.vertices / WELD).astype(np.int64), axis=0, return_inverse=True
-    )
-    points = np.zeros((len(keys), 3), np.float32)
-    points[index.ravel()] = mesh.vertices
-    solid = Manifold(
-        SolidMesh(vert_properties=points, tri_verts=index.ravel()[mesh.triangles].astype(np.uint32))
-    )
-    if solid.is_empty():
-        raise ValueError(
-            f"mesh of {len(mesh.triangles)} triangles is not a closed solid ({solid.status()})"
-        )
-    return solid
-
-
-def _from_solid(solid: Manifold, crease: float) -> Mesh:
-    raw = solid.to_mesh()
-    points, faces = np.asarray(raw.vert_properties, float)[:, :3], np.asarray(raw.tri_verts, int)
-    return finish(points, faces, box_uv(points, faces), crease)
-
-
-def volume(mesh: Mesh) -> float:
-    """m^3 of a closed mesh."""
-    a, b, c = mesh.vertices.astype(float)[mesh.triangles].transpose(1, 0, 2)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

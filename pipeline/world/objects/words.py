@@ -23,25 +23,14 @@ def describe(family: str, noun: str, **facts: str) -> Words:
     """The first `SEEN` and `UNSEEN` phrases of a family whose slots, such as {colour}, are all
     filled by `facts`, without repetition. `noun` is the object's plain name. Raises LanguageError
     for too few."""
-    if noun in FAMILIES and family not in FAMILIES:
-        raise LanguageError(
-            f"describe({family!r}, {noun!r}): {noun!r} is the family, which comes first, then the"
-            " noun: swap them"
-        )
     known = {name: fact for name, fact in facts.items() if fact}
-    splits, met = [], set[str]()
-    for split, phrases, count in zip(
-        ("seen", "unseen"), read_phrases(family), (SEEN, UNSEEN), strict=True
-    ):
+    splits = list[tuple[str, ...]]()
+    for phrases, count in zip(read_phrases(family), (SEEN, UNSEEN), strict=True):
         true = [english(p.format(**known)) for p in phrases if facts_of(p) <= known.keys()]
-        phrases_left = [p for p in dict.fromkeys(true) if p not in met][:count]
-        if len(phrases_left) < count:
-            raise LanguageError(
-                f"phrases/{family}.txt gives {len(phrases_left)} {split} phrases for {known}: write"
-                f" at least {count}"
-            )
-        met |= set(phrases_left)
-        splits.append(tuple(phrases_left))
+        splits.append(tuple(p for p in dict.fromkeys(true) if p not in sum(splits, ()))[:count])
+        if len(splits[-1]) < count:
+            given = f"gives {len(splits[-1])} phrases for {known}: write at least {count}"
+            raise LanguageError(f"phrases/{family}.txt {given}")
     return Words(noun, *splits)
 
 
@@ -50,22 +39,18 @@ def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Seen and unseen phrases of a family. Raises LanguageError."""
     where = f"phrases/{family}.txt"
     try:
-        folder = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).parent
-        text = folder.joinpath(where).read_text("utf-8")
+        module = Path(str(sys.modules[FAMILIES[family].__module__].__file__))
+        return two_lists((module.parent / where).read_text("utf-8"), where)
     except (FileNotFoundError, UnknownName) as missing:
-        raise LanguageError(
-            f"object family {family!r} has no descriptions: write {where}"
-        ) from missing
-    return two_lists(text, where)
+        wrong = f"object family {family!r} has no descriptions: write {where}"
+        raise LanguageError(wrong) from missing
 
 
 def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The lines after a line "seen" and those after a line "unseen". Raises LanguageError."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
-        raise LanguageError(
-            f"{where} must be a line 'seen', one entry per line, a line 'unseen' and more entries"
-        )
+        raise LanguageError(f"{where}: needs a line 'seen', entries, a line 'unseen', entries")
     middle = lines.index("unseen")
     return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
 

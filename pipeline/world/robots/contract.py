@@ -203,27 +203,25 @@ def _tree(arm: Arm) -> Iterator[str]:
     placed = set(roots)
     for joint in arm.joints:
         if joint.parent not in placed:
-            above = f"comes before the one that moves its parent {joint.parent!r}"
-            yield f"joint {joint.name!r} {above}: list joints from the base on"
+            yield f"joint {joint.name!r} comes before that of its parent: list joints from the base"
         placed.add(joint.child)
 
 
 def _drives(arm: Arm) -> Iterator[str]:
     joints, jaws = {j.name: j for j in arm.joints}, arm.gripper
-    driven = (*arm.arm_joints, *jaws.joints)
     for field, names in (("arm_joints", arm.arm_joints), ("gripper.joints", jaws.joints)):
         for name in names:
             if name not in joints:
                 yield _missing(field, name, "joints", joints)
             elif joints[name].kind == "fixed":
                 yield f"{field} names {name!r}, which is fixed: it must be revolute or prismatic"
-    for joint in (joint for joint in arm.joints if joint.kind != "fixed"):
-        what = f"joint {joint.name!r}"
-        if joint.name not in driven:
-            fix = "name it in arm_joints or gripper.joints, or make it fixed"
-            yield f"{what} moves but nothing drives it: {fix}"
+    for name, joint in joints.items():
+        if joint.kind == "fixed":
+            continue
+        if name not in (*arm.arm_joints, *jaws.joints):
+            yield f"joint {name!r} moves but nothing drives it: drive it, or make it fixed"
         if not (joint.lower < joint.upper and joint.velocity > 0 and joint.effort > 0):
-            yield f"{what} needs limits lower < upper, a velocity and an effort above 0"
+            yield f"joint {name!r} needs limits lower < upper, a velocity and an effort above 0"
     if len(arm.home) != len(arm.arm_joints):
         yield f"home has {len(arm.home)} values for {len(arm.arm_joints)} arm_joints"
     for field, names, values in (
@@ -234,8 +232,7 @@ def _drives(arm: Arm) -> Iterator[str]:
         for name, value in zip(names, values, strict=False):
             low, high = joints[name].lower, joints[name].upper
             if not low - 1e-9 <= value <= high + 1e-9:
-                where = f"outside its limits {low:g} to {high:g}"
-                yield f"{field} puts joint {name!r} at {value:g}, {where}"
+                yield f"{field} puts joint {name!r} at {value:g}, outside {low:g} to {high:g}"
 
 
 def _frames(arm: Arm) -> Iterator[str]:

@@ -1,10 +1,10 @@
 """A robot is a directory: `robot.urdf`, `meshes/` (what it looks like), `robot.toml` (what a URDF
 cannot say)."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +19,8 @@ from .urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
 
-type BySide[T] = dict[str, T]
+type Side = Annotated[str, Field(pattern="^(left|right)$")]
+type BySide[T] = Annotated[dict[Side, T], Field(min_length=2)]
 
 
 class Tcp(Table):
@@ -109,7 +110,7 @@ class RobotModel:
     def __init__(self, directory: Path, name: str | None = None) -> None:
         self.directory = directory
         self.name = name or directory.name
-        self.settings = read_settings(directory)
+        self.settings = read_toml(directory / TOML, RobotToml, RobotError)
 
     def arm(self, side: str) -> Arm:
         """The left or right arm at its place. Raises RobotError and UrdfError."""
@@ -122,63 +123,36 @@ class RobotModel:
         body = self.settings.body
         if body is None:
             return None
-        return read_glb(_inside(self.directory, body.mesh)), tuple(
-            box(*corners) for corners in body.boxes
-        )
+        mesh = (self.directory / body.mesh).resolve()
+        if not mesh.is_relative_to(self.directory.resolve()) or not mesh.is_file():
+            raise UrdfError(f"{self.directory / TOML}: {body.mesh!r} is no file of the directory")
+        return read_glb(mesh), tuple(box(*corners) for corners in body.boxes)
 
     @cached_property
     def _arm(self) -> Arm:
         settings = self.settings
         robot = read_urdf(self.directory / URDF, self.directory)
-        approach, opening = settings.tcp.approach, settings.tcp.opening
-        tcp = frame(
-            settings.tcp.position, approach, np.cross(np.cross(approach, opening), approach)
-        )
-        camera, jaws = settings.camera, settings.gripper
-        joints = tuple(
-            _limited(joint, settings.limits.get(joint.name))
-            for joint in robot.parent_joint.values()
-        )
+        hand, tool = settings.hand, settings.tcp
+        up = np.cross(tool.approach, tool.opening)
+        tcp = frame(tool.position, tool.approach, np.cross(up, tool.approach))
+        limits = {
+            name: limit.model_dump(exclude_none=True) for name, limit in settings.limits.items()
+        }
+        joints = robot.parent_joint.values()
         return Arm(
             model=self.name,
             base=HEAD_CAMERA,  # of no side yet
-            links=tuple(_link(self.directory, name, link) for name, link in robot.links.items()),
-            joints=joints,
-            arm_joints=tuple(j.name for j in chain(robot, settings.hand) if j.kind != "fixed"),
-            hand=settings.hand,
+            links=tuple(_link(name, link) for name, link in robot.links.items()),
+            joints=tuple(replace(joint, **limits.get(joint.name, {})) for joint in joints),
+            arm_joints=tuple(j.name for j in chain(robot, hand) if j.kind != "fixed"),
+            hand=hand,
             tcp=tcp,
-            gripper=Gripper(
-                *(jaws.joints, jaws.fingers, jaws.closed, jaws.opened, jaws.opening),
-                *(jaws.force, jaws.speed, jaws.stiffness, jaws.damping),
-            ),
+            gripper=Gripper(*dict(settings.gripper).values()),
             home=(),
-            camera=Mount(
-                settings.hand, wrist_camera(tcp, camera.behind, camera.above, camera.pitch)
-            ),
-            stiffness=settings.drive.stiffness,
-            damping=settings.drive.damping,
-            acceleration=settings.drive.acceleration,
+            camera=Mount(hand, wrist_camera(tcp, **dict(settings.camera))),
+            **dict(settings.drive),
             allowed_overlap=settings.allowed_overlap,
         )
-
-
-def read_settings(directory: Path) -> RobotToml:
-    """`robot.toml` of a directory. Raises RobotError."""
-    path = directory / TOML
-    settings = read_toml(path, RobotToml, RobotError)
-    for key, sides in (
-        ("home", settings.home),
-        ("place", settings.place),
-        ("original", settings.original or _SIDES),
-    ):
-        if set(sides) != set(_SIDES):
-            raise RobotError(
-                f"{path}: {key}: give both sides, left and right (got {', '.join(sides) or 'none'})"
-            )
-    return settings
-
-
-_SIDES: Mapping[str, None] = {"left": None, "right": None}
 
 
 def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
@@ -190,22 +164,11 @@ def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
     return path[::-1]
 
 
-def _limited(joint: Joint, limit: JointLimit | None) -> Joint:
-    return joint if limit is None else replace(joint, **limit.model_dump(exclude_none=True))
-
-
-def _link(directory: Path, name: str, link: UrdfLink) -> Link:
+def _link(name: str, link: UrdfLink) -> Link:
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = link.inertia.tolist()
     x, y, z = link.com.tolist()
-    return Link(
-        name,
-        link.mass,
-        (x, y, z),
-        (ixx, iyy, izz),
-        _looks(link.visuals),
-        _solids(link.collisions),
-        (ixy, ixz, iyz),
-    )
+    looks, solids = _looks(link.visuals), tuple(map(_solid, link.collisions))
+    return Link(name, link.mass, (x, y, z), (ixx, iyy, izz), looks, solids, (ixy, ixz, iyz))
 
 
 def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
@@ -224,20 +187,9 @@ def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
     return tuple(parts)
 
 
-def _solids(collisions: tuple[UrdfShape, ...]) -> tuple[Collider, ...]:
-    solids = []
-    for shape in collisions:
-        if shape.kind == "mesh":
-            from .surfaces import hull
+def _solid(shape: UrdfShape) -> Collider:
+    if shape.kind != "mesh":
+        return Collider(shape.kind, shape.size, shape.origin)
+    from .surfaces import hull
 
-            solids.append(Collider("convex", (), vertices=hull(shape)))
-        else:
-            solids.append(Collider(shape.kind, shape.size, shape.origin))
-    return tuple(solids)
-
-
-def _inside(directory: Path, name: str) -> Path:
-    path = (directory / name).resolve()
-    if not path.is_relative_to(directory.resolve()) or not path.is_file():
-        raise UrdfError(f"{directory / TOML}: {name!r} is no file of the directory")
-    return path
+    return Collider("convex", (), vertices=hull(shape))

@@ -24,17 +24,12 @@ _STRETCHES = 0.6
 def raised(embodiment: Embodiment, by: float) -> Embodiment:
     """Arms, furniture and head camera `by` m higher above the table."""
     up = pose((0, 0, by))
+    arms, pieces = embodiment.arms.items(), embodiment.furniture_collision
     return replace(
         embodiment,
-        arms={
-            side: replace(arm, base=compose(up, arm.base)) for side, arm in embodiment.arms.items()
-        },
-        furniture=tuple(
-            (_stretched(mesh, by), material) for mesh, material in embodiment.furniture
-        ),
-        furniture_collision=tuple(
-            replace(c, pose=compose(up, c.pose)) for c in embodiment.furniture_collision
-        ),
+        arms={side: replace(arm, base=compose(up, arm.base)) for side, arm in arms},
+        furniture=tuple((_stretched(mesh, by), skin) for mesh, skin in embodiment.furniture),
+        furniture_collision=tuple(replace(c, pose=compose(up, c.pose)) for c in pieces),
         head_camera=compose(up, embodiment.head_camera),
     )
 
@@ -42,9 +37,8 @@ def raised(embodiment: Embodiment, by: float) -> Embodiment:
 def looking(embodiment: Embodiment, shift: ArrayLike, turn: Sequence[float]) -> Embodiment:
     """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad (roll, pitch, yaw) in
     its frame."""
-    return replace(
-        embodiment, head_camera=compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn)))
-    )
+    moved = compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn)))
+    return replace(embodiment, head_camera=moved)
 
 
 def _stretched(mesh: Mesh, by: float) -> Mesh:
@@ -64,20 +58,13 @@ def register(directory: Path) -> RobotModel:
         return known
     model = RobotModel(directory)
     for word in (model.name, *model.settings.aliases):
+        wrong = ""
         if word in MODELS or word in ALIASES:
-            raise RobotError(
-                f"{directory / TOML}: another robot is called {word!r}; rename the directory or the"
-                " alias"
-            )
-        if (
-            word != word.strip().lower()
-            or not word
-            or any(c in word for c in "+_,/ ")
-            or word == NONE
-        ):
-            raise RobotError(
-                f"{directory / TOML}: {word!r} is no name of a robot; use lower case and hyphens"
-            )
+            wrong = f"another robot is called {word!r}; rename the directory or the alias"
+        elif word in ("", NONE) or word != word.strip().lower() or set(word) & set("+_,/ "):
+            wrong = f"{word!r} is no name of a robot; use lower case and hyphens"
+        if wrong:
+            raise RobotError(f"{directory / TOML}: {wrong}")
     ALIASES.update(dict.fromkeys(model.settings.aliases, model.name))
     return MODELS.add(model.name, model)
 
@@ -99,12 +86,11 @@ def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, S
 def pair(left: RobotModel | None, right: RobotModel | None, layout: Layout = "ours") -> Embodiment:
     """The left arm of one model and the right arm of another, each on its own stand; None for a
     missing arm. Raises RobotError for a spec that is not sound."""
-    models = {
-        side: model for side, model in zip(SIDES, (left, right), strict=True) if model is not None
-    }
     twin = left if left is right else None
     arms, parts = {}, []
-    for side, model in models.items():
+    for side, model in zip(SIDES, (left, right), strict=True):
+        if model is None:
+            continue
         arms[side], stand = _arm_and_stand(model, side, layout)
         check_arm(model.name, side, arms[side])
         parts.append(stand)

@@ -53,28 +53,16 @@ def pedestal(base: Triple, half: float) -> Stand:
     column_y = min(y, TABLE_EDGE - 0.015 - half)
     front = max(y, column_y) + half
     width = half - 0.012
+    foot = ((x - half, column_y - half, z - 0.018), (x + half, front, z))
+    column = ((x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017))
+    plate = (
+        (x - half - 0.05, column_y - half - 0.06, 0),
+        (x + half + 0.05, column_y + half, 0.03),
+    )
     visual = painted(
-        (CHARCOAL, [block((x - half, column_y - half, z - 0.018), (x + half, front, z), 0.003)]),
-        (
-            SILVER,
-            [
-                block(
-                    (x - width, column_y - width, 0.03),
-                    (x + width, column_y + width, z - 0.017),
-                    0.004,
-                )
-            ],
-        ),
-        (
-            GREY,
-            [
-                block(
-                    (x - half - 0.05, column_y - half - 0.06, 0),
-                    (x + half + 0.05, column_y + half, 0.03),
-                    0.004,
-                )
-            ],
-        ),
+        (CHARCOAL, [block(*foot, 0.003)]),
+        (SILVER, [block(*column, 0.004)]),
+        (GREY, [block(*plate, 0.004)]),
     )
     solid = (
         box((x - half, column_y - half, z - 0.018), (x + half, front, z - GAP)),
@@ -91,8 +79,5 @@ def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
 
 def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
     """One joined mesh per material: fewer draw calls."""
-    return tuple(
-        (join(*meshes), material)
-        for material, meshes in ((m, tuple(g)) for m, g in groups)
-        if meshes
-    )
+    listed = ((material, tuple(meshes)) for material, meshes in groups)
+    return tuple((join(*meshes), material) for material, meshes in listed if meshes)

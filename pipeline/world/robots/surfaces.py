@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from pipeline.poses import Floats, transform
-from pipeline.world.meshes.part import Ints, MeshError, MeshLook, Part, stacked
+from pipeline.world.meshes.part import Ints, MeshError, Part, stacked
 from pipeline.world.meshes.reader import PLAIN, area_vectors, drawn, read_mesh
 from pipeline.world.shapes import Parts
 
@@ -22,17 +22,15 @@ def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> 
     """Meshes (link frame, m) and materials of a link's shapes, about 1500 triangles. Colors of a
     mesh file come before those of the URDF, as in ROS. `notes` gets what was guessed or left out.
     Raises UrdfError."""
-    looks_of_parts = list[Part]()
+    looks = list[Part]()
     for shape in shapes:
         parts, read = parts_of(shape)
-        looks_of_parts += (replace(p, look=_stated(p.look, shape)) for p in parts)
+        for part in parts:
+            color = part.look.color or shape.color or PLAIN
+            looks.append(replace(part, look=part.look._replace(color=color)))
         if notes is not None:
             notes += read
-    return drawn(looks_of_parts, TRIANGLES_PER_LINK, FEWEST)
-
-
-def _stated(look: MeshLook, shape: UrdfShape) -> MeshLook:
-    return MeshLook(look.color or shape.color or PLAIN, look.texture)
+    return drawn(looks, TRIANGLES_PER_LINK, FEWEST)
 
 
 def hull(shape: UrdfShape) -> Floats:
@@ -41,9 +39,7 @@ def hull(shape: UrdfShape) -> Floats:
     try:
         return np.asarray(trimesh.convex.convex_hull(points).vertices, float)
     except Exception as error:  # qhull reports a flat mesh in errors of its own
-        raise UrdfError(
-            f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness"
-        ) from error
+        raise UrdfError(f"{shape.file}: is flat; give it a thickness") from error
 
 
 def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
@@ -62,21 +58,19 @@ def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
         raise UrdfError(str(error)) from error
     scaled = [part.moved(np.diag([*shape.scale, 1.0])) for part in read.parts]
     parts = [replace(part, points=transform(shape.origin, part.points)) for part in scaled]
-    for part in parts:
-        if not (np.abs(part.points) <= LARGEST).all():
-            raise UrdfError(
-                f"{shape.file}: has a vertex more than {LARGEST:g} m away; mind its scale"
-            )
+    if not all((np.abs(part.points) <= LARGEST).all() for part in parts):
+        raise UrdfError(f"{shape.file}: has a vertex more than {LARGEST:g} m away; mind its scale")
     if not any(area_vectors(part.points, part.faces).any() for part in parts):
         raise UrdfError(f"{shape.file}: all its triangles have no area; mind its scale")
     return parts, tuple(f"{shape.file.name}: {note}" for note in read.notes)
 
 
 def _solid(shape: UrdfShape) -> Part:
+    size = shape.size
     if shape.kind == "box":
-        mesh = trimesh.creation.box(2 * np.array(shape.size))
+        mesh = trimesh.creation.box(2 * np.array(size))
     elif shape.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(shape.size[0], 2 * shape.size[1])
+        mesh = trimesh.creation.cylinder(size[0], 2 * size[1])
     else:
-        mesh = trimesh.creation.icosphere(subdivisions=2, radius=shape.size[0])
+        mesh = trimesh.creation.icosphere(subdivisions=2, radius=size[0])
     return Part(transform(shape.origin, mesh.vertices), np.asarray(mesh.faces, np.int64))

@@ -157,10 +157,7 @@ def _parse(path: Path) -> Any:
     root = read_xml(path)
     elements = list(root.iter(etree.Element))
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
-        raise UrdfError(
-            f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro >"
-            " out.urdf`"
-        )
+        raise UrdfError(f"{path}: not a plain URDF; expand it first: `xacro in.xacro > out.urdf`")
     for element in elements:
         _check_numbers(element, path)
     return root
@@ -177,10 +174,8 @@ def _check_numbers(element: Any, path: Path) -> None:
         except ValueError:
             values = []
         if len(values) not in counts or not np.isfinite(values).all():
-            raise UrdfError(
-                f"{path}: line {element.sourceline}: <{element.tag}> has {key}={text[:60]!r}, which"
-                f" is not {' or '.join(map(str, counts))} finite number{'s' * (counts != (1,))}"
-            )
+            what = f"{path}: line {element.sourceline}: <{element.tag}> has {key}={text[:60]!r}"
+            raise UrdfError(f"{what}, not {' or '.join(map(str, counts))} finite numbers")
 
 
 @dataclass(frozen=True)
@@ -207,16 +202,13 @@ class _Shapes:
             except MeshError as error:
                 raise UrdfError(f"{urdf}: mesh {error}") from error
             return UrdfShape("mesh", origin, (), file, (x, y, z), color, within)
-        sizes = {
-            "box": lambda: tuple((_vector(solid, "size", (0.0, 0.0, 0.0)) / 2).tolist()),
-            "cylinder": lambda: (_number(solid, "radius"), _number(solid, "length") / 2),
-            "sphere": lambda: (_number(solid, "radius"),),
-        }
-        if solid.tag not in sizes or min(size := sizes[solid.tag]()) <= 0:
-            raise UrdfError(
-                f"{urdf}: line {solid.sourceline}: <{solid.tag}> is no mesh, box, cylinder or"
-                " sphere with a size above 0"
-            )
+        radius, half = _number(solid, "radius"), _number(solid, "length") / 2
+        x, y, z = (_vector(solid, "size", (0.0, 0.0, 0.0)) / 2).tolist()
+        sizes = {"box": (x, y, z), "cylinder": (radius, half), "sphere": (radius,)}
+        size = sizes.get(solid.tag, (0.0,))
+        if min(size) <= 0:
+            what = f"{urdf}: line {solid.sourceline}: <{solid.tag}>"
+            raise UrdfError(f"{what} is no mesh, box, cylinder or sphere with a size above 0")
         return UrdfShape(solid.tag, origin, size, color=color)
 
 
@@ -232,9 +224,8 @@ def _link(e: Any, shapes: _Shapes) -> UrdfLink:
         if (origin[3:] != (1, 0, 0, 0)).any():
             turn = quat_to_matrix(origin[3:])
             inertia = turn @ inertia @ turn.T
-    return UrdfLink(
-        mass, com, inertia, tuple(shapes.of(e, "visual")), tuple(shapes.of(e, "collision"))
-    )
+    visuals, collisions = (tuple(shapes.of(e, tag)) for tag in ("visual", "collision"))
+    return UrdfLink(mass, com, inertia, visuals, collisions)
 
 
 def _joint(e: Any, path: Path) -> Joint:
@@ -256,9 +247,8 @@ def _joint(e: Any, path: Path) -> Joint:
     lower, upper, velocity, effort = (_number(e.find("limit"), k) for k in _LIMITS)
     if e.get("type") == "continuous":
         lower, upper = -2 * np.pi, 2 * np.pi
-    return Joint(
-        name, kind, ends[0], ends[1], _origin(e), (x, y, z), lower, upper, velocity, effort
-    )
+    limits = lower, upper, velocity, effort
+    return Joint(name, kind, ends[0], ends[1], _origin(e), (x, y, z), *limits)
 
 
 def _name(e: Any, path: Path) -> str:

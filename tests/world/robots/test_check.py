@@ -64,13 +64,13 @@ BROKEN = {
     ),
     "ring": (
         joint(PIPER, "joint1", parent="link6", child="base_link"),
-        "list joints from the base on",
+        "list joints from the base",
     ),
-    "order": (replace(PIPER, joints=PIPER.joints[::-1]), "list joints from the base on"),
+    "order": (replace(PIPER, joints=PIPER.joints[::-1]), "list joints from the base"),
     "limits": (joint(PIPER, "joint2", lower=4.0), "joint 'joint2' needs limits lower < upper"),
     "home": (
         replace(PIPER, home=(0.0, -1.0, *PIPER.home[2:])),
-        "home puts joint 'joint2' at -1, outside its limits 0 to 3.14",
+        "home puts joint 'joint2' at -1, outside 0 to 3.14",
     ),
     "home of another": (replace(PIPER, home=PIPER.home[:5]), "home has 5 values for 6 arm_joints"),
     "jaw stroke": (
