@@ -98,8 +98,8 @@ def options(
 
 
 def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
-    """The words of a command line without --plugins DIR, wherever it is, and the directories.
-    Raises PluginError for one that has none."""
+    """The words without --plugins DIR, and the directories. Raises PluginError for one without
+    DIR."""
     from pipeline.plugins import PluginError
 
     left: list[str] = []
@@ -119,7 +119,7 @@ def split_plugins(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def words_after_plugins() -> list[str]:
-    """The words of this process's command line, once the plugins that they name are loaded. Raises
+    """The words of this command line, once the plugins that they name are loaded. Raises
     PluginError."""
     if sys.argv[1:] in (["--help"], ["--version"]):
         return sys.argv[1:]

@@ -1,5 +1,4 @@
-"""The gymnasium ids of tasks. Nothing here imports a task or the simulator; gymnasium imports the
-environment when it makes one."""
+"""The gymnasium ids of tasks. Nothing here imports a task or the simulator."""
 
 from collections.abc import Iterable
 from pathlib import Path

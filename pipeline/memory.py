@@ -19,8 +19,7 @@ def freeze_garbage() -> Generator[None]:
 
 
 def trim() -> None:
-    """Give the free pages of the C heap back to the system, if glibc can: a fifth of a worker's
-    memory after 200 slots."""
+    """Give the free pages of the C heap back to the system: a fifth of memory after 200 slots."""
     if hasattr(library := _c_library(), "malloc_trim"):
         library.malloc_trim(0)
 

@@ -1,8 +1,6 @@
-"""Extensions from outside the package, which register themselves.
-
-They are found by entry point (GROUPS; policies by evaluate/policies/files.py) and at the top of the
-directories of DOMINO_PLUGINS, which --plugins sets. Worker processes inherit it; those on other
-machines are sent a `Snapshot`."""
+"""Extensions from outside the package, which register themselves: of entry points (GROUPS), and at
+the top of the directories of DOMINO_PLUGINS, which --plugins sets. Worker processes inherit it;
+those on other machines are sent a `Snapshot`."""
 
 import importlib
 import os
@@ -34,7 +32,7 @@ class PluginError(DominoError):
 
 def load_plugins() -> None:
     """Import the extensions of entry points and of DOMINO_PLUGINS. Raises PluginError for a missing
-    directory, and for a module that cannot be imported or whose name another one has."""
+    directory, and a module that cannot be imported or whose name another one has."""
     for point in _points():
         _import(point.module, f"entry point {point.name}")
     for directory in directories():
@@ -111,7 +109,6 @@ def _import(name: str, source: str):
 
 
 def _top(directory: Path) -> list[str]:
-    """Names of the modules and packages at the top of a directory, without tests."""
     names = [path.stem for path in directory.glob("*.py")]
     names += [path.parent.name for path in directory.glob("*/__init__.py")]
     left_out = ("_", ".", "test", "setup", "conftest")

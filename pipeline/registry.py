@@ -13,17 +13,14 @@ class UnknownName(KeyError):
 
 
 def place_in(module: str | None, kind: type) -> None:
-    """Set the module of a class that a call of `type` has made to the one that registers it. Python
-    gives it that of the metaclass."""
+    """Set the module of a class that a call of `type` has made to the one that registers it."""
     if module is not None and kind.__module__ == ABCMeta.__module__:
         kind.__module__ = module
 
 
 class Registry[T](Mapping[str, T]):
-    """A mapping from names to objects of one kind, in the order in which they were added.
-
-    `kind` is for errors, e.g. "task". `modules` names the module that adds an object when it is
-    asked for."""
+    """Objects of one kind by name, in the order in which they were added. `kind` is for errors,
+    e.g. "task". `modules` names the module that adds an object when it is asked for."""
 
     def __init__(self, kind: str, modules: Mapping[str, str] | None = None) -> None:
         self.kind = kind

@@ -110,7 +110,6 @@ def _describe_test(test: Values) -> str:
 
 
 def _describe_share(row: Values) -> str:
-    """The scenes that a comparison leaves out, if any."""
     first, second, shared = (
         row.get(key) for key in ("first_episodes", "second_episodes", "shared")
     )
@@ -121,7 +120,6 @@ def _describe_share(row: Values) -> str:
 
 
 def _correct(comparisons: list[Values]) -> None:
-    """Replace p by Holm's where several policies are compared with the first."""
     from pipeline.evaluate.scoring.sequential import holm
 
     for what in {row["what"] for row in comparisons}:

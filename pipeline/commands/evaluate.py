@@ -250,7 +250,6 @@ def evaluate(
 
 
 def _mean_lines(outcome: "EvaluationResult") -> list[str]:
-    """Means over tasks, each followed by what the baselines score on the same scenes."""
     from pipeline.evaluate.scoring.summary import two_by_two
 
     same = ("level", "alpha", "domain", "condition", "embodiment", "category")

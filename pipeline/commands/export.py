@@ -109,7 +109,6 @@ class ExportCommand(Verb):
 
 
 def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
-    """The options of all formats for --help, one paragraph each."""
     from pipeline.export import EXPORTERS
     from pipeline.export.options import flag_name
 

@@ -129,7 +129,6 @@ class Given:
         return like if like is not None and (like / EXPORT_RECORD).is_file() else None
 
     def _dataset(self, like: Path) -> Dataset:
-        """The dataset that --like names, or that has the export which it names."""
         if self.export is None:
             return Dataset(like)
         above = next((up for up in like.absolute().parents if (up / MANIFEST).is_file()), None)
@@ -203,7 +202,6 @@ def _parameter(key: str) -> str:
 
 
 def _option(key: str, default: str | None) -> Any:
-    """The annotation of a key's option."""
     schema = _SCHEMA[key]
     one = schema.get("anyOf", [schema])[0]
     kind, flag = _TYPES.get(one.get("type", "string"), str), option_of(key)
@@ -225,7 +223,6 @@ def _option(key: str, default: str | None) -> Any:
 
 
 def _show_default(value: Any) -> str | bool:
-    """A default as --help shows it."""
     if value is None or value in ((), {}):
         return False
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)

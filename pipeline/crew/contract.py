@@ -1,5 +1,4 @@
-"""The contract of the crew: the workers, jobs and their work, and the two ways in which a job
-ends."""
+"""Workers, jobs and their work, and the two ways in which a job ends."""
 
 from collections import Counter
 from collections.abc import Callable, Generator, Hashable, Mapping
@@ -39,12 +38,10 @@ class CrewError(DominoError):
 
 @dataclass(frozen=True)
 class Crew:
-    """The workers of a run.
-
-    `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle`
-    jobs). `address` names a running Ray cluster (host:port); without it, Ray is started here, on
-    loopback. `gpus` is each worker's share of a GPU; 0 gives each an equal share if `share_gpus`,
-    else none. `runtime_env` is Ray's."""
+    """`executor` is inline (this process) or ray (`workers` processes, each replaced after
+    `recycle` jobs). `address` names a running Ray cluster (host:port); without it, Ray starts here,
+    on loopback. `gpus` is each worker's share of a GPU; 0 gives each an equal share if
+    `share_gpus`, else none."""
 
     executor: str = "inline"
     workers: int = 1
@@ -79,7 +76,7 @@ class Done[J, R]:
 @dataclass(frozen=True)
 class Died[J]:
     """A job that cost two workers on the same try: the last that it had yielded, None before the
-    first. `seconds` is how long the second worker spent on it."""
+    first. `seconds` is what the second worker spent on it."""
 
     job: J
     reason: Literal["worker_died", "worker_hung"]
@@ -107,9 +104,9 @@ def result_of[R](work: R | Steps[R]) -> R:
 
 
 def pick_executor(name: str, workers: int | None, jobs: int | None = None) -> tuple[str, int]:
-    """The executor to use and its number of workers. `auto` is inline for one worker. Without a
-    number of workers it is inline where Ray is missing, and for at most two `jobs`, which end
-    before workers would have started. Raises CrewError for several workers without Ray."""
+    """The executor and its number of workers. `auto` is inline for one worker, without Ray, and for
+    at most two `jobs`, which end before workers would have started. Raises CrewError without
+    Ray."""
     count, has_ray = workers or usable_cores(), find_spec("ray") is not None
     if name == "auto":
         worth = has_ray and (jobs is None or jobs > 2)

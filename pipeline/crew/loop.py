@@ -34,8 +34,8 @@ def run[J, R](
     its job is tried again after the others; `lost` is called. The second loss on the same try
     yields Died. A machine that leaves the cluster is no fault of its jobs.
 
-    Close the iterator to stop at once: workers are killed. Raises what the work raises, and
-    CrewError: no worker starts, jobs in a row lose their worker, or `check` refuses a machine."""
+    Close the iterator to kill the workers. Raises what the work raises, and CrewError if no worker
+    starts, jobs in a row lose their worker, or `check` refuses a machine."""
     if not jobs:
         return
     if crew.executor == "inline":
@@ -81,7 +81,6 @@ def run[J, R](
 def _hire[J, R](
     make: Make[J, R], crew: Crew, seconds: float, check: Check | None
 ) -> "Iterator[Workers[J, R]]":
-    """The Ray workers of a run; they are killed at its end."""
     with session(crew):
         # the session sets what Ray reads when it is imported
         from .ray_workers import Workers

@@ -1,6 +1,4 @@
-"""The progress of a build: a bar, JSON lines or nothing.
-
-A slot is told by its attempts, the last of which is accepted unless the slot was given up."""
+"""The progress of a build: a bar, JSON lines or nothing."""
 
 import json
 import sys
@@ -17,8 +15,7 @@ CELL = ("task", "embodiment", "level", "alpha", "domain")
 
 
 class Progress:
-    """Counts of a build, not shown: slots `wanted` and `done`; of this run slots, attempts,
-    `failures` by reason, and workers `lost`."""
+    """Counts of a build, not shown: slots `wanted` and `done`; the others are of this run."""
 
     def __init__(self, wanted: int, done: int) -> None:
         self.wanted, self.done = wanted, done

@@ -36,9 +36,7 @@ _ASK = "import sys, ray; ray.init(sys.argv[1], log_to_driver=False, configure_lo
 @contextmanager
 def session(crew: Crew) -> Iterator[None]:
     """Ray runs within: started here, or the cluster at `crew.address` joined; nothing if inline.
-
-    Sessions nest. What is printed within goes to standard error: Ray's lines are no result of a
-    command. Raises CrewError."""
+    Sessions nest. What is printed within goes to standard error. Raises CrewError."""
     if crew.executor == "inline":
         yield
         return
@@ -97,10 +95,8 @@ def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
 
 
 def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) -> None:
-    """Start or join Ray, which replaces the handler of SIGTERM meanwhile.
-
-    Workers import from the directory in which this happens: from `folder`, and not from one of
-    somebody else."""
+    """Start or join Ray, which replaces the handler of SIGTERM meanwhile. Workers import from
+    `folder`."""
     import ray
 
     with hold_signals(), chdir(folder):

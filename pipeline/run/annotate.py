@@ -82,9 +82,7 @@ def annotate(
     """Bring `stages` of a dataset directory up to date and report what was done.
 
     `where` selects episodes (data/slots/select.py); `redraw` draws episodes again for simulator
-    truth if they store none. A dry run writes and downloads nothing.
-
-    Raises AnnotateError for bad input, Busy, and CrewError."""
+    truth if they store none. Raises AnnotateError for bad input, Busy, and CrewError."""
     execution, dataset = execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)
@@ -133,8 +131,8 @@ def annotate(
 def outcomes(
     stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution
 ) -> Generator[StageOutcome, None, None]:
-    """What becomes of one stage of each episode, as leases end on workers. An episode that takes
-    two workers with it failed; the others of its lease are tried again."""
+    """One stage of each episode, as leases end on workers. An episode that takes two workers with
+    it failed; the others of its lease are tried again."""
     crew, dry_run = execution.crew, execution.dry_run
     if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases

@@ -37,8 +37,8 @@ ATTEMPT_SECONDS = 600.0
 @dataclass(frozen=True)
 class BuildResult:
     """`slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`.
-    The rest counts this call: physical slots `made`, their `parts` (OPEN, or what was made again:
-    run/state.py), `attempts`, `reasons` of failure, workers lost."""
+    The rest counts this call; `parts` are of what was made: OPEN, or what was made again
+    (run/state.py)."""
 
     slots: int
     accepted: int
@@ -53,12 +53,8 @@ class BuildResult:
 def build(
     root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar"
 ) -> BuildResult:
-    """Build the dataset, or resume its build.
-
-    A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that
-    kills two workers is recorded as failed.
-
-    Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError."""
+    """Build the dataset, or resume its build. A worker that spends more than `timeout` seconds on
+    one attempt counts as hung. Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError."""
     device, dataset = ensure_renderer(), Dataset(root)
     with _alone(dataset, recipe, crew):
         try:
@@ -74,7 +70,6 @@ def build(
 
 @contextmanager
 def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
-    """The dataset's directory exists, is the recipe's, and no other command writes it."""
     new = not dataset.manifest.exists()
     if new:
         demonstrator_of(recipe).check()
@@ -113,7 +108,6 @@ def _build(
 def _progress(
     dataset: Dataset, recipe: Recipe, jobs: deque[FillJob], crew: Crew, shown: Kind
 ) -> Iterator[Progress]:
-    """Print what will be made, and compile once what each worker would compile."""
     wanted = sum(recipe.counts().values())
     with (
         closing(SHOWN[shown](wanted, wanted - len(jobs))) as progress,

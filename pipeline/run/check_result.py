@@ -75,8 +75,8 @@ def check_result(
 ) -> CheckedBundle:
     """Check a directory of an evaluation; `again` random episodes are carried out again, without
     which consistent forgeries pass. Scenes are those of `manifests`, by default OUT/manifests, or
-    those of the benchmark that was evaluated, by default the one of its name that ships with the
-    package. Raises BundleError, OSError, ResultsError, ProtocolError, BenchmarkError."""
+    of the benchmark, by default the one of its name that ships with the package. Raises
+    BundleError, OSError, ResultsError, ProtocolError, BenchmarkError."""
     check_tree(out)
     checked, jobs, known = CheckedBundle(), list[ReplayJob](), set[str]()
     results = read_bundle(out)
@@ -116,8 +116,7 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 def _cases(result: RecordedResult, manifests: Path, benchmark: Benchmark | None) -> Cases:
-    """The cases that the evaluation wanted. Raises BenchmarkError if the benchmark is not the one
-    that was evaluated."""
+    """The cases that the evaluation wanted. Raises BenchmarkError for another benchmark."""
     cells = result.read_cells()
     if result.benchmark:
         name, digest = result.benchmark.name, result.benchmark.sha256
@@ -140,7 +139,6 @@ def _cases(result: RecordedResult, manifests: Path, benchmark: Benchmark | None)
 
 
 def _differences(result: RecordedResult, rows: Sequence[Row], cases: Cases) -> Iterator[str]:
-    """What does not belong together."""
     if hash_scenes(cases.values()) != result.scenes:
         yield "its scenes are not those that it was made on"
     if hash_rows(rows) != result.rows:
@@ -165,7 +163,6 @@ def _differences(result: RecordedResult, rows: Sequence[Row], cases: Cases) -> I
 def _jobs(
     out: Path, result: RecordedResult, rows: Sequence[Row], cases: Cases, faults: list[str]
 ) -> Iterator[ReplayJob]:
-    """The episodes that can be carried out again; adds a fault for each that cannot."""
     # delays of a measured clock are in the actions
     measured = ":trace:" in result.clock or ":measured" in result.clock
     clock = Clock(result.clock, "measured") if measured else parse_clock(result.clock)
@@ -187,7 +184,6 @@ def _jobs(
 
 
 def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
-    """What the first wait of an episode has to do with another clock, if anything."""
     if clock.kind == "measured" or not len(commands):
         return ""
     wanted = clock.delay(0, 0.0, case.spec.rng("evaluate/latency"))

@@ -33,7 +33,7 @@ def evaluation_of(
     recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any
 ) -> Evaluation:
     """The evaluation of a policy in the cells of a recipe under a setup; `more` are other fields.
-    The clock is that of the rules if none is named."""
+    The clock is by default that of the rules."""
     return Evaluation(
         cells=tuple(recipe.cells()),
         policy=policy,
@@ -48,7 +48,7 @@ def evaluation_of(
 @contextmanager
 def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
     """The evaluation with its policy made once, in a process of its own, for all workers; batches
-    wait `wait` seconds. It stays the same for None and one worker. Raises PolicyError."""
+    wait `wait` seconds. The same for None and one worker. Raises PolicyError."""
     if wait is None or crew.executor == "inline":
         yield wanted
         return
@@ -63,8 +63,8 @@ def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Itera
 
 
 def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
-    """A function (work, jobs) that yields (job, result) as jobs end. It raises CrewError if a job
-    takes two workers with it, and what the work raises."""
+    """A function (work, jobs) that yields (job, result) as jobs end. It raises CrewError for a job
+    that takes two workers with it."""
 
     def each(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         with closing(run(lambda: work, deque(jobs), crew, seconds)) as ends:

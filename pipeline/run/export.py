@@ -34,11 +34,9 @@ CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 
 @dataclass(frozen=True)
 class Request:
-    """What to export: the format, its options by field name, and which episodes.
-
-    `split` is EPISODES or FAILURES, `robots` and `where` select among them; `validation` is a
-    share. `also` are further datasets that are joined with the first, each with its part by
-    `weights` or with all episodes; then `out` must be given. `fps` resamples
+    """What to export: the format, its options by field name, and which episodes. `split` is
+    EPISODES or FAILURES; `validation` is a share. `also` are further datasets, each with its part
+    by `weights` or with all episodes; then `out` must be given. `fps` resamples
     (data/episode/resample.py)."""
 
     format: str
@@ -55,8 +53,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """An export: its summary, place and episodes, and a warning about sensors and stale episodes,
-    or ""."""
+    """An export; `warning` is about sensors and stale episodes, or ""."""
 
     summary: Mapping[str, Any]
     place: Path
@@ -141,8 +138,8 @@ def _check_join(request: Request, recipes: Sequence[Recipe]) -> None:
 
 
 def differences(source: Dataset, place: Path) -> list[str]:
-    """How the export at `place` differs from what it wrote and from what it should hold, a line
-    each. Raises ExportError if it cannot be read, DatasetError for damaged episodes."""
+    """How the export at `place` differs from what it wrote and should hold, a line each. Raises
+    ExportError, and DatasetError for damaged episodes."""
     record = read_record(place)
     summary, attempts = record.summary, partial(attempts_of, source.attempt_rows)
     episodes = sorted(_intact(source, source.recipe(), summary["split"] == FAILURES))

@@ -34,8 +34,8 @@ def weigh(sources: Sequence[DatasetPart], weights: Sequence[float]) -> list[Data
     """As many episodes of each as keep the weights, shares of each robot's episodes. Raises
     ExportError for a robot that one of them has not.
 
-    Which ones stay follows from a hash of their physics: a smaller share is a part of a larger one,
-    and looks of one physics stay together if the number allows."""
+    A hash of the physics chooses: a smaller share is a part of a larger one, and looks of one
+    physics stay together if the number allows."""
     chosen: list[list[Path]] = [[] for _ in sources]
     held = [by_robot(source.episodes) for source in sources]
     for robot in sorted(set().union(*held)):

@@ -36,8 +36,8 @@ def recipe_from(
 def resolve(
     recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
-    """The recipe with suites and `all` expanded, and aliases of robots replaced. Raises RecipeError
-    for a task or robot that does not exist; `flags` names options."""
+    """The recipe with suites and `all` expanded, and aliases of robots replaced. Raises
+    RecipeError; `flags` names options."""
 
     def where(key: str) -> str:
         return (flags or {}).get(key) or f"{source}: {key}:"
@@ -96,8 +96,8 @@ class Untrusted(DatasetError):
 
 
 def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str) -> None:
-    """Raise Untrusted for `corrections` whose policy is none of ours: it would run what whoever
-    made the dataset has written."""
+    """Raise Untrusted for `corrections` whose policy is none of ours, but of who made the
+    dataset."""
     if corrections is None:
         return
     from pipeline.evaluate.names import is_ours  # policies take a second to import
@@ -138,16 +138,14 @@ def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
 
 
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
-    """The object families that the layouts of a recipe draw, by task; "" for those of its
-    distractors."""
+    """The object families that layouts draw, by task; "" for those of distractors."""
     families = {task: families_of(TASKS[task]) for task in recipe.tasks}
     return families | ({"": frozenset(CLUTTER_FAMILIES)} if "randomized" in recipe.domains else {})
 
 
 def with_originals(recipe: Recipe) -> Recipe:
-    """The recipe with the original's objects that its `assets` have; those that its `objects` name
-    stay. Raises RecipeError for one that cannot be read; with the whole suite `domino`, a line
-    names it."""
+    """The recipe with the original's objects of its `assets`; those of its `objects` stay. Raises
+    RecipeError for one that cannot be read, which with the whole suite `domino` is only named."""
     if recipe.assets is None:
         return recipe
     from pipeline.intake.objects.originals import provide  # trimesh takes a second
@@ -181,7 +179,6 @@ def add_originals(recipe: Recipe) -> None:
 
 
 def _named(recipe: Recipe) -> set[str]:
-    """The objects that a recipe names."""
     return {name for names in recipe.objects.values() for name in names}
 
 
@@ -213,8 +210,7 @@ def missing_names(recipe: Recipe) -> str:
 
 
 def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) -> None:
-    """Raise RecipeError for an event that cannot act: on a camera that there is not, on the goal of
-    a task without one, or on the policy of a build."""
+    """Raise RecipeError for an event that cannot act in these tasks."""
     kinds = set[str]().union(*(event.kinds for event in setup.events))
     if "latency" in kinds and not evaluated:
         raise RecipeError(
@@ -235,8 +231,7 @@ def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) ->
 
 def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     """The objects that stand for families, by their full names: `mug` also means mug_0 and so on.
-    Raises RecipeError for one that does not exist or does not fit, and for a family that no task
-    draws."""
+    Raises RecipeError for one that does not exist or fit, and for a family that no task draws."""
     objects = dict[str, tuple[str, ...]]()
     drawn = drawn_families(recipe) if recipe.objects else {}
     ours = [name for name, family in FAMILIES.items() if stands_for(family) is None]

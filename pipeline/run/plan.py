@@ -1,5 +1,4 @@
-"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs. Writes
-nothing."""
+"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs."""
 
 import os
 from collections import Counter
@@ -34,8 +33,8 @@ UNSURE = 1.7  # factor within which the estimates of time lie
 
 @dataclass(frozen=True)
 class EpisodeCost:
-    """Seconds and bytes that an episode takes, failed attempts included, and the `source` of the
-    figures; `core_seconds` where they are known."""
+    """What an episode takes (s, bytes), failed attempts included, and the `source` of the
+    figures."""
 
     seconds: float
     size: float
@@ -47,8 +46,7 @@ class EpisodeCost:
         return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
 
     def hours(self, episodes: int, workers: int) -> tuple[float, float]:
-        """Hours: undisturbed, and at most. Workers that are no more than this machine's cores share
-        them with its load."""
+        """Hours: undisturbed, and at most. Few workers share the cores with this machine's load."""
         hours, cores = episodes * self.seconds / workers / 3600, os.cpu_count() or 1
         shared = max(1.0, (os.getloadavg()[0] + workers) / cores) if workers <= cores else 1.0
         return hours, UNSURE * shared * hours
@@ -132,8 +130,8 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
 
 
 def measure(recipe: Recipe) -> EpisodeCost:
-    """Make a few episodes of cells that are spread over the recipe's, in a temporary directory, and
-    measure their cost. Raises NoRenderer."""
+    """Make a few episodes of some cells in a temporary directory, and measure. Raises
+    NoRenderer."""
     ensure_renderer()
     recipe = recipe.model_copy(update={"variants": 1})
     cells = [cell for cell, count in recipe.counts().items() if count]
@@ -180,10 +178,8 @@ def plan(
     recipe: Recipe, dataset: Dataset | None, workers: int, cost: EpisodeCost | None = None
 ) -> dict[str, Any]:
     """The work that is left: cells with wanted and finished slots; parts to make again (`redo`);
-    estimated hours, core-hours and bytes.
-
-    The estimate follows from `cost`, by default the dataset's. Raises DatasetError for a dataset of
-    another recipe."""
+    estimated hours, core-hours and bytes, by default from the dataset's episodes. Raises
+    DatasetError for a dataset of another recipe."""
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
         if changed := differences(dataset.recipe(), recipe):

@@ -35,8 +35,7 @@ IMAGE_SECONDS = 600.0
 @dataclass(frozen=True)
 class RenderResult:
     """`slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
-    built yet in the source. `drawn` counts this call; `problems` has a line for each episode that
-    could not be drawn."""
+    built yet in the source. `drawn` and `problems` are of this call."""
 
     slots: int
     accepted: int
@@ -55,12 +54,11 @@ def render(
     quiet: bool = False,
     flags: Mapping[str, str] | None = None,
 ) -> RenderResult:
-    """Draw every finished episode of `source` into the dataset `out`; episodes that are up to date
-    there are skipped.
+    """Draw every finished episode of `source` into the dataset `out`, unless it is up to date
+    there.
 
-    `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ
-    from the source's, `flags` the options that gave them. Raises DatasetError, Busy, RecipeError
-    and CameraError for changes that cannot be drawn, NoRenderer, CrewError."""
+    `changes` are keys of the recipe that differ from the source's, `flags` the options that gave
+    them. Raises DatasetError, Busy, RecipeError, CameraError, NoRenderer, CrewError."""
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
         raise DatasetError(
@@ -95,7 +93,6 @@ def render(
 
 
 def _provenance(source: Dataset) -> dict[str, Any]:
-    """The provenance of the source; empty for a damaged file, which `verify` reports."""
     try:
         return source.made_by()
     except DatasetError:
@@ -103,8 +100,7 @@ def _provenance(source: Dataset) -> dict[str, Any]:
 
 
 def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
-    """Try the wanted cameras on the first episode of every task and robot, before anything is
-    written."""
+    """Try the wanted cameras on the first episode of every task and robot."""
     seen = set()
     for slot, record in source.records(held):
         kind = slot.cell.task, slot.cell.embodiment
@@ -127,8 +123,7 @@ def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
 
 @dataclass(frozen=True)
 class DrawWork:
-    """What is to be drawn into a dataset: a job a slot; slots that are `done`, and `open` ones
-    without a source episode."""
+    """A job a slot; slots that are `done`, and `open` ones without a source episode."""
 
     jobs: list[DrawJob]
     done: int
@@ -142,9 +137,9 @@ def work_of(
     slots: Iterable[Slot],
     damaged: Collection[Slot] = (),
 ) -> DrawWork:
-    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`. Of the
-    same dataset, variants are drawn from the first ones. Those that are `damaged` are drawn
-    again."""
+    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`; those
+    that are `damaged` are drawn again. Of the same dataset, variants are drawn from the first
+    ones."""
     held, jobs, done, missing = source.recipe(), list[DrawJob](), 0, 0
     if source.root == out.root:
         held = held.model_copy(update={"variants": 1})
@@ -168,8 +163,7 @@ def work_of(
 def draw_all(
     work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False
 ) -> list[str]:
-    """Do all of it under one progress bar and write it down; what could not be drawn, one line
-    each, sorted. Raises CrewError."""
+    """Draw and record all; what could not be drawn, one line each. Raises CrewError."""
     problems = list[str]()
     bar = tqdm(
         total=work.done + len(work.jobs),

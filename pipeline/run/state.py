@@ -30,7 +30,7 @@ DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "s
 class SlotState:
     """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything),
     IMAGES (from the stored state log) or SENTENCES; `because` names the parts of the key that
-    changed. `accepted` is what the index says, None if it has no such slot."""
+    changed. `accepted` is what the index says, None for no such slot."""
 
     todo: str
     because: tuple[str, ...] = ()
@@ -39,10 +39,8 @@ class SlotState:
 
 def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.int64]]:
     """The states of groups of rows (same cell, variant, keys and outcome) if their files are there,
-    and the group of each (N,).
-
-    What was made for a task or robot that the code does not have is out of date. A slot that was
-    given up has images and sentences only where the recipe keeps failed attempts."""
+    and the group of each (N,). A slot that was given up has images and sentences only where the
+    recipe keeps failed attempts."""
     keys, keeps = RecipeKeys(recipe), recipe.keep_failures != "none"
     groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
     groups = groups * (max(rows.texts, default=0) + 1) + rows.keys
@@ -76,14 +74,12 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: b
 
 
 def _with_file(state: SlotState, there: bool) -> SlotState:
-    """The state of a slot of a group, by whether its file is there."""
     if there or state.todo == PHYSICS:
         return state
     return SlotState(OPEN, (REDO,) if state.accepted else (), state.accepted)
 
 
 def _states(dataset: Dataset, recipe: Recipe, rows: Rows) -> dict[Slot, SlotState]:
-    """The state of every row, by which of their files are there."""
     there = Listing(dataset.episodes, recipe).there(rows)
     cases, of = judge_keys(recipe, rows)
     each = zip(rows.slots, of.tolist(), there.tolist(), strict=True)
@@ -91,16 +87,14 @@ def _states(dataset: Dataset, recipe: Recipe, rows: Rows) -> dict[Slot, SlotStat
 
 
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
-    """Every slot of a recipe with its state now, files unread: whether they are what was written is
-    for `missing`."""
+    """Every slot of a recipe with its state now, files unread."""
     found, none = _states(dataset, recipe, dataset.rows(recipe)), SlotState(OPEN)
     return ((slot, found.get(slot, none)) for slot in recipe.slots())
 
 
 def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot, SlotState]:
-    """The physical slots of a recipe that are not done, in order, after a look at every file.
-
-    A file that was written since it was last read is read, and its slot made again if it has other
+    """The physical slots of a recipe that are not done, in order, after a look at every file. A
+    file that was written since it was last read is read, and its slot made again if it has other
     bytes. So is a slot whose stored failures are missing."""
     damaged, rows = writer.catch_up(), writer.index.rows(recipe, "assets")
     rows = rows.where(rows.variants == 0)
@@ -119,8 +113,7 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
 
 
 def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
-    """The slots of those rows of which an asset is missing; `names` are those of all assets by
-    number."""
+    """The slots of which an asset is missing; `names` are those of all assets by number."""
     there = AssetStore(dataset.bodies).keys()
     absent = {str(number) for number, name in names.items() if name not in there}
     if not absent:
@@ -132,8 +125,7 @@ def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> l
 def redone(
     recipe: Recipe, rows: Rows, there: NDArray[np.bool_]
 ) -> Counter[tuple[str, tuple[str, ...]]]:
-    """How many slots a build would make again, by what of them and why; `there` (N,) says whose
-    file is there."""
+    """How many slots a build would make again, by what of them and why; `there` is (N,)."""
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
         counts = np.bincount(of[there == here], minlength=len(cases)).tolist()

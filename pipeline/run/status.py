@@ -1,5 +1,4 @@
-"""`domino-data status`: what a dataset holds, by its index and a listing of its files. Opens no
-episode."""
+"""`domino-data status`: what a dataset holds. Opens no episode."""
 
 import json
 from collections import Counter
@@ -19,12 +18,9 @@ from .state import redo_rows, redone
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
-    """The state of a dataset: slots wanted, accepted, given up and open; attempts and their
-    failures by reason; the same per cell.
-
-    `edited`: its manifest was edited. `failures` has the reasons in detail (as Reason); `redo` what
-    a build would make again (redo_rows); `pairs` (count_pairs) is there if the recipe pairs
-    cells."""
+    """Slots wanted, accepted, given up and open; attempts and their failures by reason; the same
+    per cell. `failures` has the reasons in detail (as Reason); `redo` what a build would make again
+    (redo_rows); `pairs` (count_pairs) is there if the recipe pairs cells."""
     recipe = installed_recipe(dataset)
     rows = dataset.rows(recipe)
     listed = Listing(dataset.episodes, recipe).there(rows)

@@ -85,8 +85,7 @@ def diagnose(place: Path) -> Iterator[CheckResult]:
 
 
 def attempt(code: str) -> dict[str, Any] | str:
-    """What a program, in a process of its own, prints as JSON on its last line, or one line about
-    why it does not."""
+    """What a program prints as JSON on its last line, or one line about why it does not."""
     command = [sys.executable, "-P", "-c", code]
     try:
         done = subprocess.run(

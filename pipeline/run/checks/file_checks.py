@@ -85,7 +85,6 @@ def _check_episode(path: Path) -> Iterator[str]:
 
 
 def _check_annotation(path: Path) -> Iterator[str]:
-    """One annotation, or the stage.json of a directory of them."""
     above = (each for each in path.parents if each.parent.name == "annotations")
     directory = next(above, path.parent)
     stage = parse_json(read_regular(directory / "stage.json"))
@@ -107,7 +106,6 @@ def _check_asset(path: Path) -> Iterator[str]:
 
 
 def _check_export(place: Path) -> Iterator[str]:
-    """The files of one export against the hashes that were written with them."""
     fetch_below(place)
     record = read_record(place)
     for path in record.foreign():

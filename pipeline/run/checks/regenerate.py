@@ -21,10 +21,8 @@ from pipeline.world.drawing.vulkan import ensure_renderer
 
 def regenerate(dataset: Dataset, episode: str) -> list[str]:
     """Make an episode again in a temporary directory, with all attempts at its slot. Returns the
-    datasets of its file that differ ("header" for attributes), none if the bytes are the same.
-
-    `episode` is its path (data/intact.py:named_slot). Its recipe's policy runs: see `check_trust`.
-    Raises DatasetError for one that is not in the dataset, EpisodeError, NoRenderer."""
+    datasets of its file that differ ("header" for attributes), none if the bytes are the same. Its
+    recipe's policy runs: see `check_trust`. Raises DatasetError, EpisodeError, NoRenderer."""
     recipe = installed_recipe(dataset)
     slot = named_slot(dataset, recipe, episode)
     path = dataset.episode(slot)
@@ -50,7 +48,6 @@ def regenerate(dataset: Dataset, episode: str) -> list[str]:
 def _make(
     copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]
 ) -> SlotRecord:
-    """Fill the slot again, without any attempt that once killed two workers."""
     root = str(copy.root)
     lost = tuple(
         LostAttempt(row["attempt"], row["reason"], row.get("seconds", 0.0))

@@ -46,12 +46,11 @@ def verify(
 
     Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
     "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
-    version of code or recipe, "again": a line for each that was made again}. What is stale cannot
+    version of code or recipe, "again": a line for each that was made again}. Stale episodes cannot
     be made again; a dataset with fewer than `again` others is not `ok`.
 
-    Raises DatasetError for a directory that is no dataset, CrewError, NoRenderer, and Untrusted if
-    episodes are to be made again whose recipe corrects a policy that is none of ours, unless
-    `trust`."""
+    Raises DatasetError, CrewError, NoRenderer, and Untrusted if making episodes again would run a
+    policy that is none of ours, unless `trust`."""
     if (again or episode) and not trust:
         check_trust(dataset.recipe().corrections, str(dataset.root))
     crew, root = crew or Crew(), str(dataset.root.resolve())
@@ -124,12 +123,9 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
 
 @dataclass
 class Comparison:
-    """What recipe and index state about a dataset's files, by path: nothing if the recipe was
-    edited.
-
-    `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code;
-    `problems` concern files that are missing or belong elsewhere. `stale` and `open` count
-    slots."""
+    """What recipe and index state about a dataset's files, by path; nothing if the recipe was
+    edited. `strays` belong to no slot, `current` are up to date with the code; `problems` concern
+    files that are missing or belong elsewhere. `stale` and `open` count slots."""
 
     hashes: dict[str, str] = field(default_factory=dict[str, str])
     strays: set[str] = field(default_factory=set[str])
@@ -140,7 +136,6 @@ class Comparison:
 
 
 def _compare(dataset: Dataset, paths: set[str]) -> Comparison:
-    """Compare the files that are there with those that recipe and index name."""
     if dataset.is_edited():
         return Comparison(problems=[f"{dataset.manifest.name}: {EDITED}"])
     known, recipe, slots = Comparison(), dataset.recipe(), set[str]()
@@ -181,7 +176,6 @@ def _name(dataset: Dataset, path: Path) -> str:
 
 
 def _differ(job: FileJob) -> list[str]:
-    """The datasets in which an episode that is made again differs from the stored one."""
     return regenerate(Dataset(Path(job.root)), job.path)
 
 

@@ -58,8 +58,7 @@ class RecipeKeys:
         return SlotKeys(physics, self._render(slot, physics, looks), language)
 
     def redrawn(self, slot: Slot, source: SlotKeys) -> SlotKeys:
-        """The keys of a slot that is drawn again from an episode with the keys `source`: those that
-        a build would give it."""
+        """The keys of a slot that is drawn again from an episode with the keys `source`."""
         looks = source.render.parts["looks"]
         return SlotKeys(source.physics, self._render(slot, source.physics, looks), source.language)
 

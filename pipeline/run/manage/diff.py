@@ -97,7 +97,6 @@ def _state(side: _Side | None) -> str:
 
 
 def _parts(slot: Slot, a: _Side, b: _Side) -> tuple[str, ...]:
-    """Parts of the keys that differ; not those that only follow from other parts."""
     first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
     names = [
         f"{kind}.{part}"

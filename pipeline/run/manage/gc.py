@@ -29,12 +29,9 @@ class Orphan:
 
 
 def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
-    """Remove, or only list, the orphaned files of a dataset: episodes of no slot, annotations of no
-    episode, assets that nothing names, partial files of dead processes.
-
-    A whole accepted episode goes to orphans/; one that the index does not know stays. Raises Busy,
-    DatasetError if the manifest was edited or more than LARGE of its episodes belong to no slot,
-    OSError."""
+    """Remove, or only list, the orphaned files of a dataset. A whole accepted episode goes to
+    orphans/; one that the index does not know stays. Raises Busy, OSError, and DatasetError if the
+    manifest was edited or more than LARGE of its episodes belong to no slot."""
     dataset.check_seal()
     recipe = dataset.recipe()
     with exclusive(dataset.root):
@@ -91,7 +88,6 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is an accepted episode whose content is what was written."""
     try:
         with EpisodeFile(path) as file:
             return file.meta.failure is None and not file.damaged()
@@ -100,7 +96,6 @@ def _is_whole(path: Path) -> bool:
 
 
 def _set_aside(dataset: Dataset, path: Path) -> None:
-    """Move an episode to orphans/, beside what is there."""
     place = dataset.orphans / path.relative_to(dataset.root)
     place.parent.mkdir(parents=True, exist_ok=True)
     number = 1
@@ -112,8 +107,7 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
 
 
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
-    """The assets that episodes, stored failures and orphans/ name; None if one of these cannot be
-    read."""
+    """The assets that are named; None if an episode cannot be read."""
     rows, names = dataset.rows(recipe, "assets"), dataset.ask(lambda index: index.assets())
     named = {names[int(number)] for text in rows.more["assets"] for number in text.split()}
     known = {f"{slot.path}.hdf5" for slot in rows.where(rows.accepted).slots}

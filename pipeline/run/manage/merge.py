@@ -40,11 +40,9 @@ class Merged:
 
 def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     """Join datasets into `out`, or resume a merge. Files become hard links where possible; exports
-    are not merged.
-
-    The recipes may differ in what they choose; the result wants all of it. Raises DatasetError for
-    other recipes, slots that differ, another version of the code, and changed bytes; Busy;
-    OSError."""
+    are not merged. The recipes may differ in what they choose; the result wants all of it. Raises
+    DatasetError for other recipes, slots that differ, another version of the code, and changed
+    bytes; Busy; OSError."""
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
     there = out.root.resolve()
@@ -91,7 +89,6 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
 
 def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
-    """The recipe that wants the slots of all recipes."""
     first = recipes[0]
     for source, other in zip(sources[1:], recipes[1:], strict=True):
         if changed := differences(first, other):
@@ -118,7 +115,6 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
 
 
 def _most(recipes: Sequence[Recipe]) -> Any:
-    """The largest number of episodes; by domain if any recipe counts by domain."""
     numbers, counts = list[int](), Counter[str]()
     for recipe in recipes:
         of = recipe.episodes
@@ -128,8 +124,7 @@ def _most(recipes: Sequence[Recipe]) -> Any:
 
 
 def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]]) -> None:
-    """Raise DatasetError for slots that the datasets have differently, or of another version of the
-    code."""
+    """Raise DatasetError for slots that differ, or of another version of the code."""
     first: dict[object, tuple[str, Dataset]] = {}
     for source, records in zip(sources, held, strict=True):
         for slot, record in records.items():
@@ -157,7 +152,6 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
 
 
 def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
-    """Link or copy the file of a slot, and the failed attempts that are kept of it."""
     for row in record.attempts:
         if row.get("kept"):
             _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
@@ -168,7 +162,6 @@ def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None
 
 
 def _take_annotations(source: Dataset, out: Dataset) -> None:
-    """Take over annotations of episodes that the result has."""
     for stage in sorted((source.root / "annotations").glob("*@*")):
         for path in sorted(stage.rglob("*")):
             name = path.relative_to(stage)
@@ -192,6 +185,5 @@ def _link(path: Path, to: Path) -> None:
 
 
 def _state(path: Path) -> tuple[int, int]:
-    """Size in bytes and time of change in ns of a file."""
     state = path.stat()
     return state.st_size, state.st_mtime_ns

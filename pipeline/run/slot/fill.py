@@ -38,8 +38,7 @@ RENEWAL = -1
 
 @dataclass(frozen=True)
 class LostAttempt:
-    """An attempt that took two workers with it: its number (or RENEWAL), why, and the seconds that
-    the second worker spent on it."""
+    """An attempt (or RENEWAL) that took two workers with it; `seconds` are the second's."""
 
     attempt: int
     reason: str
@@ -48,9 +47,7 @@ class LostAttempt:
 
 @dataclass(frozen=True)
 class FillJob:
-    """What a worker is sent.
-
-    `renewing` is the record of an episode of which only images or sentences are made. `lost`
+    """`renewing` is the record of an episode of which only images or sentences are made. `lost`
     attempts are recorded as failed; if RENEWAL is among them, the episode is made from nothing."""
 
     root: str
@@ -121,8 +118,7 @@ def slot_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
 
 
 def fill_logged(job: FillJob) -> Steps[SlotRecord]:
-    """As `fill_in_steps`; what is printed is kept in logs/ if the slot is given up, raises, or lost
-    workers."""
+    """As `fill_in_steps`; its prints are kept in logs/ if the slot fails or lost workers."""
     dataset = Dataset(Path(job.root))
     with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")
@@ -145,8 +141,7 @@ def fill_slot(job: FillJob) -> SlotRecord:
 
 
 def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
-    """Make what is missing of a slot; yield the number of each attempt when it begins, and return
-    the record, which the driver writes."""
+    """Make what is missing of a slot; yield the number of each attempt when it begins."""
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
     path, old = dataset.episode(job.slot), job.renewing
     # what a worker that was killed, on whatever machine, has left half-written
@@ -164,7 +159,6 @@ def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
 def _from_nothing(
     dataset: Dataset, job: FillJob, keys: SlotKeys
 ) -> Generator[int, None, SlotRecord]:
-    """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
     phases, rows = Phases(), list[dict[str, Any]]()

@@ -89,8 +89,8 @@ def sentences(scene: Scene, count: int) -> dict[str, list[str]]:
 
 @dataclass(eq=False)
 class Images:
-    """The images of an episode: how it was drawn, its views, their frames as JPEG bytes (T,),
-    point clouds, and `tracks` of objects by key of the group `interception`."""
+    """How an episode was drawn, its views, their frames as JPEG bytes (T,), point clouds, and
+    `tracks` of objects by key of the group `interception`."""
 
     drawing: Drawing
     views: list[View]
@@ -100,8 +100,7 @@ class Images:
 
 
 def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
-    """Render and encode an episode as the recipe wants it, and keep what it is drawn from. Raises
-    OSError."""
+    """Render and encode an episode, and keep what it is drawn from. Raises OSError."""
     with phases("render"):
         appearance = appearance_of(scene, recipe)
     with phases("write"):
@@ -168,8 +167,8 @@ def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
 def renew(
     dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys
 ) -> SlotRecord:
-    """Make the images or the sentences of a stored episode again; the record of the file that
-    replaces it. It has the bytes that a build from nothing would give it. Raises EpisodeError."""
+    """Make the images or the sentences of a stored episode again, to the bytes that a build from
+    nothing would give it. Raises EpisodeError."""
     phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)

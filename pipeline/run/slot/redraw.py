@@ -36,8 +36,8 @@ from .make import images_of, read_facts, send_slot, write
 
 @dataclass(frozen=True)
 class DrawJob:
-    """One episode to draw: `slot` of the dataset `out`, from the episode `origin` of `source` with
-    `record`. `same_look`: whether its stored look is the wanted one."""
+    """`slot` of the dataset `out`, to be drawn from the episode `origin` of `source` with `record`.
+    `same_look`: whether its stored look is the wanted one."""
 
     source: str
     out: str
@@ -49,8 +49,8 @@ class DrawJob:
 
 
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
-    """The slot of the `source` that a slot of `recipe` is drawn from, and whether its stored look
-    is the wanted one. Looks that it does not store are drawn for variant 0."""
+    """The slot of the `source` that a slot is drawn from, and whether its stored look is the wanted
+    one. Looks that it does not store are drawn for variant 0."""
     same = (source.visuals, *source.brought) == (recipe.visuals, *recipe.brought) and (
         recipe.visuals != "randomized" or source.visual_seed == recipe.visual_seed
     )
@@ -62,8 +62,7 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
 def is_drawn(
     record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, assets: Collection[str]
 ) -> bool:
-    """Whether a slot with this record is drawn from just that source with these keys, no asset
-    missing."""
+    """Whether a slot is drawn from just that source with these keys, no asset missing."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
     # an episode of version 0.1 may name no physics
@@ -72,9 +71,8 @@ def is_drawn(
 
 
 def draw_slot(job: DrawJob) -> SlotRecord | str:
-    """Draw one slot and write its episode; one that was given up in the source is given up here.
-
-    Returns the record, or in one line why the source cannot be drawn from. Raises OSError."""
+    """Draw one slot and write its episode, or give it up as in the source. Returns the record, or
+    in one line why the source cannot be drawn from. Raises OSError."""
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
     keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
@@ -102,7 +100,6 @@ def _draw(
     keys: SlotKeys,
     phases: Phases,
 ) -> str:
-    """Write the episode; its sha256."""
     path, recipe, variant = source.episode(job.origin), job.recipe, job.slot.variant
     store, own = AssetStore(source.bodies), AssetStore(out.bodies)
     with phases("read"):
