@@ -98,10 +98,6 @@ def annotate(
             redraw=drawn,
             execution=Execution(crew, device, dry_run, progress=not (as_json or quiet)),
         )
-    if source.manifest.exists():
-        recipe = source.recipe()
-        common.warn_of_missing(source, recipe)
-        common.warn_of_stale(source, recipe)
     if not dry_run:
         refresh(source, annotation_sheet)
     lines, made = list[str](), "to compute" if dry_run else "computed"

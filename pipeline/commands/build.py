@@ -90,7 +90,6 @@ def plan(
     out: Annotated[
         Path | None, option("An existing dataset to count finished slots and times from.")
     ] = None,
-    cells: Annotated[bool, option("Print a row for every cell.", "--cells")] = False,
     measure: Annotated[
         bool,
         option(
@@ -112,12 +111,7 @@ def plan(
         print("measuring: four episodes, up to a minute", file=sys.stderr)
         cost = planning.measure(recipe)
     values = planning.plan(recipe, Dataset(out) if out else None, workers or usable_cores(), cost)
-    lines = []
-    if cells:
-        headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
-        rows = [[f"{v:g}" if k == "alpha" else v for k, v in c.items()] for c in values["cells"]]
-        lines.append(common.table(headers, rows))
-    lines += [
+    lines = [
         f"tasks: {len(recipe.tasks)}, robots: {len(recipe.embodiments)}, levels:"
         f" {len(recipe.levels)}, cells: {len(values['cells'])}, episodes: {values['slots']:,}",
         f"finished: {values['finished']:,}; to make: {values['slots'] - values['finished']:,};"

@@ -13,13 +13,10 @@ import typer
 
 from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
 from pipeline.crew.signals import Stopped, stop_on_signal
-from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
-from pipeline.data.intact import missed
 from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.process.own_code import Finding
 from pipeline.data.reading import printable
-from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.place import with_urls
 
 GIVEN_UP = 3
@@ -120,31 +117,6 @@ def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
         numbers = all(text.replace(".", "", 1).isdigit() for text in column[1:])
         column[:] = [text.rjust(width) if numbers else text.ljust(width) for text in column]
     return "\n".join("  ".join(line).rstrip() for line in zip(*columns, strict=True))
-
-
-def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
-    """Warn of episodes that are of another version of code or recipe."""
-    from pipeline.run.names import missing_names
-    from pipeline.run.state import DONE, OPEN, states
-
-    if missing := missing_names(recipe):
-        note(
-            f"warning: {missing} is not installed: --plugins DIR is needed to learn whether the"
-            " episodes are of this version of code and recipe"
-        )
-        return
-    each = (state for _, state in states(dataset, recipe))
-    if stale := sum(state.todo not in (DONE, OPEN) and bool(state.accepted) for state in each):
-        note(
-            f"warning: {stale} episodes are of another version of code or recipe and are used as"
-            f" they are; `domino-data status {with_urls(str(dataset.root))}` shows what changed"
-        )
-
-
-def warn_of_missing(dataset: Dataset, recipe: Recipe) -> None:
-    """Warn of finished episodes that are missing."""
-    if missing := dataset.missing(recipe):
-        note(f"warning: {with_urls(missed(missing))}")
 
 
 @contextmanager

@@ -183,19 +183,9 @@ def _named(recipe: Recipe) -> set[str]:
 
 
 def installed_recipe(dataset: Dataset) -> Recipe:
-    """The frozen recipe of a dataset. Raises DatasetError for names that are not installed."""
+    """The frozen recipe of a dataset, the original's objects added. Raises DatasetError for names
+    that nothing installed has, RecipeError."""
     recipe = dataset.recipe()
-    if missing := missing_names(recipe):
-        raise DatasetError(
-            f"{dataset.root} needs {missing}, which is not installed: give --plugins with its"
-            " directory"
-        )
-    return recipe
-
-
-def missing_names(recipe: Recipe) -> str:
-    """The first name of a stored recipe that nothing installed has, e.g. "the task 'tap'", or "".
-    The original's objects are added. Raises RecipeError."""
     add_originals(recipe)
     needed = (
         ("task", set(recipe.tasks), TASKS),
@@ -203,10 +193,13 @@ def missing_names(recipe: Recipe) -> str:
         ("object", _named(recipe), FAMILIES),
         ("robot", set(recipe.robots()), ROBOTS),
     )
-    missing = (
-        f"the {kind} {n!r}" for kind, names, known in needed for n in sorted(names - set(known))
-    )
-    return next(missing, "")
+    for kind, names, known in needed:
+        if missing := sorted(names - set(known)):
+            raise DatasetError(
+                f"{dataset.root} needs the {kind} {missing[0]!r}, which is not installed: give"
+                " --plugins with its directory"
+            )
+    return recipe
 
 
 def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) -> None:
