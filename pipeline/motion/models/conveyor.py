@@ -1,9 +1,10 @@
 """The target rides straight on a visible belt."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +18,7 @@ from pipeline.poses import Floats, pose, yawed
 
 RUBBER, RAIL, SLAT = (0.13, 0.14, 0.15), (0.62, 0.64, 0.66), (0.85, 0.72, 0.20)
 MARGIN = 0.025  # m of belt on either side of what rides on it
-LANE = 0.03  # m from the target's line, at most, of what the belt carries besides
+LANE = 0.045  # m from the target's line, at most, of what the belt carries besides
 GAP = 0.08  # m between slats
 AFTER = 1.0  # s after the meeting for which there are slats
 SUNK = 0.005  # m
@@ -26,11 +27,13 @@ RUNOUT = 0.14  # m of belt beyond both ends of the path
 
 @dataclass(frozen=True)
 class Conveyor(Along):
-    """The end pose moved back by the advance along `heading` (rad); the belt is `width` m wide."""
+    """The end pose moved back by the advance along `heading` (rad); the belt is `width` m wide and
+    goes `runout` m beyond both ends of the path."""
 
     kind: ClassVar[str] = "conveyor"
     heading: float
     width: float
+    runout: float = RUNOUT
 
     @property
     def _forward(self) -> Floats:
@@ -43,11 +46,18 @@ class Conveyor(Along):
     def slope(self, s: Floats) -> Floats:
         return np.broadcast_to(np.concatenate([self._forward, np.zeros(3)]), (*np.shape(s), 6))
 
+    def to_json(self) -> str:
+        """As of every closed form; a usual runout is left out."""
+        values: dict[str, Any] = json.loads(super().to_json())
+        if self.runout == RUNOUT:
+            del values["runout"]
+        return json.dumps(values, allow_nan=False)
+
     def scenery(self) -> tuple[Prop, ...]:
         """The belt with its rails, and slats across it that move with the target."""
         ridden = self.pace.advance(np.linspace(-self.lead, self.duration, 200))
         first, last = float(ridden.min()), float(ridden.max())
-        ends = (first - RUNOUT, last + RUNOUT)
+        ends = (first - self.runout, last + self.runout)
         half, side = (ends[1] - ends[0]) / 2, self.width / 2 + 0.004
         middle = yawed(np.array(self.end[:3]) + sum(ends) / 2 * self._forward, self.heading)
         band = flat("box", (half, self.width / 2), SHEET, RUBBER)
@@ -83,8 +93,13 @@ class ConveyorModel(ClosedFormModel[Conveyor]):
         for heading in sorted(headings(streams), key=lambda a: abs(np.sin(a)) > 0.4):
             aside = np.abs(away @ (-np.sin(heading), np.cos(heading)))
             if aside.max() <= LANE:
-                width = 2 * float((aside + bodies[:, 2]).max() + MARGIN)
-                yield Conveyor(**common(asked), pace=pace, heading=heading, width=width)
+                yield Conveyor(
+                    **common(asked),
+                    pace=pace,
+                    heading=heading,
+                    width=2 * float((aside + bodies[:, 2]).max() + MARGIN),
+                    runout=float(RUNOUT + np.hypot(*away.T).max()),
+                )
 
 
 register(ConveyorModel(Conveyor))
