@@ -27,7 +27,7 @@ RUNOUT = 0.14  # m of belt beyond both ends of the path
 
 @dataclass(frozen=True)
 class Conveyor(Along):
-    """The end pose moved back by the advance along `heading` (rad); the belt is `width` m wide and
+    """The end pose moved back by the advance along `heading` (rad). The belt is `width` m wide and
     goes `runout` m beyond both ends of the path."""
 
     kind: ClassVar[str] = "conveyor"
