@@ -45,7 +45,7 @@ from pipeline.tasks.contract import expand_tasks
 from pipeline.world.physics.contacts import ContactKinds
 from pipeline.world.robots import MODELS, get_embodiment
 
-SUITES = ("domino", "beyond")
+SUITES = ("domino", "beyond", "decide")
 ORIGINAL_STATIC = {"aloha-agilex": 78, "arx-x5": 78, "franka-panda": 69, "piper": 27, "ur5-wsg": 61}
 """Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0
 documentation)."""

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
@@ -33,7 +33,7 @@ class Conveyor(Along):
     kind: ClassVar[str] = "conveyor"
     heading: float
     width: float
-    runout: float = RUNOUT
+    runout: float = field(default=RUNOUT, kw_only=True)
 
     @property
     def _forward(self) -> Floats:
