@@ -1,7 +1,7 @@
 """A benchmark file: how long it takes to load, and what physics makes of its scenes where numeric
 libraries use other instructions, as they do on another processor.
 
-    python -m benchmarks.frozen domino-v1-10 --scenes 28
+    python -m benchmarks.frozen domino-v1 --scenes 28
 
 The expert's actions are recorded once. Every mode is a process of its own that takes them, and the
 scenes, from files: it carries the actions out, and lets `interceptor`, which plans live, try the

@@ -75,14 +75,14 @@ def test_seeds_are_indices_of_the_admitted_scenes(task, manifests, lr):
 
 
 def test_a_benchmark_gives_its_frozen_scenes(lr):
-    scenes = lr.Scenes(CELL, Path("unused"), setup=SMALL, benchmark="domino-v1-10")
-    frozen = read_benchmark("domino-v1-10").cases([CELL], 10)[CELL]
+    scenes = lr.Scenes(CELL, Path("unused"), setup=SMALL, benchmark="domino-v1")
+    frozen = read_benchmark("domino-v1").cases([CELL], 50)[CELL]
     env = lr.DominoTask(scenes)
-    env.reset(seed=1009)
-    assert env._env.case == frozen[9]
+    env.reset(seed=1049)
+    assert env._env.case == frozen[49]
     env.close()
-    with pytest.raises(ValueError, match=r"has 10 scenes .* set eval\.n_episodes"):
-        scenes.case(1010)
+    with pytest.raises(ValueError, match=r"has 50 scenes .* set eval\.n_episodes"):
+        scenes.case(1050)
 
 
 def test_a_success_is_worth_a_hundred_at_once(task, manifests, lr):
