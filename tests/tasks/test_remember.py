@@ -99,14 +99,15 @@ def test_a_ball_that_crossed_the_line_was_stopped_too_late(accepted):
 def test_what_is_in_the_tunnel_is_hidden_from_the_head_camera(accepted):
     done = accepted("catch_from_tunnel", 2)
     log, motion = done.replay.log, done.motion
-    ahead = motion.centre(motion.pace.advance(log.times)) - log.pose("tunnel")[:, :3]
-    along = ahead @ [np.cos(motion.heading), np.sin(motion.heading), 0.0]
-    inside = np.flatnonzero(np.abs(along) < motion.length / 2 - motion.radius - 0.004)
-    before = np.flatnonzero(along < -motion.length / 2 - motion.radius)
+    way = [np.cos(motion.heading), np.sin(motion.heading), 0.0]
+    along = (motion.pose(log.times) - log.pose("tunnel"))[:, :3] @ way
+    radius = done.scene.bodies["product"].instance.shape().footprint_radius()
+    inside = np.flatnonzero(np.abs(along) < motion.length / 2 - radius - 0.004)
+    before = np.flatnonzero(along < -motion.length / 2 - radius)
     setup = Setup(cameras=("head",), render="raster-fast", segmentation=True)
     frames = [int(before[0]), int(inside[0]), int(inside[-1])]
     [view] = render(appearance_of(done.scene, setup), log, segmentation=True, frames=frames)
-    seen = (view.segmentation == log.bodies.index("ball") + 1).sum((1, 2))
+    seen = (view.segmentation == log.bodies.index("product") + 1).sum((1, 2))
     assert seen[0] > 20 and not seen[1:].any()
     assert len(inside) >= 5 and inside[-1] / 15 < done.meeting
 

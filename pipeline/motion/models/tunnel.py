@@ -1,4 +1,4 @@
-"""The target is hidden on its way: it rolls through a tunnel, or turns back inside a hood."""
+"""The target is hidden on its way: it goes through a tunnel, or turns back inside a hood."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,47 +9,49 @@ import numpy as np
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.models import register
-from pipeline.motion.models.rolling import Rolling
+from pipeline.motion.models.conveyor import Conveyor
 from pipeline.motion.pace import SLOWEST, Pace, draw_forward
 from pipeline.motion.scenery import Prop, hood, standing
 from pipeline.poses import Floats, yawed
 
 CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
-LONGEST, SEEN = 0.16, 0.03  # m of tunnel, and of path before it
+SHORTEST, LONGEST, SEEN = 0.03, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before
 ROOM = 0.012  # m between the target and the walls
 
 
 @dataclass(frozen=True)
-class Tunnel(Rolling):
-    """A roll through a tunnel of `length` m, whose exit is `clear` m before the end."""
+class Tunnel(Conveyor):
+    """Straight on like `conveyor`, without a belt, through a tunnel of `length` m whose exit is
+    `clear` m before the end; inside it is `width` m wide and `height` m high."""
 
     kind: ClassVar[str] = "tunnel"
     clear: float
     length: float
+    height: float
 
     def scenery(self) -> tuple[Prop, ...]:
-        middle = self.centre(np.array(-self.clear - self.length / 2))
-        at = yawed((middle[0], middle[1], self.end[2]), self.heading)
-        pieces = hood(self.length / 2, self.radius + ROOM, 2 * self.radius + ROOM)
-        return (Prop("tunnel", pieces, standing(at), solid=True),)
+        middle = self.at(np.array(-self.clear - self.length / 2))
+        pieces = hood(self.length / 2, self.width / 2, self.height)
+        return (Prop("tunnel", pieces, standing(yawed(middle[:3], self.heading)), solid=True),)
 
 
 class TunnelModel(ClosedFormModel[Tunnel]):
-    """The target never rolls back. Where its path is short, it begins inside the tunnel."""
+    """The target never goes back. Where its path is short, it begins inside the tunnel."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
-        pace, radius = draw_forward(asked, streams.shape), asked.height / 2
+        pace, radius = draw_forward(asked, streams.shape), asked.radius
         clear = radius + float(streams.shape.uniform(*CLEAR))
         way = -float(pace.advance(np.array(-asked.lead)))
-        length = float(np.clip(way - clear - radius - SEEN, 3.2 * radius, LONGEST))
+        length = float(np.clip(way - clear - radius - SEEN, 2 * radius + SHORTEST, LONGEST))
         for heading in headings(streams):
             yield Tunnel(
                 **common(asked),
                 pace=pace,
                 heading=heading,
-                radius=radius,
+                width=2 * (radius + ROOM),
                 clear=clear,
                 length=length,
+                height=asked.height + ROOM,
             )
 
 

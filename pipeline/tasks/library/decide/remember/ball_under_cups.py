@@ -25,7 +25,7 @@ class BallUnderCups(Task):
     def layout(self, draw: Draw) -> Bodies:
         cup = draw.one_of("shell_cup")
         x, y = draw.side() * draw.uniform(0.10, 0.16), draw.uniform(-0.14, -0.06)
-        apart, angle = draw.uniform(0.07, 0.09), draw.uniform(-np.pi, np.pi)
+        apart, angle = draw.uniform(0.08, 0.10), draw.uniform(-np.pi, np.pi)
         for name, sign in (("cup", 1), ("other", -1)):
             dx, dy = sign * apart * np.cos(angle), sign * apart * np.sin(angle)
             spot = Region(x=(x + dx, x + dx), y=(y + dy, y + dy))

@@ -1,14 +1,14 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
 from pipeline.tasks.contract import register
-from pipeline.tasks.library.beyond.take.stop_rolling_ball import StopRollingBall
+from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 
-WATCHED = 1.2  # s for which the arm stays at home: the ball goes into the tunnel
+WATCHED = 1.2  # s for which the arm stays at home: the product goes into the tunnel
 
 
 @register
-class CatchFromTunnel(StopRollingBall):
-    """Close the gripper on a ball that comes out of a tunnel, which hides it before, and lift it.
+class CatchFromTunnel(PickFromBelt):
+    """Grasp a can or a bottle that comes out of a tunnel, which hides it before, and lift it.
 
     Success: as `pick_from_belt`."""
 
