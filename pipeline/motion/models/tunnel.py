@@ -15,7 +15,7 @@ from pipeline.motion.scenery import Prop, hood, standing
 from pipeline.poses import Floats, yawed
 
 CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
-SHORTEST, LONGEST, SEEN = 0.03, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before
+SHORTEST, LONGEST, SEEN = 0.045, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before
 ROOM = 0.012  # m between the target and the walls
 
 

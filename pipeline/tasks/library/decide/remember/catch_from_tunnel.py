@@ -3,7 +3,7 @@ from pipeline.expert.skills import pause
 from pipeline.tasks.contract import register
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 
-WATCHED = 1.2  # s for which the arm stays at home: the product goes into the tunnel
+WATCHED = 1.5  # s for which the arm stays at home: the product goes into the tunnel
 
 
 @register
