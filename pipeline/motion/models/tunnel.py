@@ -21,7 +21,7 @@ ROOM = 0.012  # m between the target and the walls
 
 @dataclass(frozen=True)
 class Tunnel(Conveyor):
-    """Straight on like `conveyor`, without a belt, through a tunnel of `length` m whose exit is
+    """Straight on like `conveyor`, without a belt, through a tunnel of `length` m. Its exit is
     `clear` m before the end; inside it is `width` m wide and `height` m high."""
 
     kind: ClassVar[str] = "tunnel"
