@@ -16,13 +16,13 @@ class PickNamed(PickFromBelt):
 
     def layout(self, draw: Draw) -> Bodies:
         named, *colours = draw.several(COLOURS, 3)
-        near = Region(x=(-0.24, 0.24), y=(-0.20, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
+        near = Region(x=(-0.22, 0.22), y=(-0.18, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
         yield Placement("block", draw.one_of("block", colour=named), near)
         for name, colour in zip(self.movers, colours, strict=True):
             yield Placement(
                 name,
                 draw.one_of("block", colour=colour),
-                Region(x=(-0.32, 0.32), y=(-0.20, 0.12), yaw=(-0.7, 0.7)),
+                Region(x=(-0.26, 0.26), y=(-0.16, 0.10), yaw=(-0.7, 0.7)),
                 distances=dict.fromkeys(("block", "second"), 0.15),
             )
 
