@@ -4,7 +4,6 @@ import ctypes
 import gc
 from collections.abc import Generator
 from contextlib import contextmanager
-from functools import cache
 
 
 @contextmanager
@@ -20,10 +19,5 @@ def freeze_garbage() -> Generator[None]:
 
 def trim() -> None:
     """Give the free pages of the C heap back to the system: a fifth of memory after 200 slots."""
-    if hasattr(library := _c_library(), "malloc_trim"):
+    if hasattr(library := ctypes.CDLL(None), "malloc_trim"):
         library.malloc_trim(0)
-
-
-@cache
-def _c_library() -> ctypes.CDLL:
-    return ctypes.CDLL(None)

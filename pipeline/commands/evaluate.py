@@ -37,55 +37,28 @@ if TYPE_CHECKING:
 MOST_EPISODES = 100_000
 
 Baselines = Annotated[
-    bool,
-    option(
-        "Also evaluate `static` and `still` on the same scenes; printed beside the table.",
-        "--baselines",
-    ),
+    bool, option("Also evaluate `static` and `still` on the same scenes.", "--baselines")
 ]
 PolicyText = Annotated[
     str,
     option(
-        (
-            "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
-            " others (docs/evaluation.md)."
-        ),
-        "--policy",
+        "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and others"
+        " (docs/evaluation.md)."
     ),
 ]
 Episodes = Annotated[int, number(1, MOST_EPISODES, "Admitted scenes per cell; the paper has 100.")]
 ClockText = Annotated[
     str | None,
-    option(
-        (
-            "sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); by default"
-            " that of the rules."
-        ),
-        "--clock",
-    ),
+    option("sim, step-locked, late:MS and others (docs/evaluation.md); by default the rules'."),
 ]
 InProcess = Annotated[
     bool,
     option(
-        (
-            "Run the policy in the evaluator's process, where a debugger reaches it and it could"
-            " change its score."
-        ),
+        "Run the policy in the evaluator's process: a debugger reaches it, and it the score.",
         "--in-process",
     ),
 ]
 Results = Annotated[Path, option("Directory of the results; rerun the same command to resume.")]
-BenchmarkText = Annotated[
-    str | None,
-    option(
-        (
-            "A benchmark by its name or file, or NAME:PART; its scenes are not drawn. --tasks,"
-            " --levels and others choose some of its cells."
-        ),
-        "--benchmark",
-        metavar="NAME",
-    ),
-]
 
 DEMONSTRATING = ("expert", "sight", "corrections", "takeover", "perturb")
 """Keys of who demonstrated, which an evaluation with --like leaves out: it runs no policy that a
@@ -108,7 +81,14 @@ SEEING = ("openpi:", "starvla:", "gr00t:")
 def evaluate(
     given: Given,
     policy: PolicyText,
-    benchmark: BenchmarkText = None,
+    benchmark: Annotated[
+        str | None,
+        option(
+            "A benchmark by its name or file, or NAME:PART; its scenes are not drawn. --tasks,"
+            " --levels and others choose some of its cells.",
+            metavar="NAME",
+        ),
+    ] = None,
     episodes: Annotated[
         int | None,
         number(
@@ -155,10 +135,7 @@ def evaluate(
         number(
             0.01,
             86_400,
-            (
-                "Time limit of one answer of the policy (s); all answers of an episode have ten"
-                " times that."
-            ),
+            "Time limit of one answer of the policy (s); of all of an episode ten times that.",
         ),
     ] = 300.0,
     batch_wait: BatchWait = None,

@@ -191,7 +191,7 @@ def export(
 def publish(
     dataset: Root,
     format_: Annotated[str, option("The export to publish; it must exist.", "--format")],
-    repo_id: Annotated[str, option("Name of the dataset repository, OWNER/NAME.", "--repo-id")],
+    repo_id: Annotated[str, option("Name of the dataset repository, OWNER/NAME.")],
     private: Annotated[bool, option("Make the repository private.", "--private")] = False,
     dry_run: Annotated[bool, option("Only list what would be uploaded.", "--dry-run")] = False,
     yes: Annotated[bool, option("Do not ask before the upload.", "--yes")] = False,

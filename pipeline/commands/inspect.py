@@ -43,7 +43,7 @@ def status(
     from pipeline.data.atomic import exclusive
     from pipeline.data.slots.reread import rebuild_index
     from pipeline.run.state import redo_lines
-    from pipeline.run.status import status as run_status
+    from pipeline.run.state import status as run_status
     from pipeline.stages.reasons import Reason
 
     source = Dataset(dataset)

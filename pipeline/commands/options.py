@@ -83,10 +83,8 @@ COMPLETIONS = {"tasks": complete_tasks, "embodiments": complete_robots}
 Manifest = Annotated[
     Path | None,
     option(
-        (
-            "A recipe file (YAML), or the name of one that ships with the package; other options"
-            " override its keys."
-        ),
+        "A recipe file (YAML), or the name of one that ships with the package; other options"
+        " override its keys.",
         "--manifest",
         "--recipe",
         autocompletion=complete_recipe,
@@ -95,10 +93,8 @@ Manifest = Annotated[
 Like = Annotated[
     Path | None,
     option(
-        (
-            "A dataset whose recipe is used, an export of one, or a checkpoint with a setup.yaml;"
-            " other options override its keys."
-        ),
+        "A dataset whose recipe is used, an export of one, or a checkpoint with a setup.yaml;"
+        " other options override its keys.",
         metavar="DATASET",
     ),
 ]

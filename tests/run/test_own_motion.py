@@ -17,7 +17,7 @@ from pipeline.report.viewer import write_viewer
 from pipeline.run.checks.regenerate import regenerate
 from pipeline.run.export import Request, export
 from pipeline.run.names import recipe_from
-from pipeline.run.status import status
+from pipeline.run.state import status
 from tests.motion.sway import SwayModel
 
 

@@ -28,7 +28,7 @@ from pipeline.run.checks.verify import verify
 from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
-from pipeline.run.status import status
+from pipeline.run.state import status
 from pipeline.stages.drawing.redraw import facing, redraw_smooth
 from tests.export.running import run as run_export
 from tests.recording import record_all

@@ -24,8 +24,8 @@ from pipeline.run.state import (
     SlotState,
     missing,
     states,
+    status,
 )
-from pipeline.run.status import status
 from pipeline.stages.reasons import reasons_in
 from tests.recording import record_all
 
