@@ -67,11 +67,13 @@ def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
     their uvs (`material_uv`) and join the first mesh."""
     groups: dict[tuple[Any, ...], tuple[list[Mesh], Material]] = {}
     plain: list[Mesh] = []
+    one = sum(m.texture is not None for _, m in parts) < 2  # hashing takes 10 ms an episode
     for mesh, m in parts:
         if m.texture is None or mesh.uvs is None:
             plain.append(replace(mesh, uvs=np.tile(material_uv(m), (len(mesh.vertices), 1))))
         else:
-            groups.setdefault((m.roughness, m.metallic, _content(m)), ([], m))[0].append(mesh)
+            content = b"" if one else _content(m)
+            groups.setdefault((m.roughness, m.metallic, content), ([], m))[0].append(mesh)
     if plain and not groups:
         return [(merge(plain), Material((1.0, 1.0, 1.0)))]
     return [

@@ -154,7 +154,8 @@ def embossed(parts: Parts, direction: ArrayLike) -> Parts:
     out = []
     for mesh, material in parts:
         if material.texture is not None and dz < 0:
-            height = material.texture[..., :3].astype(np.float32).mean(-1) / 255
+            red, green, blue = np.moveaxis(material.texture[..., :3], -1, 0).astype(np.float32)
+            height = (red + green + blue) / np.float32(3) / 255
             rise = [(np.roll(height, -1, axis) - np.roll(height, 1, axis)) / 2 for axis in (1, 0)]
             light = 1 + np.clip((rise[0] * dx + rise[1] * dy) / -dz * RELIEF, -0.2, 0.2)
             pixels = material.texture.copy()
@@ -215,5 +216,9 @@ def halved(texture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
         h, w = texture.shape[:2]
         if h % 2 or w % 2:
             break
-        texture = np.rint(texture.reshape(h // 2, 2, w // 2, 2, -1).mean((1, 3))).astype(np.uint8)
+        four = texture.astype(np.uint16)
+        four = four[::2] + four[1::2]
+        four = four[:, ::2] + four[:, 1::2]
+        # the nearest whole number of a quarter, the even one of two; a mean takes ten times as long
+        texture = ((four + 1 + ((four >> 2) & 1)) >> 2).astype(np.uint8)
     return texture
