@@ -138,6 +138,8 @@ class BuiltArm:
         driven = (*self.joints, *self.jaws)
         self._aim = [joint.set_drive_target for joint in driven]
         self._rate = [joint.set_drive_velocity_target for joint in driven]
+        ends = zip(self.gripper.closed, self.gripper.opened, strict=True)
+        self._travels = [(closed, opened - closed) for closed, opened in ends]
         self._goals, self._speeds = [math.nan] * len(driven), list[float]()
 
     def drive(self, command: Floats, velocity: Floats) -> None:
@@ -147,9 +149,9 @@ class BuiltArm:
         *speeds, rate = velocity.tolist()
         if len(self.jaws) > 2:
             value = coupled_value(self.gripper, self.jaw_positions(), value)
-        for closed, opened in zip(self.gripper.closed, self.gripper.opened, strict=True):
-            goals.append(closed + value * (opened - closed))
-            speeds.append(rate * (opened - closed))
+        for closed, travel in self._travels:
+            goals.append(closed + value * travel)
+            speeds.append(rate * travel)
         for aim, goal, before in zip(self._aim, goals, self._goals, strict=True):
             if goal != before:
                 aim(goal)

@@ -2,7 +2,7 @@
 its own until it is touched. Equal commands give equal bytes."""
 
 from collections.abc import Collection, Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import sapien
@@ -79,6 +79,7 @@ class Simulation(PhysicsScene):
         self._touchers = {component for component, name in named.items() if name in touchers}
         self._untouched = {component: name for component, name in named.items() if name in clutter}
         self._harmless = {*self._untouched, self._table}
+        self._watched = self._still_watched()
         self.command = self.home_vector()
 
     def _first_poses(self, bodies: Sequence[Body]) -> list[Pose]:
@@ -181,6 +182,10 @@ class Simulation(PhysicsScene):
         self.events = [e for e in self.events if e.name != "clutter_touched"]
         return self._rests() and not self.touched_by
 
+    def _still_watched(self) -> set[Any]:
+        """The components whose first touch counts."""
+        return {*(self._rigid[name] for name in self._beside), *self._untouched, self._moved}
+
     def _rests(self) -> bool:
         return all(self.speed(name) < _QUIET for name in self._free)
 
@@ -188,24 +193,26 @@ class Simulation(PhysicsScene):
         """Note the first touch of the target and of every distractor. SAPIEN lists contacts in no
         fixed order: of several that touch the target in one step, the first of `names` counts."""
         touching, disturbed, contacts = list[int](), set[str](), self.touches
-        beside = {self._rigid[name]: name for name in self._beside}
-        watched = {*beside, *self._untouched, self._moved}
         for k, (a, b) in enumerate(contacts.pairs):
-            if (a not in watched and b not in watched) or not contacts.pushes(k):
+            if (a not in self._watched and b not in self._watched) or not contacts.pushes(k):
                 continue
             for one, other in ((a, b), (b, a)):
                 is_toucher = other in self._touchers
                 if one is self._moved and not self.touched_by and is_toucher:
                     touching.append(self._index[other])
-                if one in beside and is_toucher:
-                    self._let_go(beside.pop(one))
+                if one not in self._watched:
+                    continue
+                name = self.names[self._index[one]]
+                if name in self._beside and is_toucher:
+                    self._let_go(name)
                 if one in self._untouched and other not in self._harmless:
-                    disturbed.add(self._untouched[one])
+                    disturbed.add(name)
         for name in sorted(disturbed):
             self.events.append(Event("clutter_touched", self.time, name))
         if disturbed:
             left = {b: name for b, name in self._untouched.items() if name not in disturbed}
             self._untouched = left
+            self._watched = self._still_watched()
         if touching:
             self.touched_by, self.touched_at = self.names[min(touching)], self.steps
             self.events.append(Event("meeting", self.time, self.touched_by))
@@ -235,6 +242,7 @@ class Simulation(PhysicsScene):
 
     def _let_go(self, name: str) -> None:
         self._set_free(name, self._beside.pop(name))
+        self._watched = self._still_watched()
 
     def _set_free(self, name: str, motion: Motion) -> None:
         body = self._dynamic(name)
