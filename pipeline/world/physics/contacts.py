@@ -23,6 +23,9 @@ Push = tuple[list[float], Any]
 """Impulse (3,) in N s and SAPIEN's point."""
 
 
+_NONE = bytes(12)  # of an impulse; most points have none, and comparing takes half of listing
+
+
 class Contacts:
     """The contacts of one step. Each is read through the binding once, which costs more than all
     that is done with it."""
@@ -36,7 +39,11 @@ class Contacts:
         known = self._pushing.get(k)
         if known is None:
             points = self._found[k].points
-            known = [(push, p) for p in points if any(push := p.impulse.tolist())]
+            known = [
+                (push, p)
+                for p in points
+                if (impulse := p.impulse).tobytes() != _NONE and any(push := impulse.tolist())
+            ]
             self._pushing[k] = known
         return known
 

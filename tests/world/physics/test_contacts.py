@@ -68,6 +68,29 @@ def test_each_contact_is_judged_by_its_own_limit():
     assert len(overloads(contact(FINGER, "can", (1.1 * FORCES.finger, 0, 0)), palm)) == 2
 
 
+def test_a_contact_is_read_once_for_all_that_ask() -> None:
+    reads = list[str]()
+
+    class Counted(SimpleNamespace):
+        @property
+        def points(self) -> list[SimpleNamespace]:
+            reads.append("")
+            push = np.array([0, 0, 2 * FORCES.finger], np.float32) / np.float32(PHYSICS_HZ)
+            at = [0.1, 0.2, 0.7], [0.3, 0.2, 0.7], [0.9, 0.9, 0.9]
+            return [
+                SimpleNamespace(impulse=impulse, position=np.array(position))
+                for impulse, position in zip((push, push, 0 * push), at, strict=True)
+            ]
+
+    contacts = Contacts([Counted(bodies=["can", FINGER])])
+    [(a, b, impulse, point, count)] = contacts.touching({"can": 4, FINGER: 1})
+    assert (a, b, count) == (1, 4, 2) and impulse == pytest.approx(4 * FORCES.finger / PHYSICS_HZ)
+    assert point == pytest.approx([0.2, 0.2, 0.7])
+    assert contacts.points_on("can", {FINGER: "left"})["left"].shape == (2, 3)
+    names = {"can": "can", FINGER: FINGER}
+    assert ForceWatch(ROBOT, names).overloads(contacts) and len(reads) == 1
+
+
 def test_a_target_that_cannot_give_way_yet_is_left_out():
     hard = contact(HAND, "can", (0, 0, 10 * FORCES.palm))
     assert overloads(hard) and not overloads(hard, rigid="can")
