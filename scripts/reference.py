@@ -22,7 +22,6 @@ from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.expert import scripts, skills
 from pipeline.expert.candidates import GraspOptions
 from pipeline.intake.catalogue.listings import list_objects
-from pipeline.stages.reasons import HINTS, NO_MOTION_HINTS
 from pipeline.tasks.contract import Draw, Placement, Region, Task
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
@@ -165,13 +164,6 @@ def task_attributes() -> str:
     )
 
 
-def reasons() -> str:
-    """Reasons of failure and what to change."""
-    lines = [(f"`{reason}`", hint) for reason, hint in HINTS.items()]
-    lines += [(f"`no_motion`, mostly `{check}`", hint) for check, hint in NO_MOTION_HINTS.items()]
-    return rows(("reason", "what to change first"), lines)
-
-
 def families() -> str:
     """Object families with their frames and grasps, of the instance of seed 0."""
     described = list_objects(sorted(FAMILIES))
@@ -240,7 +232,7 @@ def _describe_values(schema: Mapping[str, Any]) -> str:
 
 
 SHOWN = 5
-LONG = ("outcome_questions", "reasons", "families")
+LONG = ("outcome_questions", "families")
 """Tables of which a page has the first SHOWN rows, and docs/measurements/tables all."""
 
 MAKERS = (
@@ -248,7 +240,6 @@ MAKERS = (
     outcome_questions,
     placements,
     task_attributes,
-    reasons,
     families,
     recipe_keys,
 )

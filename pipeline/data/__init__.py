@@ -1,2 +1,1 @@
-"""What is stored: recipes, datasets, episodes. Opens anywhere; nothing of the simulator is
-imported."""
+"""What is stored: recipes, datasets, episodes. No simulator is imported."""

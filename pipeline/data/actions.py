@@ -1,9 +1,9 @@
-"""How an action is written: joints or tool poses; absolute, relative or delta; and both ways.
+"""Actions as joints or tool poses; absolute, relative or delta; conversions both ways.
 
 *Relative* is against the measured state at the moment of prediction, one reference for a chunk;
-*delta* against the action before. Grippers (0 closed, 1 open) are always absolute. Relative and
-delta tool poses (tcp of robot.toml) are inverse(reference) * pose, as UMI has them; those of joints
-are differences."""
+*delta* against the action before. Grippers (0 closed, 1 open) are absolute. Relative and delta tool
+poses (tcp of robot.toml) are inverse(reference) * pose, as in UMI; those of joints are
+differences."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,27 +22,26 @@ ROTATIONS = {
     "axis-angle": ("rx", "ry", "rz"),
     "6d": ("r00", "r10", "r20", "r01", "r11", "r21"),
 }
-"""Names of a rotation's numbers. `6d` is the first column of the matrix, then the second one."""
+"""Names of a rotation's numbers; `6d` are the first two columns of the matrix."""
 FRAMES = ("world", "base")
-SMALLEST = 1e-6
-"""Rotations of a policy that are shorter than this have no direction."""
+SMALLEST = 1e-6  # shorter rotations of a policy have no direction
 
 
 class ToolKinematics(Protocol):
-    """What conversions need of an arm: the world pose (7,) of its base and its tool's poses."""
+    """What conversions need of an arm."""
 
     @property
-    def base(self) -> Pose: ...
+    def base(self) -> Pose: ...  # world pose (7,)
 
     def poses(self, q: ArrayLike) -> Floats:
-        """World poses (T,7) of the tool frame for joints (T,n)."""
+        """World poses (T,7) of the tool for joints (T,n)."""
         ...
 
 
 @dataclass(frozen=True)
 class Representation:
-    """How actions are written; `rotation` and `frame` are those of tool poses. Raises ValueError
-    for an unknown word."""
+    """How actions are written; `rotation` and `frame` are those of tool poses. Raises
+    ValueError."""
 
     actions: str = "joints"
     rotation: str = "quaternion"
@@ -55,21 +54,20 @@ class Representation:
 
     @property
     def kind(self) -> str:
-        """What is written: joints, or the pose of the end effector (ee)."""
+        """joints, or ee for poses of the end effector."""
         return self.actions.partition("-")[0]
 
     @property
     def poses(self) -> bool:
-        """Whether actions are tool poses."""
         return self.kind == "ee"
 
     @property
     def reference(self) -> str:
-        """What actions are against: absolute, relative or delta."""
+        """absolute, relative or delta."""
         return self.actions.partition("-")[2] or "absolute"
 
     def names(self, vector_names: Sequence[str]) -> tuple[str, ...]:
-        """The name of each number of an action, from those of the joint vector."""
+        """The name of each number of an action."""
         if not self.poses:
             return tuple(vector_names)
         parts = ("x", "y", "z", *ROTATIONS[self.rotation], "gripper")
@@ -77,7 +75,7 @@ class Representation:
 
     def slices(self, vector_names: Sequence[str]) -> dict[str, slice]:
         """Slices of an action by part: left_joints and left_gripper, or left_position,
-        left_rotation and left_gripper, then those of the right arm."""
+        left_rotation and left_gripper, then the right arm's."""
         out: dict[str, slice] = {}
         for i, name in enumerate(self.names(vector_names)):
             side, _, number = name.partition("_")
@@ -89,17 +87,15 @@ class Representation:
         return out
 
     def describe(self) -> str:
-        """What an action is, in one sentence."""
+        """One sentence."""
         against = {
             "absolute": "",
             "relative": " relative to the measured state at the moment of prediction",
             "delta": " relative to the action before",
         }[self.reference]
         if not self.poses:
-            return (
-                f"joint targets{against} (rad, grippers 0-1 absolute) for the interval after the"
-                " frame"
-            )
+            when = "(rad, grippers 0-1 absolute) for the interval after the frame"
+            return f"joint targets{against} {when}"
         rotation = {
             "quaternion": "quaternion w x y z",
             "axis-angle": "rotation vector (rad)",
@@ -118,8 +114,8 @@ JOINTS = Representation()
 
 @dataclass(frozen=True, eq=False)
 class ActionCodec:
-    """Conversions for one robot with the joint vector `vector_names` (A,); tool poses need its
-    `arms` by side."""
+    """Conversions for a robot with joint vectors `vector_names` (A,); tool poses need its `arms` by
+    side."""
 
     representation: Representation
     vector_names: tuple[str, ...]
@@ -127,7 +123,7 @@ class ActionCodec:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The name of each of the D numbers of an action."""
+        """The names of an action's D numbers."""
         return self.representation.names(self.vector_names)
 
     @cached_property
@@ -136,14 +132,13 @@ class ActionCodec:
         return np.array([float(not name.endswith("_gripper")) for name in self.vector_names])
 
     def references(self, commanded: Floats, measured: Floats) -> Floats:
-        """What each action of an episode (T,A) is written against, in joints (T,A): the measured
-        joints of its frame, or the action before."""
+        """What the actions (T,A) of an episode are written against, in joints (T,A)."""
         if self.representation.reference == "delta":
             return np.vstack([measured[:1], commanded[:-1]])
         return measured
 
     def encode(self, commanded: Floats, references: Floats) -> Floats:
-        """Joint targets (T,A) as actions (T,D), against references (T,A). Absolute quaternions have
+        """Joint targets (T,A) as actions (T,D) against references (T,A). Absolute quaternions have
         continuous signs along T, others w >= 0."""
         representation = self.representation
         if not representation.poses:
@@ -159,8 +154,8 @@ class ActionCodec:
         return self._written(poses, grippers)
 
     def decode_joints(self, actions: Floats, state: Floats, before: Floats) -> Floats:
-        """Joint targets (H,A) of a chunk (H,A); `state` (A,) was measured when it was asked for,
-        `before` (A,) was the command then."""
+        """Joint targets (H,A) of a chunk (H,A); `state` (A,) was measured and `before` (A,)
+        commanded when it was asked for."""
         reference = self.representation.reference
         if reference == "absolute":
             return actions
@@ -170,8 +165,8 @@ class ActionCodec:
         return np.where(self._relative > 0, summed, actions)
 
     def decode_tools(self, actions: Floats, state: Floats, before: Floats) -> tuple[Floats, Floats]:
-        """World poses (H,S,7) of the tools and gripper values (H,S) of a chunk (H,D); `state` and
-        `before` as in `decode_joints`. Raises ValueError for a rotation of length zero."""
+        """World poses (H,S,7) of the tools and gripper values (H,S) of a chunk (H,D), as in
+        `decode_joints`. Raises ValueError for a rotation of length zero."""
         sides, width = len(sides_of(self.vector_names)), len(self.names)
         rows = np.asarray(actions, float).reshape(len(actions), sides, width // sides)
         grippers = rows[..., -1]
@@ -190,7 +185,7 @@ class ActionCodec:
         return poses, grippers
 
     def tools(self, joints: Floats) -> tuple[Floats, Floats]:
-        """World poses (T,S,7) of the tools and gripper values (T,S) of joint vectors (T,A)."""
+        """World poses (T,S,7) of the tools and gripper values (T,S) for joint vectors (T,A)."""
         poses, grippers = [], []
         for side in sides_of(self.vector_names):
             at = [i for i, name in enumerate(self.vector_names) if name.startswith(f"{side}_")]
@@ -215,20 +210,19 @@ class ActionCodec:
 def pad_arms(
     actions: Floats, representation: Representation, vector_names: Sequence[str]
 ) -> Floats:
-    """Actions (T,D) of tool poses of one arm as those of two (T,2D): the missing arm has position
-    zero, no rotation and a closed gripper."""
+    """Tool poses (T,D) of one arm as actions of two (T,2D): the missing arm is at zero, not turned,
+    with a closed gripper."""
     sides = sides_of(vector_names)
     if len(sides) == len(SIDES):
         return actions
     missing = np.zeros_like(actions)
-    still = rotations_of(np.array([1.0, 0.0, 0.0, 0.0]), representation.rotation)
-    missing[:, 3:-1] = still
+    missing[:, 3:-1] = rotations_of(np.array([1.0, 0.0, 0.0, 0.0]), representation.rotation)
     return np.hstack([actions, missing] if sides == SIDES[:1] else [missing, actions])
 
 
 def rotations_of(q: ArrayLike, rotation: str) -> Floats:
-    """Unit quaternions wxyz (...,4) as rotations of a name of ROTATIONS. Rotation vectors go the
-    short way round."""
+    """Unit quaternions wxyz (...,4) in one of ROTATIONS; rotation vectors go the short way
+    round."""
     q = np.asarray(q, float)
     if rotation == "quaternion":
         return q
@@ -243,25 +237,23 @@ def rotations_of(q: ArrayLike, rotation: str) -> Floats:
 
 
 def quaternions_of(values: ArrayLike, rotation: str) -> Floats:
-    """The inverse of `rotations_of`: unit quaternions wxyz (...,4). Values need not be normalised.
-    Raises ValueError for a rotation without a direction."""
+    """Inverse of `rotations_of`; values need not be normalised. Raises ValueError for a rotation
+    without direction."""
     values = np.asarray(values, float)
     if rotation == "axis-angle":
         angle = np.linalg.norm(values, axis=-1, keepdims=True)
-        # sin(a/2)/a is 1/2 at zero
-        share = np.sinc(angle / (2 * np.pi)) / 2
+        share = np.sinc(angle / (2 * np.pi)) / 2  # sin(a/2)/a
         return np.concatenate([np.cos(angle / 2), values * share], -1)
     if rotation == "quaternion":
         return _unit(values)
     x = _unit(values[..., :3])
-    y = values[..., 3:] - x * np.sum(x * values[..., 3:], -1, keepdims=True)
-    y = _unit(y)
+    y = _unit(values[..., 3:] - x * np.sum(x * values[..., 3:], -1, keepdims=True))
     return _quaternions(np.stack([x, y, np.cross(x, y)], -1))
 
 
 def continuous_signs(q: Floats, along_time: bool = True) -> Floats:
-    """Quaternions (T,...,4) with w >= 0; along time only the first, the others on the side of the
-    one before."""
+    """Quaternions (T,...,4) with w >= 0; along time only the first, others on the side of the one
+    before."""
     q = np.where(q[..., :1] < 0, -q, q)
     if not along_time or len(q) < 2:
         return q
@@ -277,7 +269,7 @@ def _unit(values: NDArray[Any]) -> Floats:
 
 
 def _quaternions(m: NDArray[Any]) -> Floats:
-    """Quaternions wxyz (...,4), w >= 0, of rotation matrices (...,3,3), by Shepperd's method."""
+    """Quaternions wxyz (...,4), w >= 0, of matrices (...,3,3), by Shepperd's method."""
     a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     turned = np.swapaxes(m, -1, -2)
     skew, even = m - turned, m + turned

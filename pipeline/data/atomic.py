@@ -1,6 +1,5 @@
-"""Files and directories that are whole or not there: written beside their place, then renamed.
-
-A temporary name is `.<name>.<host>.<process id>.tmp`, which tells what a killed process left."""
+"""Files and directories that are whole or not there: written beside their place as
+`.<name>.<host>.<process id>.tmp`, then renamed."""
 
 import errno
 import fcntl
@@ -8,15 +7,11 @@ import os
 import shutil
 import socket
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pipeline.data.errors import DominoError
-
-CLOCK_SLACK = 2.0
-"""Seconds by which the clock of a file system may be behind that of the processes."""
 
 
 def temporary_name(path: Path) -> Path:
@@ -26,8 +21,8 @@ def temporary_name(path: Path) -> Path:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path, which becomes `path` when the block ends without an error and vanishes
-    otherwise. Its directory is made. Raises OSError."""
+    """A temporary path, which becomes `path` when the block ends without an error, else vanishes.
+    Its directory is made. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_name(path)
     try:
@@ -41,10 +36,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_directory(path: Path) -> Iterator[Path]:
-    """A temporary directory, which becomes `path` when the block ends without an error and vanishes
-    otherwise.
+    """A temporary directory, which becomes `path` when the block ends without an error, else
+    vanishes.
 
-    A directory at `path` is replaced only then; one that a killed process had set aside is put back
+    A directory at `path` is replaced only then; one that a killed process set aside is put back
     first. Raises OSError."""
     old = path.with_name(f".{path.name}.old")
     made = not path.parent.exists()
@@ -69,14 +64,13 @@ def atomic_directory(path: Path) -> Iterator[Path]:
 
 
 def write_atomic(path: Path, data: bytes) -> None:
-    """Write a small file so that it is either whole or not there. Raises OSError."""
+    """Write a small file whole or not at all. Raises OSError."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
 
 
 def remove(path: Path) -> None:
-    """Take away a file, a link, or a directory with all that it holds, if it is there. Raises
-    OSError."""
+    """Remove a file, a link, or a directory with all that it holds, if it is there."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -84,40 +78,25 @@ def remove(path: Path) -> None:
 
 
 def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
-    """Delete temporary files and directories that dead processes of this host left; returns how
-    many."""
+    """Delete temporary files and directories that dead processes of this host left; how many."""
     host, gone = socket.gethostname(), 0
     for left in sorted(directory.glob(pattern)):
-        parts = left.name.removesuffix(".tmp").rsplit(".", 1)
-        if (
-            len(parts) == 2
-            and parts[0].endswith(f".{host}")
-            and parts[1].isdecimal()
-            and not _writes(int(parts[1]), left)
-        ):
+        name, _, process = left.name.removesuffix(".tmp").rpartition(".")
+        if name.endswith(f".{host}") and process.isdecimal() and not _lives(process):
             with suppress(OSError):
                 remove(left)
                 gone += 1
     return gone
 
 
-def _writes(pid: int, path: Path) -> bool:
-    """Whether that process may be writing `path`: it lives, and began no later than the last change
-    there."""
+def _lives(process: str) -> bool:
     try:
-        # after the name, which may hold blanks and brackets: the state, field 3, and field 22,
-        # ticks since the machine started
-        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        ticks = int(fields[18])
-        up = float(Path("/proc/uptime").read_text().split()[0])
-        began = time.time() - up + ticks / os.sysconf("SC_CLK_TCK")
-        return state not in "ZX" and began <= path.stat().st_mtime + CLOCK_SLACK
+        return Path("/proc", process, "stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
         return False
 
 
-_UNABLE = (errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""What file systems say that cannot lock a directory, as NFS."""
+_UNABLE = (errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # of NFS and its like
 
 
 class Busy(DominoError):
@@ -127,8 +106,7 @@ class Busy(DominoError):
 @contextmanager
 def exclusive(directory: Path) -> Iterator[None]:
     """Hold the lock of an existing directory, which ends with the process and leaves no file.
-
-    Raises Busy if it is held. A file system without locks holds nothing and prints one line."""
+    Raises Busy if it is held; a file system without locks holds nothing and prints one line."""
     descriptor = os.open(directory, os.O_RDONLY)
     try:
         try:

@@ -1,5 +1,4 @@
-"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL conventions), and what one
-captured."""
+"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL), and what one captured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pipeline.poses import Pose, compose, frame, inverse, matrix
 
 @dataclass(frozen=True)
 class CameraType:
-    """Image size in pixels and vertical field of view in degrees."""
+    """Image size (pixels) and vertical field of view (degrees)."""
 
     width: int
     height: int
@@ -30,8 +29,7 @@ CAMERA_TYPES = {
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera: `link` is None for one fixed in the world; `pose` (7,) is in the world or in the
-    link, x forward, y left, z up."""
+    """A camera; `pose` (7,) is in `link`, or the world for None: x forward, y left, z up."""
 
     name: str
     type: CameraType
@@ -40,21 +38,18 @@ class Camera:
 
 
 def look(position: ArrayLike, forward: ArrayLike, left: ArrayLike = (-1, 0, 0)) -> Pose:
-    """Camera pose from a position, the viewing direction and roughly where its left is."""
+    """Pose at a position with this viewing direction, and its left about there."""
     return frame(position, forward, left)
 
 
 def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: float = 0.05) -> Pose:
-    """World pose of the nearest upright camera looking along `forward` that has all points (N,3) in
-    its image. A share `margin` of it stays free on each side."""
+    """World pose of the nearest upright camera along `forward` that has all points (N,3) in its
+    image. A share `margin` stays free on each side."""
     f = np.asarray(forward, float) / np.linalg.norm(forward)
     left = np.cross([0.0, 0.0, 1.0], f)
     left /= np.linalg.norm(left)
-    across = (
-        np.tan(np.radians(kind.fovy) / 2)
-        * (1 - 2 * margin)
-        * np.array([kind.width / kind.height, 1.0])
-    )
+    size = np.array([kind.width / kind.height, 1.0])
+    across = np.tan(np.radians(kind.fovy) / 2) * (1 - 2 * margin) * size
     p = np.asarray(points, float)
     depth, sides = p @ f, p @ np.stack([left, np.cross(f, left)], 1)
     # |side - centre| <= across (depth - eye) for every point bounds `eye` from both sides
@@ -64,25 +59,24 @@ def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: floa
 
 
 def intrinsics(camera: CameraType) -> NDArray[np.float64]:
-    """Pinhole matrix (3,3) in pixels, square pixels, principal point at the image centre."""
+    """Pinhole matrix (3,3) in pixels, principal point at the image centre."""
     f = camera.height / 2 / np.tan(np.radians(camera.fovy) / 2)
     return np.array([[f, 0, camera.width / 2], [0, f, camera.height / 2], [0, 0, 1]])
 
 
-# columns: camera axes (x right, y down, z forward) expressed in the body convention (x forward, y
-# left, z up)
+# columns: camera axes in the body convention (x forward, y left, z up)
 _CV_IN_BODY = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _GL_IN_BODY = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
 
 
 def extrinsics_cv(world_pose: ArrayLike) -> NDArray[np.float64]:
-    """World -> camera matrix (..., 3, 4), OpenCV axes, from world poses (..., 7)."""
+    """World to camera matrices (...,3,4), OpenCV axes, from world poses (...,7)."""
     m = matrix(inverse(world_pose))[..., :3, :]
     return _CV_IN_BODY.T @ m
 
 
 def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
-    """Camera -> world matrix (..., 4, 4), OpenGL axes, from world poses (..., 7)."""
+    """Camera to world matrices (...,4,4), OpenGL axes, from world poses (...,7)."""
     m = matrix(world_pose)
     m[..., :3, :3] = m[..., :3, :3] @ _GL_IN_BODY
     return m
@@ -92,16 +86,14 @@ def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
 def _matrices(
     camera: CameraType, world_pose: bytes
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Extrinsics and intrinsics of one view, remembered: an evaluation asks at every control
-    period."""
+    """Extrinsics and intrinsics, remembered: an evaluation asks at every control period."""
     return extrinsics_cv(np.frombuffer(world_pose)), intrinsics(camera)
 
 
 def project(
     camera: CameraType, world_pose: ArrayLike, points: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixel coordinates (..., 2) of world points (..., 3), and their depth (...) along the viewing
-    axis (m)."""
+    """Pixels (...,2) of world points (...,3), and their depth (...) along the viewing axis (m)."""
     e, k = _matrices(camera, np.asarray(world_pose, float).tobytes())
     p = np.asarray(points, float) @ e[:3, :3].T + e[:3, 3]
     uv = p @ k.T
@@ -111,38 +103,30 @@ def project(
 def visible(
     camera: CameraType, world_pose: ArrayLike, points: ArrayLike, margin: float = 0.0
 ) -> NDArray[np.bool_]:
-    """Which world points (..., 3) are in the image, `margin` pixels from its border, before the
-    camera."""
+    """Which world points (...,3) are before the camera and `margin` pixels inside its image."""
     uv, depth = project(camera, world_pose, points)
     if uv.ndim == 1:  # arrays of two numbers cost ten times as much
         u, v = uv.tolist()
         inside = margin <= u <= camera.width - margin and margin <= v <= camera.height - margin
         return np.asarray(inside and depth > 0.05)
-    inside = (
-        (uv >= margin).all(-1)
-        & (uv[..., 0] <= camera.width - margin)
-        & (uv[..., 1] <= camera.height - margin)
-    )
+    inside = ((uv >= margin) & (uv <= np.subtract((camera.width, camera.height), margin))).all(-1)
     return inside & (depth > 0.05)
 
 
 def world_poses(
     camera: Camera, links: Mapping[str, NDArray[np.float64]], frames: int
 ) -> NDArray[np.float64]:
-    """World poses (T,7) of a camera; `links` holds the poses (T,7) of the links by name. Raises
-    KeyError."""
+    """World poses (T,7) of a camera, from poses (T,7) of `links` by name. Raises KeyError."""
     mount = np.asarray(camera.pose, float)
-    return (
-        np.repeat(mount[None], frames, 0)
-        if camera.link is None
-        else compose(links[camera.link], mount)
-    )
+    if camera.link is None:
+        return np.repeat(mount[None], frames, 0)
+    return compose(links[camera.link], mount)
 
 
 @dataclass(eq=False)
 class View:
-    """The images of one camera: RGB (T,H,W,3) uint8, its world poses (T,7), depth (T,H,W) uint16
-    mm, and segmentation (T,H,W) uint8: body index + 1, 0 = background."""
+    """A camera's images: RGB (T,H,W,3), world poses (T,7), depth (T,H,W) mm, and segmentation
+    (T,H,W): body index + 1, 0 = background."""
 
     camera: Camera
     poses: NDArray[np.float64]
@@ -153,9 +137,9 @@ class View:
 
 @dataclass(eq=False)
 class Surfaces:
-    """The surfaces that one camera looks at, exactly: its world poses (T,7), depth (T,H,W) m along
-    the viewing axis (0: nothing), segmentation (T,H,W) as in View, and unit normals (T,H,W,3) of
-    the triangles in the camera frame, x right, y down, z forward."""
+    """The surfaces that a camera looks at, exactly: world poses (T,7), depth (T,H,W) m along the
+    viewing axis (0: nothing), segmentation as in View, and unit normals (T,H,W,3) of the triangles
+    in the camera frame, x right, y down, z forward."""
 
     camera: Camera
     poses: NDArray[np.float64]

@@ -1,5 +1,4 @@
-"""Where the tool of an arm is for given joints, from robot.urdf and robot.toml, without a
-simulator."""
+"""Where an arm's tool is for given joints, from robot.urdf and robot.toml, without a simulator."""
 
 import os
 import tomllib
@@ -17,21 +16,18 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE, SIDES, is_embodiment
 from pipeline.poses import Floats, Pose, compose, frame, pose, quat_from_rpy
 
-ROBOTS = Path(__file__).parents[1] / "assets" / "robots"
-"""The robots of this package, a directory each."""
+ROBOTS = Path(__file__).parents[1] / "assets" / "robots"  # of this package
 
 
 class ChainError(DominoError):
-    """A robot whose kinematics cannot be read: one line that names it."""
+    """A robot whose kinematics cannot be read."""
 
 
 @dataclass(frozen=True, eq=False)
 class ToolChain:
-    """The joints from the root link of an arm to its tool frame (the tcp of robot.toml).
-
-    `base` (7,) is the world pose of the root link, `origins` (n,7) the fixed transforms in front of
-    each joint, `axes` (n,3) its axis, `prismatic` (n,) whether it slides, `tool` (7,) the last
-    transform. Metres, quaternions wxyz."""
+    """The joints from an arm's root link to its tool frame (tcp of robot.toml), m and rad. `base`
+    (7,) is the world pose of the root link, `origins` (n,7) are the transforms before each joint,
+    `tool` (7,) is the last one."""
 
     base: Pose
     joints: tuple[str, ...]
@@ -41,7 +37,7 @@ class ToolChain:
     tool: Pose
 
     def poses(self, q: ArrayLike) -> Floats:
-        """World poses (T,7) of the tool frame for joints (T,n) in rad or m."""
+        """World poses (T,7) of the tool for joints (T,n)."""
         q = np.asarray(q, float)
         out = np.broadcast_to(self.base, (len(q), 7))
         for i, slides in enumerate(self.prismatic):
@@ -58,10 +54,8 @@ class ToolChain:
 def read_chains(
     embodiment: str, layout: str = "ours", raised: float = 0.0, folders: Sequence[Path] = ()
 ) -> dict[str, ToolChain]:
-    """The chain of each arm of an embodiment, by side, left first.
-
-    `layout`: data/setup/rules.py; `raised` (m): how much higher the bases stand. Robots are looked
-    for in ROBOTS and in `folders`. Raises ChainError."""
+    """The chain of each arm by side, left first. `layout` as in data/setup/rules.py; `raised` (m)
+    is how much higher the bases are; robots are in ROBOTS or `folders`. Raises ChainError."""
     if not is_embodiment(embodiment):
         raise ChainError(f"{embodiment!r} is not the name of a robot")
     left, _, right = embodiment.partition("+")
@@ -76,15 +70,13 @@ def read_chains(
 
 
 def _directory(name: str, folders: Sequence[Path]) -> Path:
-    found = next(
-        (f / name for f in (ROBOTS, *folders) if (f / name / "robot.toml").is_file()), None
+    for folder in (ROBOTS, *folders):
+        if (folder / name / "robot.toml").is_file():
+            return folder / name
+    raise ChainError(
+        f"tool poses need the kinematics of {name!r}, which is not installed: name the directory of"
+        " its plugin with --plugins"
     )
-    if found is None:
-        raise ChainError(
-            f"tool poses need the kinematics of {name!r}, which is not installed: name the"
-            " directory of its plugin with --plugins"
-        )
-    return found
 
 
 @lru_cache(64)

@@ -1,5 +1,4 @@
-"""A dataset directory: its recipe, and which of its slots are finished. Reading needs no
-simulator."""
+"""A dataset directory: its recipe, and which of its slots are finished."""
 
 import json
 import os
@@ -31,19 +30,18 @@ EDITED = (
     "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"
     " other options: a dataset only grows, anything else needs another --out"
 )
-"""The message for a manifest whose values are not those that were frozen."""
 
 
 class DatasetError(DominoError):
-    """A dataset directory that cannot be used as asked: one line with the fix."""
+    """A dataset that cannot be used as asked: one line with the fix."""
 
 
 FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "logs", "orphans", "report")
-"""Directories of a dataset."""
 
 
 class Dataset(Paths):
-    """One dataset directory: its paths, its recipe, and which of its slots are finished."""
+    """A dataset directory. Methods raise DatasetError for one without a readable recipe,
+    OSError."""
 
     _is_plain = False
 
@@ -77,7 +75,7 @@ class Dataset(Paths):
         put(self.manifest)
 
     def recipe(self) -> Recipe:
-        """The frozen recipe, its names resolved. Raises DatasetError if there is none."""
+        """The frozen recipe, its names resolved."""
         self.check_folders()
         if not self.manifest.exists():
             raise DatasetError(f"{self.root} is no dataset: it has no manifest.yaml")
@@ -92,30 +90,26 @@ class Dataset(Paths):
         except RecipeError as error:
             raise DatasetError(str(error)) from error
         if not recipe.tasks:
-            raise DatasetError(
-                f"{self.manifest}: names no tasks, so it is not the manifest of a dataset;"
-                " restore it"
-            )
+            raise DatasetError(f"{self.manifest}: names no tasks, as a dataset does; restore it")
         return recipe
 
     def is_edited(self) -> bool:
-        """Whether manifest.yaml was edited; one of version 0.1.0 has no seal. Raises DatasetError
-        for a manifest that cannot be read."""
+        """Whether manifest.yaml was edited; one of version 0.1.0 has no seal."""
         self.recipe()
         return is_edited(self.manifest)
 
     def check_seal(self) -> None:
-        """Raise DatasetError if manifest.yaml was edited, or cannot be read."""
+        """Raise DatasetError if manifest.yaml was edited."""
         if self.is_edited():
             raise DatasetError(f"{self.manifest}: {EDITED}")
 
     def setup(self) -> Setup:
-        """The setup of the frozen recipe. Raises DatasetError if there is none."""
+        """The setup of the frozen recipe."""
         return self.recipe().setup
 
     def check_folders(self) -> None:
-        """Raise DatasetError for a file in place of a directory of the dataset, and for a link,
-        pipe or device anywhere below it: no path of it leads elsewhere."""
+        """Raise DatasetError for a file in place of a directory, and for a link, pipe or device
+        anywhere below: no path leads elsewhere."""
         if os.path.lexists(self.root) and not self.root.is_dir():
             raise DatasetError(f"{self.root} is a file, and a dataset is a directory: name another")
         for name in FOLDERS:
@@ -130,26 +124,25 @@ class Dataset(Paths):
             self._is_plain = True
 
     def ask[T](self, question: Callable[[Index], T]) -> T:
-        """What the index answers; it is made again from the files if it is damaged. Raises
-        OSError."""
+        """What the index answers; it is made again if it is lost."""
         return ask_index(self, self.recipe, question)
 
     def rows(self, recipe: Recipe, *more: str) -> Rows:
-        """The finished slots of a recipe, with more columns of the index, whether their files are
-        there or not."""
+        """The finished slots of a recipe, with more columns, whether their files are there or
+        not."""
         return self.ask(lambda index: index.rows(recipe, *more))
 
     def present(self, recipe: Recipe, *more: str) -> Rows:
-        """As `rows`, of those slots whose file is there."""
+        """As `rows`, if the file is there."""
         rows = self.rows(recipe, *more)
         return rows.where(Listing(self.episodes, recipe).there(rows))
 
     def record(self, recipe: Recipe, slot: Slot) -> SlotRecord | None:
-        """What the index knows of a slot, None if it is not finished. Raises OSError."""
+        """What is known of a slot, None if it is not finished."""
         return self.ask(lambda index: index.record(recipe, slot))
 
     def records(self, recipe: Recipe) -> list[tuple[Slot, SlotRecord]]:
-        """Every finished slot of the recipe whose file is there, in its order."""
+        """As `present`, in full."""
         rows = self.present(recipe, *FULL)
         return self.ask(lambda index: list(index.records(rows)))
 
@@ -159,38 +152,29 @@ class Dataset(Paths):
         return [self.episode(slot) for slot in rows.where(rows.accepted).slots]
 
     def missing(self, recipe: Recipe) -> list[Path]:
-        """Files of the accepted episodes that are not there, in the recipe's order."""
+        """Files of accepted episodes that are not there, in the recipe's order."""
         rows = self.rows(recipe)
-        return [
-            self.episode(slot)
-            for slot in rows.where(
-                rows.accepted & ~Listing(self.episodes, recipe).there(rows)
-            ).slots
-        ]
+        there = Listing(self.episodes, recipe).there(rows)
+        return [self.episode(slot) for slot in rows.where(rows.accepted & ~there).slots]
 
     def made_by(self) -> dict[str, Any]:
-        """What provenance.json says; empty if there is none. Raises DatasetError for one that
-        cannot be read."""
+        """What provenance.json holds, {} if there is none. Raises DatasetError for an unreadable
+        one."""
         try:
             values = parse_json(read_regular(self.provenance))
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
-            said = (error.strerror if isinstance(error, OSError) else None) or " ".join(
-                str(error).split()
-            )
+            what = getattr(error, "strerror", None) or " ".join(str(error).split())
             raise DatasetError(
-                f"{self.provenance}: cannot be read ({said}); run the build again"
+                f"{self.provenance}: cannot be read ({what}); run the build again"
             ) from error
         if not isinstance(values, dict) or not isinstance(values.get("packages", {}), dict):
-            raise DatasetError(
-                f"{self.provenance}: does not name what made the dataset; run the build again"
-            )
+            raise DatasetError(f"{self.provenance}: names no packages; run the build again")
         return values
 
     def attempt_rows(self, *names: str) -> list[dict[str, Any]]:
-        """The rows of attempts.parquet in some of its columns; none without that file. Raises
-        DatasetError."""
+        """Columns of attempts.parquet, none without that file. Raises DatasetError."""
         if not self.attempts.exists():
             return []
         try:
@@ -207,7 +191,7 @@ class Dataset(Paths):
             ) from error
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
-        """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""
+        """Gather all attempts in attempts.parquet, in the recipe's order."""
         rows = self.present(recipe)
         table = self.ask(lambda index: attempts_table(index, rows))
         with atomic_path(self.attempts) as temporary:
@@ -216,17 +200,11 @@ class Dataset(Paths):
 
 
 def attempts_table(index: Index, rows: Rows) -> pa.Table:
-    """All attempts at the slots of some rows, in their order, as a table with the columns
-    ATTEMPTS."""
+    """All attempts at the slots of some rows, in their order, with the columns ATTEMPTS."""
     of, found = index.attempts(rows, *OF_ATTEMPT)
-    columns: dict[str, Any] = (
-        dict(zip(OF_ATTEMPT, zip(*found, strict=True), strict=True))
-        if found
-        else dict.fromkeys(OF_ATTEMPT, ())
-    )
-    columns["conditions"] = [
-        None if text is None else json.loads(text) for text in columns["conditions"]
-    ]
+    values = zip(*found, strict=True) if found else [()] * len(OF_ATTEMPT)
+    columns: dict[str, Any] = dict(zip(OF_ATTEMPT, values, strict=True))
+    columns["conditions"] = [text and json.loads(text) for text in columns["conditions"]]
     cells = [rows.cells[rank] for rank in rows.ranks[of].tolist()]
     columns |= {name: [getattr(cell, name) for cell in cells] for name in PLACE[:5]}
     columns["slot"] = rows.index[of].tolist()
@@ -238,11 +216,11 @@ FORBIDDING = re.compile(
     r"|internal|-nd\b",
     re.I,
 )
-"""Words of a licence that forbids to pass on what was made of the files, images included."""
+"""A licence that forbids to pass on what was made of the files, images included."""
 
 
 def licences_in(made_by: Any) -> dict[str, str]:
-    """Licences by robot or object, of a provenance and of those that it was made from."""
+    """Licences by robot or object in a provenance, and in those that it was made from."""
     found = dict[str, str]()
     for value in made_by if isinstance(made_by, list) else ():
         found |= licences_in(value)
@@ -256,5 +234,5 @@ def licences_in(made_by: Any) -> dict[str, str]:
 
 
 def forbidden(licences: dict[str, str]) -> list[str]:
-    """What may not be published, with its licence."""
+    """What may not be published."""
     return [f"{name} ({text})" for name, text in licences.items() if FORBIDDING.search(text)]

@@ -1,4 +1,4 @@
-"""Errors that a user can cause, and what a disk, a mount or a permission refuses, in one line."""
+"""Errors that a user can cause or a system makes, in one line."""
 
 import errno
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class DominoError(Exception):
-    """Bad input or a damaged file: one line that names the thing and the fix (exit code 2)."""
+    """Bad input or a damaged file: one line with the thing and the fix (exit code 2)."""
 
 
 _KEPT = "finished work is kept; rerun the same command to resume"
@@ -18,40 +18,26 @@ FIXES = {
     errno.EPERM: "give this user the permission",
     errno.EROFS: "make it writable",
     errno.EFBIG: "raise the limit of file sizes (ulimit -f)",
-    **dict.fromkeys(
-        (
-            errno.EIO,
-            errno.ENODEV,
-            errno.ENOTCONN,
-            errno.ENXIO,
-            errno.ESTALE,
-            errno.EHOSTDOWN,
-            errno.EREMOTEIO,
-        ),
-        _MOUNT,
-    ),
+    **dict.fromkeys((errno.EIO, errno.ENODEV, errno.ENOTCONN, errno.ENXIO), _MOUNT),
+    **dict.fromkeys((errno.ESTALE, errno.EHOSTDOWN, errno.EREMOTEIO), _MOUNT),
 }
-"""What to do about an error, by its number."""
 
 
 def describe_error(error: OSError) -> str:
-    """One line: the file, what is wrong with it, and the fix if there is one."""
+    """The file, what is wrong with it, and the fix if there is one."""
     where = f"{error.filename}: " if error.filename else ""
     return where + refusal(error) + (f"; {_KEPT}" if error.errno in FIXES else "")
 
 
 def refusal(error: OSError) -> str:
-    """What the system refused, in its own words, and the fix if there is one."""
-    fix = FIXES.get(error.errno or 0)
-    return (
-        f"{os.strerror(error.errno or 0)}: {fix}"
-        if fix
-        else " ".join((error.strerror or str(error)).split())
-    )
+    """What the system refused, in its words, and the fix if there is one."""
+    if fix := FIXES.get(error.errno or 0):
+        return f"{os.strerror(error.errno or 0)}: {fix}"
+    return " ".join((error.strerror or str(error)).split())
 
 
 def check_directory(path: Path) -> None:
-    """Raise OSError if a file is at a path or above it, so that it cannot become a directory."""
+    """Raise OSError if a path cannot become a directory, as a file is at it or above it."""
     there = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
         raise OSError(errno.ENOTDIR, "is no directory; name another path", str(there))

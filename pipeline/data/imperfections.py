@@ -1,4 +1,4 @@
-"""What is not perfect in a setup: cameras (noise, blur, drift, latency) and drives of joints."""
+"""Imperfections of a setup's cameras (noise, blur, drift, latency) and of the drives of joints."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -13,7 +13,7 @@ class _Imperfections(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _written(cls, value: Any) -> Any:
-        """ "noise=2,latency=1" stands for {noise: 2, latency: 1}, and "none" for {}."""
+        """ "noise=2,latency=1" is {noise: 2, latency: 1}, "none" {}."""
         if not isinstance(value, str):
             return value
         pairs = [word.strip().split("=") for word in value.split(",")] if value != "none" else []
@@ -23,8 +23,7 @@ class _Imperfections(BaseModel):
 
 
 class Sensors(_Imperfections):
-    """Imperfections of cameras; world/drawing/sensing.py defines what each number does to a
-    pixel."""
+    """Imperfections of cameras; world/drawing/sensing.py defines each number."""
 
     example = "noise=2,motion_blur=8,latency=1"
 
@@ -36,8 +35,8 @@ class Sensors(_Imperfections):
 
 
 class DriveErrors(_Imperfections):
-    """How joints differ from their commands (world/physics/drive.py): `lag` (s) of all, `noise`
-    (rad, standard deviation) and `backlash` (rad, the whole play) of joints of arms."""
+    """How joints differ from their commands: `lag` (s) of all, `noise` (rad, standard deviation)
+    and `backlash` (rad, whole play) of arms' joints."""
 
     example = "lag=0.03,noise=0.002,backlash=0.001"
 
@@ -47,5 +46,4 @@ class DriveErrors(_Imperfections):
 
     @property
     def label(self) -> str:
-        """A word for paths and tables."""
         return f"drive-lag{self.lag:g}-noise{self.noise:g}-backlash{self.backlash:g}"

@@ -1,5 +1,4 @@
-"""What of a dataset is whole: its files, by the bytes that its index names, and its paired
-scenes."""
+"""What of a dataset is whole: files with the bytes that its index names, and paired scenes."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -15,23 +14,18 @@ from pipeline.data.slots.files import find_slot
 CHANGED = (
     "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
 )
-"""The message for an episode file that is not the one that was written."""
-
 REMAKE = "remove it, if it is there, and run the build again to make its slot"
-"""What helps where a failed attempt that is kept is not the file that was written."""
 
 
 def missed(paths: list[Path]) -> str:
     """One line on finished episodes that are missing."""
     many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
-    return (
-        f"{many} missing that the index calls finished, first {paths[0]}; rerun the build command"
-        " of this dataset"
-    )
+    fix = "rerun the build command of this dataset"
+    return f"{many} missing that the index calls finished, first {paths[0]}; {fix}"
 
 
 def is_intact(path: Path, sha256: str) -> bool:
-    """Whether a file is there with bytes of this hash. Raises PermissionError."""
+    """Whether a file has bytes of this hash. Raises PermissionError."""
     try:
         return file_hash(path) == sha256
     except PermissionError:
@@ -59,8 +53,8 @@ def check_bytes(dataset: Dataset, episode: Path) -> None:
 
 
 def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
-    """The slot of an episode's path, from anywhere above or below `episodes/`. Raises DatasetError
-    for a path of none."""
+    """The slot of an episode's path, from anywhere above or below `episodes/`. Raises
+    DatasetError."""
     path = Path(episode.removesuffix(".hdf5"))
     if path.is_absolute() and path.is_relative_to(dataset.episodes.resolve()):
         path = path.relative_to(dataset.episodes.resolve())
@@ -71,8 +65,8 @@ def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
 
 
 def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
-    """The episode files of the recipe's slots, in its order, after reading every one. Raises
-    DatasetError for any that is missing or changed."""
+    """The episode files of the recipe's slots, in its order, each read. Raises DatasetError for one
+    that is missing or changed."""
     if missing := dataset.missing(recipe):
         raise DatasetError(missed(missing))
     rows = dataset.present(recipe, "sha256")
@@ -93,7 +87,7 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
 
 
 def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path, str]]:
-    """The failed attempts that are kept, in the recipe's order: slot, file, and sha256."""
+    """The failed attempts that are kept, in the recipe's order, with file and sha256."""
     rows = dataset.rows(recipe)
     of, found = dataset.ask(lambda index: index.attempts(rows, "attempt", "kept"))
     for row, (attempt, kept) in zip(of.tolist(), found, strict=True):
@@ -116,7 +110,7 @@ def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
 
 
 def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:
-    """The pairs of a dataset by its index; None if its recipe pairs no cells."""
+    """`count_pairs` of what the index holds; None if the recipe pairs no cells."""
     if not recipe.paired:
         return None
     rows = dataset.present(recipe)
@@ -130,9 +124,9 @@ def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:
 
 
 def count_pairs(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> dict[str, int]:
-    """How many scenes at least two paired cells share, how many of these are `finished` in every
-    cell, and accepted with equal seeds (`complete`). `seeds` has the accepted seed of every
-    finished physical slot, None for one given up."""
+    """How many scenes two or more paired cells share, how many of these are `finished` in every
+    cell, and accepted with equal seeds (`complete`). `seeds` are those of finished physical slots,
+    None of one given up."""
     groups = defaultdict[tuple[str, int], list[Slot]](list)
     for slot in recipe.physical_slots():
         groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)

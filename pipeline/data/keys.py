@@ -1,4 +1,4 @@
-"""Keys: what an artifact was made from, as named hashes, so that a difference can be explained."""
+"""Keys: what an artifact was made from, as named hashes."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ from pipeline.data.reading import open_regular
 
 
 def canonical(value: Any) -> bytes:
-    """Canonical JSON: sorted keys, no spaces, UTF-8. Raises ValueError for NaN, TypeError."""
+    """JSON with sorted keys, no spaces, UTF-8. Raises ValueError for NaN, TypeError."""
     return json.dumps(
         value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
     ).encode()
@@ -28,7 +28,7 @@ def digest(value: Any) -> str:
 
 
 def frames_digest(encoded: Iterable[bytes]) -> str:
-    """sha256 of a sequence of encoded frames: each one's length, then its bytes."""
+    """sha256 of encoded frames: each one's length, then its bytes."""
     h = hashlib.sha256()
     for data in encoded:
         h.update(len(data).to_bytes(8, "little"))
@@ -37,8 +37,7 @@ def frames_digest(encoded: Iterable[bytes]) -> str:
 
 
 def arrays_digest(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """sha256 of named arrays: by sorted name its name, type, shape and bytes (C order, little
-    endian)."""
+    """sha256 of arrays: by sorted name its name, type, shape, bytes (C order, little endian)."""
     h = hashlib.sha256()
     for name in sorted(arrays):
         a = np.ascontiguousarray(arrays[name])
@@ -56,13 +55,13 @@ def file_hash(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Key:
-    """The hash of some named parts, each a hash itself."""
+    """The hash of named parts, each a hash."""
 
     parts: Mapping[str, str]
 
     @cached_property
     def digest(self) -> str:
-        """sha256 (32 hex digits) of all parts."""
+        """sha256 (32 hex digits)."""
         return digest(dict(self.parts))
 
     def changed(self, other: "Key") -> list[str]:
@@ -74,25 +73,24 @@ class Key:
 
 @dataclass(frozen=True)
 class SlotKeys:
-    """What decides a slot's physics, its images and its sentences; the last two follow from the
-    first."""
+    """What decides a slot's physics, and with it its images and its sentences."""
 
     physics: Key
     render: Key
     language: Key
 
     def to_json(self) -> dict[str, dict[str, str]]:
-        """Plain data."""
+        """By kind and part."""
         return {name: dict(key.parts) for name, key in vars(self).items() if isinstance(key, Key)}
 
     def header(self) -> dict[str, Any]:
-        """The attributes that an episode file stores of the keys, always in the same order."""
+        """The attributes of an episode file that state the keys, in a fixed order."""
         parts = {kind: dict(sorted(parts.items())) for kind, parts in self.to_json().items()}
         return {"physics_key": self.physics.digest, "render_key": self.render.digest, "keys": parts}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Mapping[str, str]]) -> "SlotKeys":
-        """Inverse of `to_json`. Raises KeyError for a key that is missing."""
+        """Inverse of `to_json`. Raises KeyError."""
         return cls(*(Key(dict(values[name])) for name in ("physics", "render", "language")))
 
 
@@ -100,18 +98,17 @@ SEAL = "sha256"
 
 
 def seal(values: Mapping[str, Any]) -> bytes:
-    """Indented JSON of the values, keys sorted, with the hash of them under SEAL."""
+    """Indented JSON of values, keys sorted, with their hash under SEAL."""
     plain = {name: value for name, value in values.items() if name != SEAL}
     return json.dumps(plain | {SEAL: digest(plain)}, indent=2, sort_keys=True).encode()
 
 
 def seal_yaml(text: str) -> bytes:
-    """The YAML of a mapping of plain values, followed by the hash of them under SEAL."""
+    """The YAML of a mapping, followed by its hash under SEAL."""
     return f"{text}{SEAL}: {digest(yaml.safe_load(text))}\n".encode()
 
 
 def is_unchanged(values: Mapping[str, Any]) -> bool:
     """Whether values are those that were sealed."""
-    return values.get(SEAL) == digest(
-        {name: value for name, value in values.items() if name != SEAL}
-    )
+    plain = {name: value for name, value in values.items() if name != SEAL}
+    return values.get(SEAL) == digest(plain)

@@ -1,4 +1,4 @@
-"""Reads numbers, JSON and YAML that people write, with one line for what is wrong."""
+"""Reads numbers, JSON and YAML that people write."""
 
 import json
 import reprlib
@@ -11,29 +11,21 @@ import yaml
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import open_regular
 
-SHOWN = 80
-"""Characters of a value in a message."""
-
+SHOWN = 80  # characters of a value in a message
 LONGEST_LINE = 4096
-LARGEST_FILE = 1_000_000
-"""Bytes of a file that a person writes."""
-
-MOST_VALUES = 200_000
-"""Values in such a file; aliases of YAML count each time they are used."""
-
-LARGEST_NUMBER = 10**15
-"""Whole numbers up to here are exact as floats, which JSON has for its numbers."""
+LARGEST_FILE = 1_000_000  # bytes of a file that a person writes
+MOST_VALUES = 200_000  # in such a file; aliases of YAML count each time they are used
+LARGEST_NUMBER = 10**15  # whole numbers up to here are exact as floats
 
 FEWEST_PIXELS, MOST_PIXELS = 16, 4096
 
 
 class ParseError(DominoError, ValueError):
-    """A text or file that cannot be used: what is wrong; the caller puts the option or key in
-    front."""
+    """What is wrong with a text or file; the caller puts the option or key in front."""
 
 
 def show_value(value: Any) -> str:
-    """A value as a message shows it: short, on one line."""
+    """A value on one short line."""
     text = reprlib.Repr(
         maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60
     ).repr(value)
@@ -41,57 +33,54 @@ def show_value(value: Any) -> str:
 
 
 def whole(text: str, low: int = -LARGEST_NUMBER, high: int = LARGEST_NUMBER) -> int:
-    """A whole number in [low, high]. Raises ParseError."""
+    """Raises ParseError for no whole number in [low, high]."""
     return _number(int, text, low, high, f"is not a whole number from {low} to {high}")
 
 
 def real(text: str, low: float = -LARGEST_NUMBER, high: float = LARGEST_NUMBER) -> float:
-    """A finite number in [low, high]. Raises ParseError."""
+    """Raises ParseError for no finite number in [low, high]."""
     return _number(float, text, low, high, f"is not a number from {low:g} to {high:g}")
 
 
 def line(text: str, longest: int = LONGEST_LINE) -> str:
-    """A text on one line, of characters that can be shown. Raises ParseError."""
+    """A printable text on one line. Raises ParseError."""
     if not text.strip() or not text.isprintable() or len(text) > longest:
         raise ParseError(f"is not one line of 1 to {longest} characters")
     return text
 
 
 def pixels(text: str) -> tuple[int, int]:
-    """ "640x480" as (width, height), each 16 to 4096. Raises ParseError."""
+    """ "640x480" as (width, height). Raises ParseError."""
     try:
         width, height = (whole(side, FEWEST_PIXELS, MOST_PIXELS) for side in text.split("x"))
     except ValueError as error:
-        raise ParseError(
-            f"is not WIDTHxHEIGHT in pixels, such as 640x480: each side has {FEWEST_PIXELS} to"
-            f" {MOST_PIXELS}"
-        ) from error
+        sides = f"each side has {FEWEST_PIXELS} to {MOST_PIXELS}"
+        raise ParseError(f"is not WIDTHxHEIGHT in pixels, such as 640x480: {sides}") from error
     return width, height
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Plain data of a JSON text. Raises ParseError for a text that is none."""
+    """Plain data. Raises ParseError."""
     return _parse("JSON", json.loads, text)
 
 
 def parse_yaml(text: str | bytes) -> Any:
-    """Plain data of a YAML text without tags and without a key twice. Raises ParseError."""
+    """Plain data without tags or a key twice. Raises ParseError."""
     return bounded(_parse("YAML", lambda given: yaml.load(given, _Loader), text))
 
 
 def read_json(path: Path) -> Any:
-    """Plain data of a JSON file that a person may have written. Raises ParseError, which names the
-    file."""
+    """As `parse_json` of a file, which the ParseError names."""
     return _read(path, lambda data: bounded(parse_json(data)))
 
 
 def read_yaml(path: Path) -> Any:
-    """Plain data of a YAML file. Raises ParseError, which names the file."""
+    """As `parse_yaml` of a file, which the ParseError names."""
     return _read(path, parse_yaml)
 
 
 def read_mapping(path: Path, example: str) -> dict[str, Any]:
-    """The keys of a YAML mapping; `example` shows one in the message. Raises ParseError."""
+    """The keys of a YAML mapping such as `example`. Raises ParseError."""
     values = read_yaml(path)
     if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
         raise ParseError(f"{path}: is not a mapping of keys to values, like `{example}`")
@@ -99,12 +88,10 @@ def read_mapping(path: Path, example: str) -> dict[str, Any]:
 
 
 def bounded[T](values: T) -> T:
-    """The same plain data. Raises ParseError if it has more than MOST_VALUES values."""
-    left: list[Any] = [values]
-    count = 0
+    """The same plain data. Raises ParseError for more than MOST_VALUES values."""
+    left, count = [values], 0
     while left:
-        value = left.pop()
-        count += 1
+        value, count = left.pop(), count + 1
         if count > MOST_VALUES:
             raise ParseError(f"holds more than {MOST_VALUES} values")
         if isinstance(value, dict | list):
@@ -147,7 +134,7 @@ def _read(path: Path, parse: Callable[[bytes], Any]) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain YAML in which no mapping has a key twice."""
+    """YAML in which no mapping has a key twice."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]

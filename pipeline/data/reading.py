@@ -1,4 +1,4 @@
-"""Reading what a dataset directory holds, where anything may stand in place of a file."""
+"""Reads files of a dataset directory, where anything may stand in place of a file."""
 
 import errno
 import os
@@ -9,17 +9,13 @@ from pathlib import Path
 
 from pipeline.data.store.place import place_of
 
-LARGEST = 1 << 28
-"""Bytes of a file that is parsed whole, at most."""
-
+LARGEST = 1 << 28  # bytes of a file that is parsed whole, at most
 IRREGULAR = "is no regular file; remove it"
-"""What is said of a directory, pipe, socket or device in place of a file."""
 
 
 def check_regular(path: Path) -> None:
-    """Raise OSError for a path that is there and is no regular file: nothing waits for a pipe.
-
-    A missing file is fetched from the store that holds its dataset. Raises StoreError."""
+    """Raise OSError for a path that is there and is no regular file. A missing file is fetched from
+    the store that holds its dataset. Raises StoreError."""
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -31,7 +27,7 @@ def check_regular(path: Path) -> None:
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """A regular file, opened for reading bytes. Raises OSError for what is none."""
+    """A regular file, opened for bytes. Raises OSError for what is none."""
     check_regular(path)
     return open(path, "rb")
 
@@ -46,8 +42,8 @@ def read_regular(path: Path, most: int = LARGEST) -> bytes:
 
 
 def check_tree(root: Path) -> None:
-    """Raise OSError for a symbolic link, pipe, socket or device anywhere below a directory: without
-    them, no path made from plain names leads elsewhere."""
+    """Raise OSError for a link, pipe, socket or device anywhere below a directory: without them, no
+    path made from plain names leads elsewhere."""
     waiting = [os.fspath(root)]
     while waiting:
         with suppress(FileNotFoundError):
@@ -64,9 +60,8 @@ def check_plain(directory: str | Path) -> list[str]:
                 found.append(entry.path)
             elif not entry.is_file(follow_symlinks=False):
                 kind = "a link" if entry.is_symlink() else "no plain file"
-                raise OSError(
-                    errno.EINVAL, f"is {kind}, which does not belong there; remove it", entry.path
-                )
+                what = f"is {kind}, which does not belong there; remove it"
+                raise OSError(errno.EINVAL, what, entry.path)
     return found
 
 

@@ -1,4 +1,4 @@
-"""One attempt at an episode: the values that, with the code, decide every byte of its physics."""
+"""One attempt at an episode: the values that, with the code, decide its physics."""
 
 import hashlib
 import json
@@ -9,9 +9,7 @@ import numpy as np
 
 from pipeline.data.names import is_embodiment, is_name
 
-HIGHEST_LEVEL = 9
-"""No model of motions has more levels; which it has, it says itself (motion/models/)."""
-
+HIGHEST_LEVEL = 9  # of any model of motions; which it has, a model tells (motion/models/)
 DOMAINS = ("clean", "randomized")
 
 EVENTFUL, CONTROL = "event", "control"
@@ -30,13 +28,10 @@ def condition_arms(events: int) -> tuple[str, ...]:
 class EpisodeSpec:
     """One attempt at one slot.
 
-    `alpha` is in m/s (DOMINO@alpha), `slot` the index in its cell, `seed` the attempt's own. What
-    `slot_seed` draws is kept in later attempts that share it. Slots 2k and 2k + 1 of paired events
-    are the arms EVENTFUL and CONTROL of one scene; of events as conditions a scene has the arms
-    `condition_arms`. `arm` is "" otherwise.
-
-    Raises ValueError for names that are not plain (paths are made from them) and values out of
-    range."""
+    `alpha` is in m/s, `slot` the index in its cell, `seed` the attempt's own. Later attempts that
+    share `slot_seed` keep what it draws. Slots 2k and 2k + 1 of paired events are the arms EVENTFUL
+    and CONTROL of one scene; of events as conditions a scene has the arms `condition_arms`. Raises
+    ValueError for names that are not plain (paths are made from them) and values out of range."""
 
     task: str
     embodiment: str
@@ -50,14 +45,9 @@ class EpisodeSpec:
 
     def __post_init__(self) -> None:
         if not is_name(self.task):
-            raise ValueError(
-                f"task {self.task!r} is not a name: use letters, digits and single underscores"
-            )
+            raise ValueError(f"task {self.task!r}: use letters, digits and single underscores")
         if not is_embodiment(self.embodiment):
-            raise ValueError(
-                f"embodiment {self.embodiment!r} is not a name, nor a pair of names written"
-                " left+right"
-            )
+            raise ValueError(f"embodiment {self.embodiment!r} is no name, nor two as left+right")
         if self.level not in range(HIGHEST_LEVEL + 1):
             raise ValueError(f"level {self.level!r} is no level: levels are 0 to {HIGHEST_LEVEL}")
         if not (np.isfinite(self.alpha) and self.alpha >= 0):
@@ -82,22 +72,18 @@ class EpisodeSpec:
 
     @property
     def moving(self) -> bool:
-        """Whether the target moves at all: level 0 and alpha 0 are the same static case."""
+        """Level 0 and alpha 0 are the same static case."""
         return self.level > 0 and self.alpha > 0
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """The named random stream of this attempt.
-
-        Level, alpha and domain do not enter the key: paired cells have the same placement and
-        objects for the same seed."""
+        """The named random stream of this attempt. Level, alpha and domain do not enter the key:
+        paired cells have the same placement and objects."""
         return self._stream(self.seed, purpose)
 
     def slot_rng(self, purpose: str) -> np.random.Generator:
-        """The named random stream of all attempts with the same `slot_seed`; the attempt's own
-        without one."""
-        return self._stream(
-            self.seed if self.slot_seed is None else self.slot_seed, f"slot/{purpose}"
-        )
+        """The named random stream of all attempts with the same `slot_seed`."""
+        seed = self.seed if self.slot_seed is None else self.slot_seed
+        return self._stream(seed, f"slot/{purpose}")
 
     def _stream(self, seed: int, purpose: str) -> np.random.Generator:
         slot = self.slot // max(len(self.arms), 1)
@@ -115,28 +101,27 @@ class EpisodeSpec:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_json(self) -> str:
-        """Canonical JSON of the spec (sorted keys, no spaces), without an empty arm."""
+        """Canonical JSON of `values`."""
         return json.dumps(self.values(), sort_keys=True, separators=(",", ":"))
 
     def values(self) -> dict[str, Any]:
-        """Its fields; an empty arm is left out."""
+        """The fields, without an empty arm."""
         return {k: v for k, v in asdict(self).items() if k != "arm" or v}
 
     @classmethod
     def from_json(cls, text: str) -> "EpisodeSpec":
-        """Inverse of `to_json`. Raises ValueError for text that is no spec."""
+        """Inverse of `to_json`. Raises ValueError."""
         values = json.loads(text)
         if isinstance(values, dict):
             # episodes of version 0.1 have no slot_seed, those without a pair no arm
             values = {"slot_seed": None, "arm": ""} | values
-        if not isinstance(values, dict) or set(values) != {f.name for f in fields(cls)}:
-            raise ValueError(
-                f"is not a spec: its keys must be {', '.join(f.name for f in fields(cls))}"
-            )
+        names = [f.name for f in fields(cls)]
+        if not isinstance(values, dict) or set(values) != set(names):
+            raise ValueError(f"is not a spec: its keys must be {', '.join(names)}")
         return cls(**values)
 
 
 def attempt_seed(recipe_seed: int, cell: str, slot: int, attempt: int) -> int:
-    """Seed (63 bits) of an attempt at a slot."""
+    """63 bits."""
     key = json.dumps([recipe_seed, cell, slot, attempt]).encode()
     return int.from_bytes(hashlib.sha256(key).digest()[:8], "little") >> 1

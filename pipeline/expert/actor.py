@@ -1,10 +1,10 @@
-"""The expert in one running simulation: what it measures, what it holds, and how motion steps
-become physics."""
+"""The expert in one running simulation: what it measures and holds, and how its plans become
+physics."""
 
 import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from typing import Concatenate
 
@@ -31,8 +31,7 @@ MotionStep = dict[str, ArmTrajectory]
 
 Steps = Iterator[MotionStep]
 Skill = Callable[["Actor"], Steps]
-"""Plans one motion step after another, each from the state that the last one led to. Raises
-PlanFailure."""
+"""Plans each motion step from the state that the last one led to. Raises PlanFailure."""
 
 Skills = Iterator[Skill]  # half of a script
 
@@ -40,10 +39,9 @@ Skills = Iterator[Skill]  # half of a script
 def skill[**P](
     *, arms: Sequence[str] = ("side",), body: str = "", part: str = ""
 ) -> Callable[[Callable[Concatenate["Actor", P], Steps]], Callable[P, Skill]]:
-    """Decorator of the steps of a skill, which makes the skill from all arguments but the actor.
-
-    The actor notes each run under the function's name; `arms`, `body` and `part` name the
-    parameters that have these."""
+    """Decorator of a skill's steps: makes the skill from all arguments but the actor, which notes
+    each run under the function's name. `arms`, `body` and `part` name the parameters that have
+    these."""
 
     def decorate(steps: Callable[Concatenate["Actor", P], Steps]) -> Callable[P, Skill]:
         name, signature = steps.__name__.rstrip("_"), inspect.signature(steps)
@@ -52,9 +50,9 @@ def skill[**P](
         def made(*args: P.args, **kwargs: P.kwargs) -> Skill:
             bound = signature.bind(None, *args, **kwargs)
             bound.apply_defaults()
-            given = bound.arguments
-            sides, of = tuple(given[arm] for arm in arms), given[body] if body else ""
-            detail = given[part] if part else None
+            sides = tuple(bound.arguments[arm] for arm in arms)
+            of = bound.arguments[body] if body else ""
+            detail = bound.arguments[part] if part else None
             words = detail if isinstance(detail, str) else "/".join(detail or ())
 
             def note_run(a: "Actor") -> Steps:
@@ -69,27 +67,23 @@ def skill[**P](
 
 
 SWEEP_EVERY = 4  # physics steps between two poses of the sweep
-
 SWEEP_HZ = PHYSICS_HZ / SWEEP_EVERY
 
 
 @dataclass(eq=False)
 class Stream:
-    """Commands as they were executed: rows (A,) of drive targets and velocities per physics
-    step."""
+    """Executed rows (A,) of drive targets and velocities, one a physics step."""
 
-    commands: list[Floats]
-    velocities: list[Floats]
+    commands: list[Floats] = field(default_factory=list)
+    velocities: list[Floats] = field(default_factory=list)
 
 
 class Actor:
-    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps
-    a side to what it carries.
+    """One expert in one simulation, with the task's roles as `arms` ({"arm": "left"}).
 
-    `expected` maps a side to the joints its arm is about to have while the other arm is planned.
-    `approaches` maps a body to the world direction (3,) from which a hand last grasped it; a grasp
-    of body `name` near one of `avoid[name]` is taken only where there is no other. `half` is the
-    half of the script that runs."""
+    By side, `held` is what it carries, `expected` the joints that arm is about to have while the
+    other is planned. By body, `approaches` are the world directions (3,) of its last grasp; a grasp
+    near one of `avoid` is taken only where there is no other. `half` is the half of the script."""
 
     def __init__(
         self,
@@ -107,7 +101,7 @@ class Actor:
         self.expected: dict[str, Floats] = {}
         self.approaches: dict[str, Floats] = {}
         self.avoid: dict[str, list[Floats]] = {}
-        self.stream = Stream([], [])
+        self.stream = Stream()
         self.sweep: list[Floats] = [simulation.poses()]
         self.sweeping = False
         self.half, self._runs = "meet", list[SkillRun]()
@@ -118,14 +112,11 @@ class Actor:
         """Physics steps taken, settling included."""
         return self.simulation.steps + self.simulation.settle_steps
 
-    # --- measuring
-
     def pose(self, name: str) -> Pose:
-        """Measured world pose (7,) of a body."""
         return self.simulation.pose(name)
 
     def frames(self, name: str) -> NamedFrames:
-        """Frames of a body in its own coordinates."""
+        """Frames in the body's own coordinates."""
         if name not in self._frames:
             self._frames[name] = self.bodies[name].instance.frames()
         return self._frames[name]
@@ -147,15 +138,14 @@ class Actor:
         return self.planner.split(self.simulation.command)[side][1]
 
     def in_hand(self, side: str) -> Pose:
-        """Measured pose (7,) of the held body in the tcp frame of the arm. Raises
+        """Measured pose (7,) of the held body in the tcp frame. Raises
         PlanFailure("empty_hand")."""
         if side not in self.held:
             raise PlanFailure("empty_hand", f"the {side} arm holds nothing")
         return compose(inverse(self.simulation.tcp(side)), self.pose(self.held[side]))
 
     def planning_scene(self) -> PlanningScene:
-        """Both arms as commanded and expected, and the bodies as measured but for those that lie
-        loose in another one."""
+        """Both arms as commanded and expected, and bodies as measured but for those in another."""
         now = self.planner.split(self.simulation.command)
         arms = {
             s: ArmState(q.copy(), value, np.array(self.expected.get(s, q)))
@@ -165,10 +155,11 @@ class Actor:
             name: Carried(side, self.collision(name), self.in_hand(side))
             for side, name in self.held.items()
         }
-        still = (
-            name for name, body in self.bodies.items() if not body.rides and name not in carried
-        )
-        obstacles = {name: Obstacle(self.collision(name), self.pose(name)) for name in still}
+        obstacles = {
+            name: Obstacle(self.collision(name), self.pose(name))
+            for name, body in self.bodies.items()
+            if not body.rides and name not in carried
+        }
         return PlanningScene(arms, obstacles, carried, self._sees)
 
     def _sees(self, points: Floats) -> NDArray[np.bool_]:
@@ -177,18 +168,16 @@ class Actor:
         return visible(head.type, head.pose, points)
 
     def arm_planner(self, side: str) -> ArmPlanner:
-        """The planner of one arm in the scene as it is now."""
+        """A planner in the scene as it is now."""
         return ArmPlanner(self.planner, side, self.planning_scene(), self.rng)
 
     def collision(self, name: str) -> tuple[Collider, ...]:
         """Collision pieces of a body in its own frame."""
         return self.bodies[name].instance.shape().collision
 
-    # --- noting
-
     @contextmanager
     def noting(self, skill: str, arms: tuple[str, ...], body: str, part: str) -> Iterator[None]:
-        """Note what the block executes as one run of a skill."""
+        """Note what the block executes as a run of a skill."""
         body = body or next((self.held[side] for side in arms if side in self.held), "")
         run = SkillRun(skill, arms, body, part, self.half, self.simulation.steps, -1)
         place = len(self._runs)  # runs within this one come after it
@@ -196,17 +185,15 @@ class Actor:
         try:
             yield
         except PlanFailure as failure:
-            failure.skill = (
-                failure.skill
-                or f"{self.half}: {skill} ({', '.join(filter(None, (*arms, body, part)))})"
-            )
+            context = ", ".join(filter(None, (*arms, body, part)))
+            failure.skill = failure.skill or f"{self.half}: {skill} ({context})"
             raise
         finally:
             self._runs[place] = replace(run, end=self.simulation.steps)
 
     @property
     def skills(self) -> list[SkillRun]:
-        """The runs of skills that executed a step so far, in the order in which they began."""
+        """The runs of skills that executed a step, in the order in which they began."""
         ended = [
             replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs
         ]
@@ -222,18 +209,17 @@ class Actor:
         skills: Sequence[SkillRun],
         until: Callable[[int], bool] = lambda row: False,
     ) -> bool:
-        """Execute recorded rows (N,A) from the start of the episode; `skills` are their runs. It
-        ends before a row for which `until` holds, and returns whether there was one."""
+        """Execute recorded rows (N,A) from the start of the episode, whose runs are `skills`, up to
+        a row for which `until` holds. Returns whether there was one."""
         for row, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
             if until(row):
-                cut = (replace(run, end=min(run.end, row)) for run in skills if run.start < row)
-                self._runs += cut
+                self._runs += [
+                    replace(run, end=min(run.end, row)) for run in skills if run.start < row
+                ]
                 return True
             self.advance(command, velocity)
         self._runs += skills
         return False
-
-    # --- acting
 
     def perform(self, skill: Skill) -> None:
         """Plan and execute a skill to its end. Raises PlanFailure."""
@@ -242,17 +228,15 @@ class Actor:
 
     def execute(self, step: MotionStep) -> None:
         """Run the trajectories of a motion step together; an arm without one holds still. Raises
-        PlanFailure("step_limit")."""
+        PlanFailure: step_limit, excess_force."""
         for command, velocity in zip(*self.commands(step), strict=True):
             self.advance(command, velocity)
 
     def commands(self, step: MotionStep) -> tuple[Floats, Floats]:
-        """Drive targets and velocities (N,A) of a motion step, one row a physics step, with the
-        jerk limited."""
+        """Drive targets and velocities (N,A) of a motion step by physics step, jerk limited."""
         length = max(len(trajectory.q) for trajectory in step.values())
         now = self.planner.split(self.simulation.command)
-        columns: list[Floats] = []
-        speeds: list[Floats] = []
+        columns, speeds = list[Floats](), list[Floats]()
         for side, (q, value) in now.items():
             own = step.get(side) or ArmTrajectory(q[None], np.zeros((1, len(q))), np.array([value]))
             pad = length - len(own.q)
@@ -269,8 +253,7 @@ class Actor:
         return rows[:, : len(still)], rows[:, len(still) :]
 
     def advance(self, command: Floats, velocity: Floats) -> None:
-        """One physics step, recorded. Raises PlanFailure: step_limit, or excess_force if the robot
-        presses on something harder than allowed."""
+        """One physics step, recorded. Raises PlanFailure: step_limit, excess_force."""
         if self.simulation.steps >= self.max_steps:
             raise PlanFailure("step_limit", f"{self.max_steps} physics steps were not enough")
         self.simulation.step(command, velocity)

@@ -19,11 +19,10 @@ _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with t
 
 @dataclass(frozen=True)
 class GraspOptions:
-    """What a grasp is for. `kinds` restricts the candidates. Every entry of `goals` lists poses
-    (7,) of the body of which the same grasp must reach at least one later. `standoff` (m) is the
-    length of the straight line in, `pitch` (rad below the horizontal) the preferred approach. With
-    `leading` > 0 as many of the cheapest grasps are looked at, only one that leads to the goals is
-    taken, and the hand needs no room to a body that the other hand holds."""
+    """What a grasp is for: its `kinds`, and `goals`, lists of body poses (7,); the same grasp must
+    reach one pose of each later. `standoff` (m) is the length of the straight line in, `pitch` (rad
+    below the horizontal) the preferred approach. With `leading` > 0 only that many of the cheapest
+    grasps are looked at, one must lead to the goals, and the other hand may touch the body."""
 
     kinds: Sequence[str] | None = None
     goals: Sequence[Sequence[Pose]] = ()
@@ -34,9 +33,9 @@ class GraspOptions:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Grasps of a body, each as annotated and with the jaws exchanged (N in all). tcp poses (N,7)
-    in the body frame (`local`) and in the world (`tcp`), joints q (N,n) at the standoffs, indices
-    in reach, cheapest first (`order`), the largest width (m) between the jaws."""
+    """Grasps of a body, each as annotated and with the jaws exchanged (N in all): tcp poses (N,7)
+    in the body frame (`local`) and the world (`tcp`), and joints q (N,n) at the standoffs. `order`
+    are indices in reach, cheapest first, `opening` is the largest width (m) between the jaws."""
 
     grasps: list[Grasp]
     local: Floats
@@ -63,9 +62,8 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
     """Which directions (N,3) lie within GRASP.avoided of one of the unit vectors `avoid` (3,)."""
-    return np.any(
-        [directions @ other > np.cos(GRASP.avoided) for other in avoid], axis=0
-    ) & np.ones(len(directions), bool)
+    near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
+    return np.any(near, axis=0) & np.ones(len(directions), bool)
 
 
 def find_candidates(
@@ -105,8 +103,8 @@ def find_candidates(
 def leading_grasps(
     arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]
 ) -> Floats:
-    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of every entry
-    of `goals`."""
+    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of each of
+    `goals`."""
     local = _fitting(arm, name, annotated, GraspOptions())[1]
     ok = np.ones(len(local), bool)
     for goal in goals:
@@ -129,11 +127,8 @@ def _fitting(
         raise PlanFailure(
             "no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m"
         )
-    return (
-        grasps,
-        np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))]),
-        opening,
-    )
+    tcps = np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))])
+    return grasps, tcps, opening
 
 
 def _reaches_one(

@@ -1,4 +1,4 @@
-"""Choice of a grasp: all annotated candidates are solved at once, the cheapest one in reach is
+"""Choice of a grasp: all annotated candidates are solved at once, the cheapest in reach is
 taken."""
 
 from collections.abc import Callable, Iterator, Sequence
@@ -23,8 +23,8 @@ from pipeline.world.shapes import Collider
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """The motion to a grasp with the gripper at `jaws`: a free trajectory to the standoff, then a
-    straight line (K,n)."""
+    """The motion to a grasp with the gripper at `jaws`: to the standoff, then a straight line
+    (K,n)."""
 
     grasp: Grasp
     jaws: float
@@ -50,9 +50,9 @@ class _Checks:
 
 @dataclass(frozen=True, eq=False)
 class GraspChoice:
-    """The candidates of one body in one scene and what is known of each. `checks` hold for each
-    gripper value of GRASP.openings; `parts` tells whether a hand that holds the body now can open
-    and draw back from joints (n,) of this arm, its jaws at a value."""
+    """The candidates of one body in one scene, with `checks` by gripper value of GRASP.openings.
+    `parts` tells whether a hand that holds the body now can open and draw back from joints (n,) of
+    this arm, its jaws at a value."""
 
     arm: ArmPlanner
     name: str
@@ -63,12 +63,12 @@ class GraspChoice:
     parts: Callable[[Floats, float], bool]
 
     def lines(self) -> dict[int, Floats]:
-        """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand
-        can rise from the grasp then."""
-        found = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
+        """By candidate, cheapest first: joints (K,n) straight in from the standoff, if the hand can
+        rise from the grasp then."""
+        lines = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
         return {
             i: line
-            for i, line in found.items()
+            for i, line in lines.items()
             if line is not None and self.risen(i, line) is not None
         }
 
@@ -82,18 +82,18 @@ class GraspChoice:
         standoff on."""
         room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
         checks = self.checks[jaws]
-        free = (
+        return (
             self.found.grasps[i // 2].width <= room
             and checks.closing(line)
             and checks.standing(self.found.q[i])
+            and self.parts(line[-1], self._closed(i))
         )
-        return free and self.parts(line[-1], self._closed(i))
 
     def _closed(self, i: int) -> float:
         return min(1.0, self.found.grasps[i // 2].width / self.found.opening)
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether candidate i leaves room to other bodies on its line in and above, and leads to a
+        """Whether candidate i keeps away from other bodies on its line in and above, and leads to a
         pose of every goal."""
         passing, risen = self.checks[jaws].passing, self.risen(i, line)
         if risen is None or not passing(line) or not passing(risen):
@@ -105,8 +105,10 @@ class GraspChoice:
             for goal in self.goals
         )
 
-    def promising(self, tries: int = GRASP.tries) -> bool:
-        """Whether one of the `tries` cheapest candidates that can be taken leads to the goals."""
+    def promising(self) -> bool:
+        """Whether one of the GRASP.tries cheapest candidates that can be taken leads to the
+        goals."""
+        tries = GRASP.tries
         lines = self.lines()
         for jaws in GRASP.openings:
             for i, line in lines.items():
@@ -123,7 +125,7 @@ class GraspChoice:
 def search_of(
     actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: GraspOptions
 ) -> GraspChoice:
-    """The grasps of body `name` at the world pose `at`, in the scene of `arm`. Raises PlanFailure:
+    """The grasps of body `name` at world pose `at` in the scene of `arm`. Raises PlanFailure:
     no_grasp, grasp_unreachable."""
     found = find_candidates(
         arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, [])
@@ -144,24 +146,21 @@ def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
     giver = ArmPlanner(arm.planner, held.side, arm.scene, arm.rng)
     there = arm.scene.arms[held.side].expected
     back = giver.line(there, backed_off(giver.fk(there), HAND_OVER.draw_back))
-    rows, hands = (
-        there[None] if back is None else back,
-        arm.planner.world.between_arms({}, MARGINS.hands),
-    )
+    rows = there[None] if back is None else back
+    hands = arm.planner.world.between_arms({}, MARGINS.hands)
     if arm.side == "left":
         return lambda q, jaws: hands.first_blocked(q, rows, (jaws, 1.0)) is None
     return lambda q, jaws: hands.first_blocked(rows, q, (1.0, jaws)) is None
 
 
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
-    """Plan a grasp of body `name` where it stands, jaws opened less wide only where they must be.
-    Raises PlanFailure: no_grasp, grasp_unreachable, grasp_blocked."""
+    """Plan a grasp of body `name` where it is, the jaws as wide open as they can be. Raises
+    PlanFailure: no_grasp, grasp_unreachable, grasp_blocked."""
     return _plan(actor, actor.arm_planner(side), name, actor.pose(name), options)
 
 
 def can_take_over(actor: Actor, side: str, giver: str, q: Floats, options: GraspOptions) -> bool:
-    """Whether arm `side` finds a grasp of what arm `giver` holds once that one has joints q
-    (n,)."""
+    """Whether arm `side` finds a grasp of what arm `giver` holds once that has joints q (n,)."""
     arm, name = actor.arm_planner(side), actor.held[giver]
     body = compose(actor.planner.fk(giver, q), actor.in_hand(giver))
     try:
@@ -179,8 +178,7 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
 
     def preferred() -> Iterator[tuple[int, Floats, float]]:
         """Candidates that can be taken, cheapest first, with the line in and the gripper value.
-        `spare` keeps those that pass too near to other bodies or from which no goal is sure to be
-        reached."""
+        `spare` keeps those too near to other bodies, or that lead to no goal for sure."""
         for jaws in GRASP.openings:
             for i, line in lines.items():
                 if not search.free(i, line, jaws):
@@ -207,19 +205,16 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
                 to_standoff,
                 line if ending is None else ending,
             )
-    blocked = "grasp_blocked" if lines else "grasp_unreachable"
-    tcp = found.tcp[found.order]
     raise PlanFailure(
-        blocked,
+        "grasp_blocked" if lines else "grasp_unreachable",
         f"no grasp of {name} can be reached by the {arm.side} arm without touching something",
         arm,
-        tcp,
+        found.tcp[found.order],
     )
 
 
 def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands: float) -> _Checks:
-    """`near` are pairs that may touch where there must be room otherwise; `hands` (m) is the gap
-    between two hands."""
+    """`near` pairs need no room; `hands` (m) is the gap between two hands."""
     return _Checks(
         closing=arm.checker(jaws=jaws, margin=MARGINS.contact, hands=hands),
         standing=arm.checker(jaws=jaws),

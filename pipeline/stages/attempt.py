@@ -1,4 +1,4 @@
-"""One attempt at one spec: the three stages in a row, and what they cost by phase."""
+"""One attempt at one spec: the three stages, and what they cost by phase."""
 
 import time
 from collections import defaultdict
@@ -19,17 +19,15 @@ from pipeline.stages.replay import Demonstrator, Replay, expert_of
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
 
-GRASPS = 3
-"""Directions from which the target is grasped at most, one after another, until its motion fits."""
-
+GRASPS = 3  # directions from which the target is grasped at most, until its motion fits
 
 PAUSES = (0.7, 1.4)
-"""Seconds for which a robot that meets the target with something else than a grasp waits before its
-last move, in turn: what it took is out of the target's way by then."""
+"""Seconds for which a robot that does not grasp the target waits before its last move, in turn:
+what it took is out of the target's way by then."""
 
 
 class Phases:
-    """Seconds spent per phase, of wall time and of this process's processor time."""
+    """Wall and processor seconds by phase."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
@@ -45,8 +43,7 @@ class Phases:
             self.cpu[name] += time.process_time() - worked
 
     def record(self) -> dict[str, float]:
-        """For the index: wall seconds by phase, processor seconds under the same names with
-        ".cpu"."""
+        """Wall seconds by phase, and processor seconds by phase + ".cpu"."""
         return dict(self.seconds) | {f"{name}.cpu": seconds for name, seconds in self.cpu.items()}
 
 
@@ -63,8 +60,8 @@ class Rollout:
 
 
 def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
-    """Dry runs that differ, until one meets: each grasps the target from another side, or makes its
-    last move later. Raises Failure."""
+    """Dry runs, each of which grasps the target from another side or makes its last move later.
+    Raises Failure."""
     with phases("dry_run"):
         first = dry = dry_run(scene, fps)
     yield dry
@@ -87,11 +84,11 @@ def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
 
 
 def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
-    """A dry run, a motion of the target that fits it, and the physics steps of all dry runs.
+    """A dry run, a motion that fits it, and the physics steps of all dry runs. Raises Failure, that
+    of the first dry run if no other helps.
 
-    Where no motion fits, the target is grasped from another side, because a hand that comes in
-    level bars every path from its own side; or the robot waits before its last move. Raises
-    Failure, that of the first dry run if no other helps."""
+    A hand that comes in level bars every path from its own side; then the target is grasped from
+    another one, or the robot waits before its last move."""
     steps, refused = 0, list[Failure]()
     try:
         try:
@@ -119,18 +116,13 @@ def attempt(
     demonstrator: Demonstrator | None = None,
     frozen: Scene | None = None,
 ) -> Rollout:
-    """The three stages for one spec, in its `frozen` scene if there is one. A `demonstrator` does
-    the third, by default the expert that the setup names.
+    """The three stages for one spec, in its `frozen` scene if there is one; a `demonstrator` does
+    the third, by default the setup's expert.
 
-    Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and
-    OwnCodeError for an error in the code of a task from outside the package."""
-    steps, drawn, motion, meeting, demonstrator = (
-        0,
-        None,
-        None,
-        0.0,
-        demonstrator or expert_of(setup),
-    )
+    Raises Failure with `steps` and `drawn` set, and OwnCodeError for an error in the code of a task
+    from outside the package."""
+    steps, drawn, motion, meeting = 0, None, None, 0.0
+    demonstrator = demonstrator or expert_of(setup)
     try:
         with phases("scene"):
             scene = frozen or build_scene(spec, setup.ruling())

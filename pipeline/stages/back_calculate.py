@@ -1,5 +1,5 @@
 """Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting time.
-Its path is free: where everything was is known from the dry run on the same clock."""
+Its way is free of what the dry run has on the same clock."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
@@ -22,14 +22,10 @@ from pipeline.world.physics.body import TABLE_TOP, colliders_of
 from pipeline.world.shapes import Collider
 
 EARLY = 0.08  # s by which the first touch may come before the planned meeting
-
 MARGIN = 0.002  # m from the moving target that counts as a touch
-
-CLOSING = 0.4
-"""Time (s) before the meeting from which what does not grasp the target may come as near as NEAR:
-fingertips creep down on it."""
-
-NEAR = 0.00025  # m that counts as a touch then
+CLOSING, NEAR = 0.4, 0.00025
+"""Time (s) before the meeting from which what does not grasp the target may come nearer, and what
+(m) counts as a touch then: fingertips creep down on it."""
 
 NEVER = frozenset({"table"})  # bodies that the target may always touch
 
@@ -37,54 +33,45 @@ NEVER = frozenset({"table"})  # bodies that the target may always touch
 def beside(
     scene: Scene, dry: DryRun, name: str, moving: Mapping[str, TargetMotion]
 ) -> Callable[[TargetMotion], bool]:
-    """The test for a motion of a body beside the target: nothing comes within MARGIN of it until
-    the meeting, neither what the dry run moved nor what is `moving`, by name."""
+    """The test for a motion of a body beside the target: until the meeting nothing comes within
+    MARGIN of it, of what the dry run moved and what is `moving`."""
     poses = dry.sweep[: int(dry.meeting * SWEEP_HZ) + 1].copy()
     times = np.arange(len(poses)) / SWEEP_HZ
     for other, motion in moving.items():
         poses[:, dry.names.index(other)] = motion.pose(times)
-    waiting = {scene.task.target, *scene.task.movers} - set(moving)
+    waiting = {scene.task.target, *scene.task.movers} - moving.keys()
     pieces = _others(scene, dry, {name, *waiting})
     sweep = Sweep(pieces, poses, scene.bodies[name].instance.shape().collision, MARGIN)
     return lambda motion: sweep.first_contact(motion.pose(times)) is None
 
 
 class Clearance:
-    """The sweep of one dry run as moving collision pieces; `free(motion)` is the test for one
-    candidate."""
+    """The sweep of a dry run as moving collision pieces."""
 
     def __init__(self, scene: Scene, dry: DryRun) -> None:
         count = int((dry.meeting - EARLY) * SWEEP_HZ) + 1
         late = max(0, int((dry.meeting - CLOSING) * SWEEP_HZ)) if dry.approach is None else count
-        target, others = (
-            scene.bodies[scene.task.target].instance.shape().collision,
-            _others(scene, dry, {scene.task.target, *scene.task.movers}),
-        )
+        target = scene.bodies[scene.task.target].instance.shape().collision
+        self._others = _others(scene, dry, {scene.task.target, *scene.task.movers})
+        self._poses, self._times = dry.sweep[:count], np.arange(count) / SWEEP_HZ
         parts = [(np.arange(late), MARGIN), (np.arange(late, count), NEAR)]
         self._parts = [
-            (k / SWEEP_HZ, Sweep(others, dry.sweep[k], target, margin))
+            (k / SWEEP_HZ, Sweep(self._others, dry.sweep[k], target, margin))
             for k, margin in parts
             if len(k)
         ]
-        self._others, self._poses, self._times = (
-            others,
-            dry.sweep[:count],
-            np.arange(count) / SWEEP_HZ,
-        )
 
     def free(self, motion: TargetMotion) -> bool:
         """Whether nothing comes within MARGIN of the moving target, or of its solid scenery, until
         EARLY before the meeting; NEAR at the end."""
-        solid = [prop for prop in motion.scenery() if prop.solid]
-        return all(
-            sweep.first_contact(motion.pose(times)) is None for times, sweep in self._parts
-        ) and all(
-            Sweep(self._others, self._poses, colliders_of(prop), MARGIN).first_contact(
-                prop.pose(self._times)
-            )
-            is None
-            for prop in solid
-        )
+        if any(sweep.first_contact(motion.pose(t)) is not None for t, sweep in self._parts):
+            return False
+        for prop in motion.scenery():
+            if prop.solid:
+                sweep = Sweep(self._others, self._poses, colliders_of(prop), MARGIN)
+                if sweep.first_contact(prop.pose(self._times)) is not None:
+                    return False
+        return True
 
 
 def _others(scene: Scene, dry: DryRun, without: Collection[str]) -> list[tuple[int, Collider]]:
@@ -95,37 +82,32 @@ def _others(scene: Scene, dry: DryRun, without: Collection[str]) -> list[tuple[i
     }
     pieces: list[tuple[int, Collider]] = []
     for index, name in enumerate(dry.names):
-        if name in NEVER or name in without or (name in scene.bodies and scene.bodies[name].rides):
-            continue
-        collision = (
-            scene.bodies[name].instance.shape().collision if name in scene.bodies else links[name]
-        )
-        pieces += [(index, c) for c in collision]
+        body = scene.bodies.get(name)
+        if name not in NEVER | {*without} and not (body and body.rides):
+            collision = body.instance.shape().collision if body else links[name]
+            pieces += [(index, c) for c in collision]
     return pieces
 
 
 TAIL = 0.25  # s after the meeting for which the target must stay in workspace and view
 
 END_SPEED = 3.0
-"""Times alpha: the fastest a target may be at the meeting, where the average bound of levels 2 and
-3 allows any speed (up to 72 alpha in short last pieces)."""
+"""Times alpha: the fastest target at the meeting, where the average bound of levels 2 and 3 allows
+any speed (up to 72 alpha in short last pieces)."""
 
 JUMP = 4.0
 """Times alpha: the greatest jump of a level-3 target's velocity under `jumps: capped`. Of the
 paper's shapes over 3 s, 9 of 100 exceed it at alpha 0.1 and 20 at 0.3: only a blow does that."""
 
 LATE = (1.0, 0.8, 0.64, 0.5, 0.4, 0.3, 0.24)
-"""Shares of the time until the meeting for which the target moves under `start: late`; the first is
-taken that has room."""
+"""Shares of the time until the meeting for which the target moves under `start: late`, in order."""
 
-FAST = 0.1
-"""m/s; the alpha beyond which strict rules start targets late and cap jumps. Up to it nearly every
-motion has room."""
+FAST = 0.1  # m/s; the alpha beyond which strict rules start targets late and cap jumps
 
 
 def strictness(setup: Setup, alpha: float) -> tuple[tuple[float, ...], float | None]:
-    """Shares of the time until the meeting for which a target may move, tried in order. Also the
-    greatest jump (m/s) of its velocity at level 3, None for any."""
+    """Shares of the time until the meeting for which a target may move, in order. Also the greatest
+    jump (m/s) of its velocity at level 3, None for any."""
     fast = setup.rules == "strict" and alpha > FAST
     start = setup.start or ("late" if fast else "early")
     jumps = setup.jumps or ("capped" if fast else "drawn")
@@ -133,28 +115,25 @@ def strictness(setup: Setup, alpha: float) -> tuple[tuple[float, ...], float | N
 
 
 def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
-    """Draw the motions of the target and of the bodies that move beside it. Raises
-    Failure("back_calculate", "no_motion")."""
+    """Draw the motions of the target and of bodies that move beside it. Raises Failure:
+    no_motion."""
     task, clear = scene.task, Clearance(scene, dry)
     at = {n: relative(scene, n) for n, model in task.movers.items() if model == CARRIED}
     clear_of = {name: beside(scene, dry, name, {}) for name in at}
+
+    def free(motion: TargetMotion) -> bool:
+        return clear.free(motion) and all(
+            clear_of[name](Carried(motion, pose)) for name, pose in at.items()
+        )
+
     mover = Mover(task.target, setup.motion or task.motion, "target_motion", tuple(at))
-    found = _drawn(
-        scene,
-        dry,
-        setup,
-        mover,
-        lambda motion: (
-            clear.free(motion)
-            and all(clear_of[name](Carried(motion, pose)) for name, pose in at.items())
-        ),
-    )
+    found = _drawn(scene, dry, setup, mover, free)
     others: dict[str, TargetMotion] = {n: Carried(found, pose) for n, pose in at.items()}
     for name, model in task.movers.items():
         if name in at:
             continue
-        free = beside(scene, dry, name, {task.target: found, **others})
-        others[name] = _drawn(scene, dry, setup, Mover(name, model, f"motion/{name}"), free)
+        apart = beside(scene, dry, name, {task.target: found, **others})
+        others[name] = _drawn(scene, dry, setup, Mover(name, model, f"motion/{name}"), apart)
     return Company(found, others) if others else found
 
 
@@ -164,8 +143,7 @@ def relative(scene: Scene, name: str) -> Pose:
 
 
 class Mover(NamedTuple):
-    """A body that moves by a model; its motion is drawn from the streams `purpose`, and carries
-    `company` along."""
+    """A body that moves by a model, drawn from the streams `purpose`, and carries `company`."""
 
     name: str
     model: str
@@ -174,24 +152,21 @@ class Mover(NamedTuple):
 
 
 def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) -> TargetMotion:
-    """A motion of one body, seen by the head camera all along, that is `free`. Raises
-    Failure("back_calculate", "no_motion")."""
+    """A free motion of one body, seen by the head camera all along."""
     spec, body = scene.spec, scene.bodies[mover.name]
     half = middle(body.pose, body.instance) - body.pose[:3]
     own = quat_rotate(inverse(body.pose)[3:], half)
 
     def seen(path: Floats) -> NDArray[np.bool_]:
-        """Whether the head camera sees the middle of the body all along each path, of positions or
-        of poses."""
-        points = (
-            path + half if path.shape[-1] == 3 else path[..., :3] + quat_rotate(path[..., 3:], own)
-        )
+        """Whether the camera sees the body's middle all along paths of positions or of poses."""
+        middles = half if path.shape[-1] == 3 else quat_rotate(path[..., 3:], own)
+        points = path[..., :3] + middles
         return np.asarray(scene.sees(points, setup.camera).all(-1))
 
     moving, jump_limit = strictness(setup, spec.alpha)
     carried = [scene.bodies[name] for name in mover.company]
     try:
-        asked = MotionRequest(
+        request = MotionRequest(
             spec.level if spec.moving else 0,
             spec.alpha,
             dry.meeting,
@@ -213,6 +188,6 @@ def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) ->
             ),
         )
         streams = Streams(spec.slot_rng(mover.purpose), spec.rng(mover.purpose))
-        return back_calculate_motion(asked, streams, mover.model)
+        return back_calculate_motion(request, streams, mover.model)
     except NoMotion as no:
         raise Failure("back_calculate", "no_motion", str(no), drawn=no.features) from no

@@ -1,5 +1,5 @@
-"""Stage 1: run the task's expert on a target that stands still, and measure when it meets it
-(paper, appendix D.3)."""
+"""Stage 1: run the task's expert on a still target, and measure when it meets it (paper, appendix
+D.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
+from pipeline.expert.actor import Actor
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import Floats
 from pipeline.stages.failure import Failure, failing_as, no_success
@@ -19,8 +20,8 @@ DRY_RUN = "dry_run"
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """The difference of a dry run from the first: the target is grasped from other directions (3,)
-    than those of `avoid`, and the robot waits `pause` s before skill number `before` of `meet`."""
+    """What differs from the first dry run: the target is grasped from other directions (3,) than
+    those of `avoid`, and the robot waits `pause` s before skill number `before` of `meet`."""
 
     avoid: Sequence[Floats] = ()
     pause: float = 0.0
@@ -32,11 +33,11 @@ FIRST = Variation()
 
 @dataclass(eq=False)
 class DryRun:
-    """What the replay needs: the commands of the first half (M,A), when the meeting happened (s),
-    what was in which hand then, and the sweep: poses (S,B,7) of all bodies at 60 Hz, in the order
-    of `names`. `approach` is the direction (3,) from which the hand grasped the target, None for no
-    grasp; `skills` counts those of `meet`, whose `runs` are on the clock of the commands; the last
-    one begins in row `last`."""
+    """What the replay needs: commands of the first half (M,A), when the meeting happened (s), what
+    was in which hand then, and the sweep: poses (S,B,7) of all bodies `names` at 60 Hz. `approach`
+    is the direction (3,) from which the hand grasped the target, None for no grasp; `skills` counts
+    those of `meet`, whose `runs` are on the clock of the commands; the last begins in row
+    `last`."""
 
     commands: Floats
     velocities: Floats
@@ -52,8 +53,8 @@ class DryRun:
 
 
 def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
-    """Plan and run the whole script in the still scene; accept it only if the task succeeds there.
-    Raises Failure: a planning reason, early_meeting, no_meeting, or no_success."""
+    """Plan and run the whole script in the still scene. Raises Failure: a planning reason,
+    early_meeting, no_meeting, no_success."""
     task = scene.task
     end = scene.bodies[task.target].pose
     actor = scene.start(PlanarMotion.still(end, 1.0), fps, DRY_RUN)
@@ -65,11 +66,7 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
                 actor.wait(variation.pause)
             last_began = actor.simulation.time
             if actor.simulation.touched_by:
-                raise Failure(
-                    DRY_RUN,
-                    "early_meeting",
-                    f"{actor.simulation.touched_by} touched the target too soon",
-                )
+                raise _too_soon(actor)
             actor.perform(skill)
         half, runs = len(actor.stream.commands), actor.skills
         held, sweep, actor.sweeping = dict(actor.held), np.array(actor.sweep), False
@@ -79,11 +76,7 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         if meeting is None:
             raise Failure(DRY_RUN, "no_meeting", f"nothing touched the {task.target}")
         if meeting < last_began:
-            raise Failure(
-                DRY_RUN,
-                "early_meeting",
-                f"{actor.simulation.touched_by} touched the target too soon",
-            )
+            raise _too_soon(actor)
         actor.half = "finish"
         script = task.finish(actor)
         for skill in script:
@@ -92,9 +85,11 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         if conditions := failed(scene.conditions(actor.recorder.log())):
             raise no_success(DRY_RUN, conditions)
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    first, names = (
-        (commands[:half], velocities[:half], meeting, held, sweep),
-        actor.simulation.names,
-    )
+    first = commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names
     last = round(last_began * PHYSICS_HZ)
-    return DryRun(*first, names, actor.steps, approach, skills, last, runs)
+    return DryRun(*first, actor.steps, approach, skills, last, runs)
+
+
+def _too_soon(actor: Actor) -> Failure:
+    by = actor.simulation.touched_by
+    return Failure(DRY_RUN, "early_meeting", f"{by} touched the target too soon")

@@ -10,12 +10,9 @@ from pipeline.planning.failure import PlanFailure
 
 
 class Failure(Exception):
-    """An attempt that ends without an episode: the stage it reached, a reason code in snake case,
-    the physics steps it took.
-
-    `detail` is for people; `conditions` names the success conditions that did not hold; `drawn` are
-    the features of the target's motion, `motion` that motion and `meeting` (s) when it was to be
-    met; `log` is what was recorded.
+    """An attempt without an episode: its stage, a reason code in snake case, a `detail` for people,
+    and the success `conditions` that did not hold. `drawn` are the features of the target's
+    `motion`, `meeting` (s) is the planned one.
 
     Raise it without giving it a name first: a frame that refers to an exception which refers to the
     frame stays until garbage is collected, with 150 MB of images."""
@@ -40,15 +37,13 @@ class Failure(Exception):
 
 def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:
     """The Failure of an attempt at whose end these success conditions do not hold."""
-    return Failure(
-        stage, "no_success", f"does not hold at the end: {', '.join(conditions)}", conditions
-    )
+    why = f"does not hold at the end: {', '.join(conditions)}"
+    return Failure(stage, "no_success", why, conditions)
 
 
 @contextmanager
 def failing_as(stage: str, actor: Actor) -> Iterator[None]:
-    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure the steps and the
-    log."""
+    """Turn a PlanFailure into a Failure of `stage`; note steps and log on any Failure."""
     try:
         yield
     except PlanFailure as plan:

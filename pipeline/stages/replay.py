@@ -1,4 +1,4 @@
-"""Stage 3: the target moves and a demonstrator meets it, by its plan or by what it sees."""
+"""Stage 3: the target moves, and a demonstrator meets it by its plan or by what it sees."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -24,8 +24,7 @@ REPLAY, REACT = "replay", "react"
 
 @dataclass(eq=False)
 class Replay:
-    """The accepted rollout: its state log (events included) and the physics steps it took. `motion`
-    is that of the target as events have changed it, None for the one that was drawn."""
+    """An accepted rollout; `motion` is the target's if events have changed it."""
 
     log: StateLog
     steps: int
@@ -33,23 +32,23 @@ class Replay:
 
 
 class Demonstrator(Protocol):
-    """Does the third stage of an attempt, once a motion of the target fits the dry run."""
+    """Does the third stage of an attempt."""
 
     def describe(self) -> dict[str, Any]:
-        """The names that an episode has of it: `expert` and `corrects` of EpisodeMeta."""
+        """The fields `expert` and `corrects` of EpisodeMeta."""
         ...
 
     def check(self) -> None:
-        """Raise PolicyError if it cannot act, before anything is written."""
+        """Raise PolicyError if it cannot act."""
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         """The rollout of a scene whose target moves so. Raises Failure: missed (nothing touched the
-        target), early_meeting, a planning reason, no_success, or clutter_touched."""
+        target), early_meeting, a planning reason, no_success, clutter_touched."""
         ...
 
 
 class Planned(Demonstrator):
-    """The planned expert, which knows where and when it meets the target."""
+    """Knows where and when it meets the target."""
 
     def describe(self) -> dict[str, Any]:
         return {"expert": "planned"}
@@ -60,7 +59,7 @@ class Planned(Demonstrator):
 
 @dataclass(frozen=True)
 class Reactive(Demonstrator):
-    """The reactive expert, which sees the past of the target through its `sight`."""
+    """Sees the past of the target through its `sight`."""
 
     sight: Sight
 
@@ -72,25 +71,22 @@ class Reactive(Demonstrator):
 
 
 def expert_of(setup: Setup) -> Demonstrator:
-    """The expert that a setup names, whatever policy it corrects."""
     return Planned() if setup.reactive is None else Reactive(setup.reactive)
 
 
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
-    """Play the first half back while the target moves, then finish the script live.
+    """Play the first half back while the target moves, then finish live. Raises as `show`.
 
     The plan knows of no event. If one changes the target's motion before the meeting, the reactive
-    expert takes over, at the beginning of the last skill before the meeting if that has not begun.
-    Raises as `Demonstrator.show`."""
+    expert takes over, at the earliest when the last skill before the meeting begins."""
     actor = scene.start(motion, fps, REPLAY, ReactiveActor if scene.events else Actor)
     actor.recorder.watched = SIDES
     with failing_as(REPLAY, actor):
         if isinstance(actor, ReactiveActor):
             actor.attend(Sight(), scene.task.workspace, scene.spec.rng("sight"))
         rows, velocities = commands(actor, dry, motion)
-        runs = [
-            replace(run, end=len(rows)) if run.end == len(dry.commands) else run for run in dry.runs
-        ]
+        whole = len(dry.commands)
+        runs = [replace(run, end=len(rows)) if run.end == whole else run for run in dry.runs]
         changed = actor.play(
             rows, velocities, runs, until=lambda row: row >= dry.last and is_changed(actor)
         )
@@ -107,14 +103,13 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
 
 
 def is_changed(actor: Actor) -> bool:
-    """Whether an event has changed the motion of a target that nothing has touched yet."""
+    """Whether an event has changed the motion of a target that nothing has touched."""
     simulation = actor.simulation
     return isinstance(simulation.motion, Changed) and not simulation.touched_by
 
 
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
-    """Meet the target without knowing its motion, then finish the script live. Raises as
-    `Demonstrator.show`."""
+    """Meet the target without knowing its motion, then finish live. Raises as `show`."""
     actor = scene.start(motion, fps, REACT, ReactiveActor)
     actor.recorder.watched = SIDES
     with failing_as(REACT, actor):
@@ -124,8 +119,8 @@ def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
 
 
 def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[Floats, Floats]:
-    """Commands (M,A) of the dry run and their velocities; a hand that tracks the target moves
-    along. Raises PlanFailure."""
+    """Commands (M,A) of the dry run and their velocities; a hand that tracks moves along. Raises
+    PlanFailure."""
     tracking = next((run for run in dry.runs if run.skill == TRACK), None)
     if tracking is None or not motion.level:
         return dry.commands, dry.velocities
@@ -134,8 +129,7 @@ def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[Floats, F
 
 
 def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
-    """Finish the script live after the meeting, and judge the episode. Raises PlanFailure and
-    Failure of `stage`."""
+    """Finish the script live and judge the episode. Raises PlanFailure and Failure of `stage`."""
     actor.half = "finish"
     # named: an error in a skill is reported at the line that yielded it
     script = scene.task.finish(actor)

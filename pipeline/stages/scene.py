@@ -34,23 +34,15 @@ from pipeline.world.robots.contract import Embodiment
 
 
 def held_by(task: Task, embodiment: Embodiment) -> Hold:
-    """What has hold of a task's target.
-
-    In an interception task both fingers of one hand; in a tracking task the body that is brought to
-    it, or any link of an arm where the target is pressed."""
-    arms = embodiment.arms
+    """What has hold of a task's target. In an interception task both fingers of one hand; in a
+    tracking task the body that is brought to it, or any link that presses it."""
+    arms = embodiment.arms.items()
     if task.category != TRACKING:
-        return Hold(
-            tuple(
-                tuple(frozenset({f"{side}_{name}"}) for name in arm.gripper.fingers)
-                for side, arm in arms.items()
-            )
-        )
+        hands = ([frozenset({f"{s}_{finger}"}) for finger in a.gripper.fingers] for s, a in arms)
+        return Hold(tuple(map(tuple, hands)))
     if task.manipulated != task.target:
         return Hold(((frozenset({task.manipulated}),),))
-    return Hold(
-        ((frozenset(f"{side}_{link.name}" for side, arm in arms.items() for link in arm.links),),)
-    )
+    return Hold(((frozenset(f"{side}_{link.name}" for side, arm in arms for link in arm.links),),))
 
 
 FRAME_MARGIN = 4.0  # pixels between the target and the border of the head camera's image (D435)
@@ -59,8 +51,8 @@ FRAME_MARGIN = 4.0  # pixels between the target and the border of the head camer
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms.
-    The last `bodies` are the distractors, whose names `clutter` lists. `scenery` is only seen.
-    `looks` and `sentences` (by split) are those of a frozen scene, in place of drawn ones."""
+    `clutter` names the distractors, the last `bodies`; `scenery` is only seen. A frozen scene has
+    `looks` and `sentences` (by split) of its own."""
 
     spec: EpisodeSpec
     task: Task
@@ -85,10 +77,8 @@ class Scene:
 
     @cached_property
     def events(self) -> tuple[DrawnEvent, ...]:
-        """The events of the rules with all numbers drawn, from streams of their own."""
+        """The events of the rules, drawn from streams of their own."""
         spec = self.spec
-        if not self.rules.events:
-            return ()
         return draw_events(self.rules.events, spec.rng("events"), spec.slot_rng("events"))
 
     def _script(self, motion: Motion) -> EventScript | None:
@@ -101,21 +91,19 @@ class Scene:
 
     @property
     def goal(self) -> str:
-        """The body that an event moves as the goal: the first one that is neither the target, nor
-        handled, nor in another; "" for none."""
+        """The body that an event moves as the goal: the first that is neither target, nor handled,
+        nor in another; "" for none."""
         own = (self.task.target, self.task.manipulated, *self.clutter)
         bodies = (name for name, body in self.bodies.items() if name not in own)
         return next((name for name in bodies if not self.bodies[name].inside), "")
 
     def start[A: Actor](self, motion: Motion, fps: int, purpose: str, expert: type[A] = Actor) -> A:
-        """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies
-        do not come to rest."""
+        """A settled simulation with its recorder and expert. Raises Failure("unstable")."""
         contact = self.rules.after_touch(self.task.category)
         after = held_by(self.task, self.embodiment) if contact == "hold" else contact
-        bodies = tuple(self.bodies.values())
         simulation = Simulation(
             self.embodiment,
-            bodies,
+            tuple(self.bodies.values()),
             self.task.target,
             motion,
             after_touch=after,
@@ -124,11 +112,8 @@ class Scene:
             script=None if purpose == "dry_run" else self._script(motion),
         )
         if not simulation.settle():
-            raise Failure(
-                purpose,
-                "unstable",
-                f"a body still moves, or touches {self.task.target}, before the start",
-            )
+            why = f"a body still moves, or touches {self.task.target}, before the start"
+            raise Failure(purpose, "unstable", why)
         return expert(
             simulation,
             Recorder(simulation, fps),
@@ -139,32 +124,27 @@ class Scene:
         )
 
     def _imperfect(self, purpose: str) -> ImperfectDrives | None:
-        """The drives' errors, if the rules have some: a plan is played back with other ones than it
-        was made with."""
+        """A plan is played back with other errors of drives than it was made with."""
         if self.rules.drive is None:
             return None
         stream = "drive/dry_run" if purpose == "dry_run" else "drive"
         return ImperfectDrives(self.rules.drive, self.embodiment, self.spec.rng(stream))
 
     def sees(self, points: Floats, camera: str = "D435") -> NDArray[np.bool_]:
-        """Which world points (..., 3) the head camera has in its image, with a margin, and no
+        """Which world points (...,3) the head camera has in its image, with a margin and no
         distractor before them."""
         head = cameras_of(self.embodiment, camera)[0]
         blockers = [self.bodies[name] for name in self.clutter]
-        return visible(head.type, head.pose, points, FRAME_MARGIN) & ~occluded(
-            blockers, head.pose, points
-        )
+        in_view = visible(head.type, head.pose, points, FRAME_MARGIN)
+        return in_view & ~occluded(blockers, head.pose, points)
 
     def outcome(self, log: StateLog) -> Outcome:
         return Outcome(log, self.bodies, self.embodiment, self.task.target, self.rules)
 
     def wording(self) -> Wording:
-        """What the instructions are made from, without the distractors."""
-        words = {
-            name: body.instance.words()
-            for name, body in self.bodies.items()
-            if name not in self.clutter
-        }
+        """What the instructions are made from."""
+        own = (name for name in self.bodies if name not in self.clutter)
+        words = {name: self.bodies[name].instance.words() for name in own}
         task, moving = self.task, self.spec.moving
         return Wording(task.seen, task.unseen, words, self.arms, moving, self.choices)
 
@@ -174,17 +154,15 @@ class Scene:
         return self.task.choices(self.bodies)
 
     def touched_distractor(self, log: StateLog) -> str:
-        """The first distractor that anything but the table and other distractors touched; "" for
-        none."""
+        """The first distractor that anything but the table and distractors touched; "" for none."""
         return next((event.by for event in log.events if event.name == "clutter_touched"), "")
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
-        """The success conditions of the task at the end of the log, by name."""
+        """The success conditions at the end of the log, by name."""
         return self.task.conditions(self.outcome(log), self.arms)
 
     def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
-        """Which success conditions (T,) hold at the end of the log cut after each frame, by
-        name."""
+        """Which conditions (T,) hold at the end of the log cut after each frame, by name."""
         outcome = self.outcome(log)
         rows = [
             self.task.conditions(outcome.until(frames), self.arms)
@@ -197,7 +175,7 @@ class Scene:
 
 
 def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
-    """Lay out the scene of a spec; a pure function of it and of the rules. Raises
+    """Lay out the scene of a spec; a pure function of it and the rules. Raises
     Failure("layout")."""
     task = TASKS[spec.task]
     embodiment = embodiment_of(spec, rules.layout, stance_of(spec))
@@ -216,7 +194,7 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
 
 
 def success_time(scene: Scene, log: StateLog) -> float | None:
-    """Time (s) from which all success conditions hold until the end of the log, or None."""
+    """Time (s) from which all success conditions hold until the end, or None."""
     outcome, since = scene.outcome(log), None
     for frames in range(len(log), 0, -1):
         if failed(scene.task.conditions(outcome.until(frames), scene.arms)):
@@ -226,8 +204,8 @@ def success_time(scene: Scene, log: StateLog) -> float | None:
 
 
 def rest(actor: Actor, task: Task, seconds: float = 0.4) -> None:
-    """Hold still at the end of a script so that released bodies come to rest; a target still on its
-    motion stops."""
+    """Hold still after a script, so that released bodies, and a target on its motion, come to
+    rest."""
     actor.simulation.release()
     actor.wait(seconds)
     actor.wait((-actor.simulation.steps % (PHYSICS_HZ // actor.recorder.fps)) / PHYSICS_HZ)

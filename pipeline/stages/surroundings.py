@@ -1,5 +1,5 @@
-"""What the randomized domain changes around a task, besides looks: table height, head camera and
-clutter, each from its own stream of the spec."""
+"""What the randomized domain changes around a task: table height, head camera and clutter, each
+from its own stream of the spec."""
 
 from typing import NamedTuple
 
@@ -17,39 +17,15 @@ from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment, arm_poses
 from pipeline.world.robots.pairs import looking, raised
 
-TABLE_DROP = 0.03  # m by which the table is lower at most; the robot stands higher instead
-
+TABLE_DROP = 0.03  # m by which the table is lower at most; the robot is higher instead
 CAMERA_SHIFT, CAMERA_TURN = 0.006, np.radians(1.0)  # m, rad along and about each axis
 
 CLUTTER_FAMILIES = (
-    *(
-        "alarm_clock",
-        "bell",
-        "bread",
-        "can",
-        "coaster",
-        "coffee_box",
-        "fan",
-        "mouse",
-        "phone",
-        "phone_stand",
-        "pill_bottle",
-    ),
-    *(
-        "playing_cards",
-        "qr_sign",
-        "remote",
-        "rubiks_cube",
-        "sauce_can",
-        "scanner",
-        "seal",
-        "soap",
-        "stapler",
-        "tea_box",
-    ),
-    *("toy_car", "wooden_block"),
+    *("alarm_clock", "bell", "bread", "can", "coaster", "coffee_box", "fan", "mouse", "phone"),
+    *("phone_stand", "pill_bottle", "playing_cards", "qr_sign", "remote", "rubiks_cube"),
+    *("sauce_can", "scanner", "seal", "soap", "stapler", "tea_box", "toy_car", "wooden_block"),
 )
-"""Small families of few collision pieces that stand where they are put."""
+"""Small families of few collision pieces that stay where they are put."""
 
 CLUTTER_TRIES = 20
 TASK_GAP = 0.08  # m kept from the bodies of the task, room for a hand
@@ -60,13 +36,13 @@ HANDS, LOW = ((-0.33, -0.35), (0.33, 0.0)), 0.06
 
 
 def table_drop(spec: EpisodeSpec) -> float:
-    return (
-        0.0 if spec.domain == "clean" else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
-    )
+    """How much (m) lower the table is."""
+    clean = spec.domain == "clean"
+    return 0.0 if clean else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
 
 
 class Stance(NamedTuple):
-    """By how much (m) the table is lower, and `shift` (m) and `turn` (rad) of the head camera."""
+    """By how much (m) the table is lower, and shift (m) and turn (rad) of the head camera."""
 
     drop: float
     shift: tuple[float, float, float]
@@ -82,7 +58,7 @@ def stance_of(spec: EpisodeSpec) -> Stance | None:
 
 
 def embodiment_of(spec: EpisodeSpec, layout: Layout, stance: Stance | None) -> Embodiment:
-    """The robot of a spec, at its height above the table and with its head camera."""
+    """The robot of a spec at its height, with its head camera."""
     embodiment = get_embodiment(spec.embodiment, layout)
     if stance is None:
         return embodiment
@@ -93,7 +69,7 @@ def clutter(
     spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, rules: Rules = STRICT
 ) -> dict[str, Body]:
     """Distractors on the table by name, as many as the rules ask for and find room: of other kinds
-    than the task's `bodies`, apart from all, and occluding none of them from the head camera."""
+    than the task's `bodies`, apart from all, and occluding none from the head camera."""
     if spec.domain == "clean":
         return {}
     rng = spec.rng("clutter")
@@ -109,18 +85,11 @@ def clutter(
         instance = drawn_kind(family, rules, rng).draw(rng)
         if used & _nouns(instance):
             continue
-        x, y, yaw = rng.uniform(-1, 1, (3, CLUTTER_TRIES)) * [
-            [TABLE_HALF[0]],
-            [TABLE_HALF[1]],
-            [np.pi],
-        ]
+        size = [[TABLE_HALF[0]], [TABLE_HALF[1]], [np.pi]]
+        x, y, yaw = rng.uniform(-1, 1, (3, CLUTTER_TRIES)) * size
         for k in range(CLUTTER_TRIES):
-            body = Body(
-                f"clutter_{len(found) + 1}",
-                name_of(instance),
-                instance,
-                yawed((x[k], y[k], TABLE_TOP), yaw[k]),
-            )
+            at = yawed((x[k], y[k], TABLE_TOP), yaw[k])
+            body = Body(f"clutter_{len(found) + 1}", name_of(instance), instance, at)
             if (
                 _free(body, bodies, found, links)
                 and not occluded([body], embodiment.head_camera, middles).any()
@@ -131,8 +100,8 @@ def clutter(
 
 
 def occluded(blockers: list[Body], camera: Pose, points: Floats) -> NDArray[np.bool_]:
-    """Which world points (..., 3) a camera above the table cannot see because a body, taken as an
-    upright cylinder, is in front."""
+    """Which world points (...,3) a camera above the table cannot see for a body before them, taken
+    as an upright cylinder."""
     out = np.zeros(points.shape[:-1], bool)
     for body in blockers:
         shape = body.instance.shape()
@@ -158,11 +127,8 @@ def _free(body: Body, bodies: dict[str, Body], found: dict[str, Body], links: Fl
         return False
     if top > TABLE_TOP + LOW and _distance(at, np.array(HANDS)) < radius:
         return False
-    if any(
-        np.linalg.norm(at - o.pose[:2])
-        < radius + o.instance.shape().footprint_radius() + CLUTTER_GAP
-        for o in found.values()
-    ):
+    others = [(o.pose[:2], o.instance.shape().footprint_radius()) for o in found.values()]
+    if any(np.linalg.norm(at - p) < radius + other + CLUTTER_GAP for p, other in others):
         return False
     low = links[links[:, 0, 2] < top + ARM_GAP]
     if any(_distance(at, box[:, :2]) < radius + ARM_GAP for box in low):
@@ -175,7 +141,7 @@ def _free(body: Body, bodies: dict[str, Body], found: dict[str, Body], links: Fl
 
 
 def _distance(point: Floats, box: Floats) -> float:
-    """Distance (m) of a point (2,) from a rectangle (2,2) of lower and upper corner; 0 inside."""
+    """Distance (m) of a point (2,) from a rectangle (2,2) of lower and upper corner, 0 inside."""
     return float(np.linalg.norm(np.maximum(np.maximum(box[0] - point, point - box[1]), 0.0)))
 
 

@@ -120,12 +120,3 @@ def test_a_failed_write_is_not_renamed(tmp_path):
         temporary.write_bytes(b"half")
         raise ValueError("half")
     assert everything(tmp_path) == []
-
-
-def test_what_a_process_with_a_reused_number_left_is_swept(tmp_path):
-    mine = temporary_name(tmp_path / "file")
-    mine.touch()
-    assert sweep(tmp_path) == 0
-    os.utime(mine, (1e9, 1e9))  # before this process began
-    assert sweep(tmp_path) == 1
-    assert everything(tmp_path) == []

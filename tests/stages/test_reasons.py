@@ -1,6 +1,7 @@
-"""Every reason for which an attempt can fail has a hint."""
+"""docs/add_a_task.md names every reason for which an attempt can fail."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pipeline
 from pipeline.crew.contract import Died
 from pipeline.motion.models.planar import REASONS
 from pipeline.stages.failure import no_success
-from pipeline.stages.reasons import HINTS, NO_MOTION_HINTS, hint
+from pipeline.stages.reasons import reasons_in
 
 ROOT = Path(pipeline.__file__).parent
 
@@ -48,23 +49,24 @@ def raised() -> set[str]:
     return found
 
 
-def test_every_reason_has_a_hint_and_every_hint_a_reason():
+def test_the_page_names_every_reason_and_no_other():
+    page = (
+        (ROOT.parent / "docs" / "add_a_task.md").read_text().partition("## Reasons of failure")[2]
+    )
     # for which no attempt is blamed
     lost = {*Died.__annotations__["reason"].__args__} - {"node_lost"}
     reasons = raised() | {no_success("replay", ()).reason} | lost
     assert {"grasp_blocked", "place_unreachable", "missed", "no_motion"} <= reasons
-    assert reasons == set(HINTS)
+    assert reasons == set(re.findall(r"(?m)^\| `(\w+)` \|", page))
+    assert set(re.findall(r"(?m)^\| `no_motion`, mostly `(\w+)` \|", page)) == set(REASONS)
 
 
-def test_every_check_of_a_motion_has_a_hint():
-    assert set(NO_MOTION_HINTS) == set(REASONS)
-
-
-def test_the_hint_for_no_motion_is_about_what_refused_most():
+def test_the_motions_that_each_check_refused_are_counted():
     details = (
         "no motion of level 3 at alpha 0.1 m/s over 2 s: workspace 10, blocked 8",
         "blocked 5",
     )
-    assert hint("no_motion", details) == NO_MOTION_HINTS["blocked"]
-    assert hint("no_motion", ["no candidate was allowed"]) == HINTS["no_motion"]
-    assert hint("gremlins") == ""
+    [reason] = reasons_in(("back_calculate", "no_motion", text, ()) for text in details)
+    assert reason.detail == "motions refused: blocked 13, workspace 10"
+    [reason] = reasons_in([("back_calculate", "no_motion", "no candidate was allowed", ())])
+    assert reason.detail == "no candidate was allowed"

@@ -35,11 +35,9 @@ EventKind = Literal[
 Phase = Literal["approach", "near", "after"]
 Trigger = Literal["time", "share", "distance", "phase", "meeting", "after"]
 
-NEAR = 0.15
-"""Distance (m) of a tool from the target at which the phase `near` begins."""
+NEAR = 0.15  # m of a tool from the target at which the phase `near` begins
 
-FIRED, ENDED, WITHHELD = "event", "event_end", "event_withheld"
-"""Names in a state log (`by` is the event's) of what happens, ends, or would have happened."""
+FIRED, ENDED, WITHHELD = "event", "event_end", "event_withheld"  # in a state log, `by` the event
 
 AMOUNTS = {
     "speed": 2.0,
@@ -50,14 +48,11 @@ AMOUNTS = {
     "light": 0.15,
     "latency": 0.3,
 }
-"""The default by kind: factor; m/s; m/s; m; m that are covered around the target; share of
-the light that stays; s."""
+"""Defaults: factor; m/s; m/s; m; m covered around the target; share of the light that stays; s."""
 
-LASTING = {"slip": 0.2}
-"""The default seconds of a kind that ends by itself."""
-
-CHANGES = ("stop", "reverse", "speed", "push")
-"""Kinds that change the motion of the target."""
+LASTING = {"slip": 0.2}  # default seconds of a kind that ends by itself
+CHANGES = ("stop", "reverse", "speed", "push")  # kinds that change the target's motion
+OF_CAMERAS = {"light", "freeze"}  # kinds that change images of single cameras
 
 TRIGGERS = {
     "time": (0, 60),
@@ -68,12 +63,9 @@ TRIGGERS = {
 }
 """Least and most number of each trigger but `phase`."""
 
-OF_CAMERAS = {"light", "freeze"}
-"""Kinds that change images of single cameras."""
-
 
 def _within(low: float, high: float) -> BeforeValidator:
-    """A check for a number, or a pair of them to draw from, from `low` to `high`."""
+    """A check for a number, or a pair of them, from `low` to `high`."""
 
     def check(value: Any) -> Any:
         ends = value if isinstance(value, list | tuple) else (value, value)
@@ -89,7 +81,7 @@ def _within(low: float, high: float) -> BeforeValidator:
 
 
 def _known(value: Any) -> Any:
-    """Raise ValueError for what is neither a kind nor a list of kinds."""
+    """Raise ValueError for neither a kind nor a list of kinds."""
     kinds = value if isinstance(value, list | tuple) and value else [value]
     if any(kind not in get_args(EventKind) for kind in kinds):
         raise ValueError(f"must be one of {', '.join(get_args(EventKind))}")
@@ -104,9 +96,9 @@ class _Strict(BaseModel):
 
 
 class When(_Strict):
-    """When an event happens: at a `time` (s), or a `share` of the time until the planned meeting.
-    Or at a `distance` (m) of a tool from the target, or at the begin of a `phase`. Or so many s
-    after the `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
+    """When an event happens: at a `time` (s) or a `share` of the time until the planned meeting. Or
+    at a `distance` (m) of a tool from the target or the begin of a `phase`. Or so many s after the
+    `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
 
     time: Annotated[_Number, _within(*TRIGGERS["time"])] | None = None
     share: Annotated[_Number, _within(*TRIGGERS["share"])] | None = None
@@ -118,7 +110,7 @@ class When(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _word(cls, value: Any) -> Any:
-        """ "meeting" stands for {meeting: 0}."""
+        """ "meeting" is {meeting: 0}."""
         return {"meeting": 0.0} if value == "meeting" else value
 
     @model_validator(mode="after")
@@ -133,9 +125,9 @@ class When(_Strict):
 
 
 class EventSpec(_Strict):
-    """An event of a recipe or of an evaluation; of several kinds one is drawn. `lasts` (s) ends it,
-    None never; `amount` is in the unit of its kind (AMOUNTS); `cameras` are those that freeze or
-    darken, all if none is named."""
+    """An event of a recipe or an evaluation; of several kinds one is drawn. It ends after `lasts`
+    (s), if given; `amount` is in the unit of its kind (AMOUNTS); `cameras` freeze or darken, by
+    default all."""
 
     kind: Annotated[EventKind | tuple[EventKind, ...], BeforeValidator(_known)]
     when: When = When(share=0.6)
@@ -146,7 +138,7 @@ class EventSpec(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _short(cls, value: Any) -> Any:
-        """ "stop@0.8", "stop@share=0.6", "stop@meeting" and "stop@near" in one word."""
+        """ "stop@0.8", "stop@share=0.6", "stop@meeting" and "stop@near"."""
         if not isinstance(value, str):
             return value
         kind, _, when = value.partition("@")
@@ -161,9 +153,8 @@ class EventSpec(_Strict):
         try:
             at = float(number if named else when)
         except ValueError:
-            raise ValueError(
-                "is not written as KIND@WHEN, such as stop@0.8, stop@near or stop@share=0.6"
-            ) from None
+            form = "KIND@WHEN, such as stop@0.8, stop@near or stop@share=0.6"
+            raise ValueError(f"is not written as {form}") from None
         return {"kind": kind, "when": {trigger if named else "time": at}}
 
     @property
@@ -191,7 +182,7 @@ class EventSpec(_Strict):
 
     @property
     def label(self) -> str:
-        """One word for tables and paths."""
+        """A word for tables and paths."""
         value = getattr(self.when, self.when.trigger)
         number = "-".join(f"{v:g}" for v in value) if isinstance(value, tuple) else value
         kind = self.kind if isinstance(self.kind, str) else "-".join(self.kind)
@@ -214,12 +205,12 @@ Events = Annotated[
     BeforeValidator(_listed),
     AfterValidator(_in_turn),
 ]
-"""Events of a setup; one may stand for a list of it, and none for no event."""
+"""Events of a setup, or one; "none" for no event."""
 
 
 class DrawnEvent(_Strict):
-    """An event of one episode, all its numbers drawn: it happens when its `trigger` reaches `value`
-    (a phase by its name), ends `lasts` s later, never for None; `turn` (rad) is its direction."""
+    """An event with all numbers drawn: it happens when its `trigger` reaches `value` (a phase by
+    name), ends `lasts` s later, if given; `turn` (rad) is its direction."""
 
     name: str
     kind: EventKind
@@ -231,16 +222,15 @@ class DrawnEvent(_Strict):
     cameras: tuple[str, ...] = ()
 
     def shows(self, camera: str) -> bool:
-        """Whether it changes the images of a camera, given by its name in a file."""
+        """Whether it changes the images of a camera of this name in a file."""
         return not self.cameras or camera in self.cameras
 
 
 def draw_events(
     specs: Sequence[EventSpec], rng: np.random.Generator, kinds: np.random.Generator
 ) -> tuple[DrawnEvent, ...]:
-    """The events of an episode from two random streams, of their numbers and of their `kinds`.
-    Every event takes as many draws, whatever its kind; a second one of a kind is named with its
-    number."""
+    """The events of an episode from two random streams, of numbers and of `kinds`. Every event
+    takes as many draws, whatever its kind; a second one of a kind is named with its number."""
     seen, drawn = Counter[str](), list[DrawnEvent]()
     for spec in specs:
         choice = (spec.kind,) if isinstance(spec.kind, str) else spec.kind
@@ -272,7 +262,7 @@ def _number(value: float | tuple[float, float], share: float) -> float:
 
 
 class Span(NamedTuple):
-    """An event that happened, from its `start` to its `end` (s), inf for none."""
+    """An event that happened, from `start` to `end` (s), inf for none."""
 
     event: DrawnEvent
     start: float
@@ -284,7 +274,7 @@ class Span(NamedTuple):
 
 
 def spans(drawn: Sequence[DrawnEvent], log: Sequence[Event]) -> list[Span]:
-    """The events of `drawn` that a log says happened, in the order of their names in it."""
+    """The events of `drawn` that a log says happened."""
     starts = {event.by: event.time for event in log if event.name == FIRED}
     ends = {event.by: event.time for event in log if event.name == ENDED}
     return [

@@ -14,38 +14,29 @@ from h5py import h5d, h5g, h5o, h5s  # pyright: ignore[reportAttributeAccessIssu
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from pipeline.data.episode.hdf5 import (
-    HASHES,
-    check_dataset,
-    content_hashes,
-    differing,
-    is_kind,
-    open_hdf5,
-)
+from pipeline.data.episode.hdf5 import HASHES, check_dataset, content_hashes, differing, open_hdf5
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, stated_size
 from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.episode.state_log import Event, SkillRun, StateLog, Touch, as_contacts
+from pipeline.data.episode.state_log import Event, SkillRun, StateLog, Touch
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
 
-SCHEMA = 4
-"""Version of the layout (docs/formats.md): a file of another one is not read."""
+SCHEMA = 4  # version of the layout (docs/formats.md): a file of another one is not read
 
 FIRST_CONTACT, ATTEMPTS = "interception/first_contact", "attempts"
 INFLATION = 4000  # no dataset is larger than its file by more: gzip shortens a thousandfold
 
-_FAULTS = (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
-"""What h5py and the parsers of texts raise for damage, depending on which byte it is."""
+_FAULTS = (AttributeError, OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
+"""What h5py and the parsers of texts raise for damage."""
 
 
 @dataclass(eq=False)
 class Episode:
-    """What one file holds, but for images, which `EpisodeFile` reads on demand.
+    """What one file holds but images, which `EpisodeFile` reads on demand.
 
-    `motion` is TargetMotion.to_json(); `interception` has the arrays of that group, first contacts
-    left out (motion/recorded.py); `attempts` are those at its slot (data/slots/records.py,
-    `untimed`), none of a variant."""
+    `motion` is TargetMotion.to_json(), `interception` the arrays of that group without first
+    contacts, `attempts` those at its slot (data/slots/records.py, `untimed`), none of a variant."""
 
     spec: EpisodeSpec
     log: StateLog
@@ -83,7 +74,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
 
     @contextmanager
     def _reading(self, what: str) -> Iterator[None]:
-        """Raise EpisodeError for what h5py and the parsers of texts make of damage."""
+        """Raise EpisodeError for damage."""
         try:
             yield
         except _FAULTS as error:
@@ -95,12 +86,12 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         raise EpisodeError(f"{self.path}: has no frames")
 
     def has(self, key: str) -> bool:
-        """Whether the file holds a dataset or group."""
+        """Whether the file has a dataset or group."""
         with self._reading(f"{key} cannot be read"):
             return key in self._file
 
     def array(self, key: str) -> NDArray[Any]:
-        """One dataset, whole, e.g. "joint_state/vector" (T,A)."""
+        """A whole dataset, e.g. "joint_state/vector" (T,A)."""
         dataset = self._check(key)
         with self._reading(f"{key} cannot be read"):
             if dataset.get_space().get_simple_extent_type() == h5s.NULL:
@@ -108,23 +99,18 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             values = np.empty(dataset.shape, dataset.dtype)
             dataset.read(h5s.ALL, h5s.ALL, values)
         if values.dtype.kind == "f" and not np.isfinite(values).all():
-            name = key.replace("/", " ")
-            raise EpisodeError(f"{self.path}: {name} holds values that are not finite")
+            raise EpisodeError(f"{self.path}: {key} holds values that are not finite")
         return values
 
     def _optional(self, key: str) -> NDArray[Any] | None:
         return self.array(key) if self.has(key) else None
 
     def _check(self, key: str) -> Any:
-        """The identifier of a dataset that an episode may have."""
         found: Any = self._get(key)
         if not isinstance(found, h5d.DatasetID):
             raise EpisodeError(f"{self.path}: has no {key}")
         with self._reading(f"{key} cannot be read"):
             check_dataset(found)
-            fits = is_kind(key, found.dtype, found.rank)
-        if not fits:
-            raise EpisodeError(f"{self.path}: {key} is of another type or rank than an episode's")
         size = found.get_space().get_simple_extent_npoints() * found.get_type().get_size()
         if size > INFLATION * self._bytes:
             raise EpisodeError(f"{self.path}: {key} claims {size} bytes, more than the file holds")
@@ -137,14 +123,14 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         return h5py.Group(found)
 
     def _get(self, key: str) -> object:
-        """The identifier of a dataset or group, or None: h5py's objects cost several times as
-        much."""
+        """The identifier of a dataset or group, or None: h5py's objects are several times
+        slower."""
         with self._reading(f"{key} cannot be read"), suppress(KeyError):
             return h5o.open(self._file.id, key.encode())
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Camera names, sorted."""
+        """Sorted names."""
         with self._reading("observation cannot be read"):
             names = tuple(self._group("observation"))
         if wrong := [name for name in names if not is_name(name)]:
@@ -154,13 +140,11 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
 
     @property
     def spec(self) -> EpisodeSpec:
-        """The spec the episode was made from."""
         with self._reading("its spec cannot be used"):
             return EpisodeSpec.from_json(str(self._file.attrs["spec"]))
 
     @cached_property
     def meta(self) -> EpisodeMeta:
-        """What the episode says about itself."""
         try:
             with self._reading("has no attribute meta"):
                 text = str(self._file.attrs["meta"])
@@ -172,31 +156,30 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
 
     @property
     def fps(self) -> int:
-        """Frames per second, exact."""
         return self.meta.fps
 
     def instructions(self, split: str = "seen") -> list[str]:
-        """The instructions of a split, "seen" or "unseen"."""
+        """The instructions of split "seen" or "unseen"."""
         with self._reading(f"instruction/{split} is no list of texts"):
             return [s.decode() for s in self.array(f"instruction/{split}")]
 
     def jpeg(self, camera: str, frame: int) -> bytes:
-        """Encoded JPEG bytes of one frame (true RGB for any standard reader)."""
+        """One frame as JPEG (true RGB)."""
         key = f"observation/{camera}/rgb"
         with self._reading(f"{key} cannot be read"):
             return bytes(h5py.Dataset(self._check(key))[frame])
 
     def size(self, camera: str) -> tuple[int, int]:
-        """Height and width that the first image of a camera states."""
+        """Height and width that a camera's first image states."""
         width, height = stated_size(self.jpeg(camera, 0))
         return height, width
 
     def rgb(self, camera: str, frame: int) -> NDArray[np.uint8]:
-        """One decoded frame (H,W,3) uint8 RGB."""
+        """One decoded frame (H,W,3)."""
         return decode_frame(self.jpeg(camera, frame))
 
     def frames(self, camera: str) -> Iterator[NDArray[np.uint8]]:
-        """All decoded frames of a camera in order."""
+        """All decoded frames (H,W,3) of a camera."""
         for data in self.array(f"observation/{camera}/rgb"):
             yield decode_frame(bytes(data))
 
@@ -208,7 +191,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             return tuple(map(str, np.asarray(attributes[attribute]).tolist()))
 
     def attempts(self) -> list[dict[str, Any]] | None:
-        """The attempts at the episode's slot, itself the last; None if the file has none."""
+        """The attempts at the episode's slot, itself the last; None in files of version 0.1."""
         with self._reading(f"{ATTEMPTS} is no list of attempts"):
             rows = self._optional(ATTEMPTS)
             return None if rows is None else [dict(row) for row in parse_json(rows.item())]
@@ -225,7 +208,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         ]
 
     def interception(self) -> dict[str, NDArray[Any]]:
-        """The arrays of the group `interception` but for the first contacts, by key."""
+        """The arrays of the group `interception` by key, but for the first contacts."""
         waiting, found = ["interception"], dict[str, NDArray[Any]]()
         while waiting:
             key = waiting.pop(0)
@@ -238,19 +221,19 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         return found
 
     def damaged(self) -> list[str]:
-        """Names of the datasets that changed since they were written, are missing or unexpected;
-        HEADER stands for attributes."""
+        """Names of datasets that changed since they were written, are missing or unexpected; HEADER
+        for attributes."""
         with self._reading("its content cannot be read"):
             written = dict(parse_json(str(self._file.attrs[HASHES])))
             return differing(written, self.contents())
 
     def contents(self) -> dict[str, str]:
-        """The hash of every dataset by its name, and of the attributes under HEADER."""
+        """The hash of every dataset by name, and of the attributes under HEADER."""
         with self._reading("its content cannot be read"):
             return content_hashes(self._file, self.array)
 
     def read(self) -> Episode:
-        """The whole episode without its images."""
+        """The episode without its images."""
         with self._reading("is not a complete episode"):
             return self._read()
 
@@ -270,7 +253,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             action=self.array("joint_action/vector"),
             tcp=np.stack(tcp, axis=1),
             target_velocity=self.array("target/velocity"),
-            contacts=as_contacts(self.array("state/contacts")),
+            contacts=self.array("state/contacts"),
             events=[Event(**each) for each in json.loads(self.array("events").item())],
             skills=[SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in runs],
             touches=self._touches(),
@@ -289,5 +272,4 @@ def _line(error: BaseException) -> str:
     return " ".join(str(error).split())[:200]
 
 
-open_episode = EpisodeFile
-"""`with open_episode(path) as episode:`"""
+open_episode = EpisodeFile  # `with open_episode(path) as episode:`

@@ -1,11 +1,7 @@
-"""HDF5 files: opened so that no damage hangs the library, written so that no full disk crashes
-it."""
+"""HDF5 files: opened so that nothing outside them is read, written so that no full disk crashes."""
 
-import re
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -14,47 +10,16 @@ import h5py
 import numpy as np
 from h5py import h5d, h5l, h5o, h5z  # pyright: ignore[reportAttributeAccessIssue]
 
-from pipeline.data.episode.state_log import CONTACT_DTYPE
 from pipeline.data.keys import arrays_digest, digest, frames_digest
-from pipeline.data.reading import read_regular
+from pipeline.data.reading import check_regular
 
-_HEAP = b"GCOL\x01"
-"""How a collection of texts begins. Three unused bytes and its size (8 bytes) follow."""
-
-MOST = 10_000
-"""Objects in a file, at most."""
-
-_HEAD = 16
-"""Bytes of the header of a collection, and of the header of each text in it."""
-
-
-_N = "[^/]+"
-_SIDE = "(left|right)"
-_DATASETS = {
-    f"timestamp|(joint_action|joint_state|endpose)/{_SIDE}_gripper": ("f8", 1),
-    f"(joint_action|joint_state)/(vector|{_SIDE}_arm)|endpose/{_SIDE}_endpose": ("f8", 2),
-    f"target/(pose|(angular_)?velocity)|(objects|observation)/{_N}/pose": ("f8", 2),
-    "state/q(pos|vel)|expert_action": ("f8", 2),
-    f"state/poses|observation/{_N}/(intrinsic_cv|extrinsic_cv|cam2world_gl)": ("f8", 3),
-    f"observation/{_N}/rgb": ("S", 1),
-    f"observation/{_N}/depth": ("u2", 3),
-    f"observation/{_N}/actor_segmentation": ("u1", 3),
-    "pointcloud": ("f4", 3),
-    "intervention": ("?", 1),
-    "state/contacts": (CONTACT_DTYPE, 1),
-    "motion|events|skills|attempts": ("O", 0),
-    "instruction/(seen|unseen)": ("O", 1),
-}
-"""Type and rank of an episode's datasets, by patterns of their names. S is a length of bytes, O a
-text; those below `interception` are numbers of any rank."""
+MOST = 10_000  # objects in a file, at most
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open a file for reading. Raises OSError for what is no regular HDF5 file, has links or two
-    names for one object, or a damaged collection of texts.
-
-    A wrong size in such a collection ("global heap", version 1) makes the library hang."""
-    _check_heaps(path)
+    """Open a file for reading. Raises OSError for what is no regular HDF5 file, or has links or two
+    names for one object."""
+    check_regular(path)
     # a finished file is never written again, and some file systems have no locks
     file = h5py.File(path, "r", locking=False)
     try:
@@ -67,7 +32,7 @@ def open_hdf5(path: Path) -> h5py.File:
 
 
 def _find_problem(file: h5py.File) -> str | None:
-    """What of the links in a file is refused, the first."""
+    """The first thing in a file that is refused."""
     addresses = [h5o.get_info(file.id).addr]
 
     def visit(name: bytes, link: Any) -> str | None:
@@ -81,27 +46,8 @@ def _find_problem(file: h5py.File) -> str | None:
     return problem or ("an object in it has two names" if twice else None)
 
 
-@lru_cache(4096)
-def _kind_of(key: str) -> tuple[Any, int] | None:
-    """Type and rank of a dataset of this name; None for another name."""
-    return next((kind for names, kind in _DATASETS.items() if re.fullmatch(names, key)), None)
-
-
-def is_kind(key: str, dtype: np.dtype[Any], rank: int) -> bool:
-    """Whether a dataset of this type and rank may have this name."""
-    if key.startswith("interception/"):
-        return dtype.kind in "bifu"
-    kind, dimensions = _kind_of(key) or ("", -1)
-    if kind == "O":
-        fits = h5py.check_string_dtype(dtype) is not None
-    else:
-        fits = dtype.kind == "S" if kind == "S" else dtype == kind
-    return rank == dimensions and fits
-
-
 def check_dataset(dataset: h5d.DatasetID) -> None:
-    """Raise OSError for values that are not in the file as plain chunks or one block, or not
-    gzip's."""
+    """Raise OSError for values that are not in the file as chunks or one block, plain or gzip's."""
     made = dataset.get_create_plist()
     if made.get_layout() not in (h5d.CHUNKED, h5d.CONTIGUOUS) or made.get_external_count():
         raise OSError("its values are not stored in this file as chunks or one block")
@@ -110,38 +56,13 @@ def check_dataset(dataset: h5d.DatasetID) -> None:
         raise OSError("it is compressed by a filter that is not gzip")
 
 
-def _check_heaps(path: Path) -> None:
-    data = read_regular(path, sys.maxsize)
-    start = data.find(_HEAP)
-    while start >= 0:
-        end = start + int.from_bytes(data[start + 8 : start + _HEAD], "little")
-        if end <= len(data) and not _is_heap(data, start + _HEAD, end):
-            raise OSError("its texts are damaged")
-        start = data.find(_HEAP, start + 1)
-
-
-def _is_heap(data: bytes, at: int, end: int) -> bool:
-    """Whether the sizes of the texts of a collection lead from one to the next until its end."""
-    while end - at >= _HEAD:
-        number, size = (
-            int.from_bytes(data[at : at + 2], "little"),
-            int.from_bytes(data[at + 8 : at + _HEAD], "little"),
-        )
-        step = _HEAD + (size + 7) // 8 * 8 if number else size  # free space counts its header
-        if not _HEAD <= step <= end - at:
-            return False
-        at += step
-    return True
-
-
 class _Kept(FileIO):
-    """A file whose disk may refuse: after the first refusal, which `refused` holds, nothing is
-    written and nothing fails. HDF5 itself would crash."""
+    """A file on which, after the first refusal of the disk (`refused`), nothing is written and
+    nothing fails: HDF5 would crash."""
 
     refused: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """Write all of it, or pretend to."""
         left = memoryview(data).cast("B")
         size = len(left)
         try:
@@ -152,7 +73,7 @@ class _Kept(FileIO):
         return size
 
     def readinto(self, buffer: Any) -> int:
-        """Read into `buffer`; bytes that could not be written read as zeros."""
+        # bytes that could not be written read as zeros
         count = super().readinto(buffer) or 0
         if self.refused is None:
             return count
@@ -161,7 +82,6 @@ class _Kept(FileIO):
         return count + len(rest)
 
     def truncate(self, size: int | None = None) -> int:
-        """Give the file this length, or pretend to."""
         try:
             return super().truncate(size) if self.refused is None else size or 0
         except OSError as error:
@@ -171,7 +91,7 @@ class _Kept(FileIO):
 
 @contextmanager
 def new_hdf5(path: Path, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file, of a version that readers of ten years know. Raises OSError if the disk
+    """A new HDF5 file of an old version that every reader knows. Raises OSError if the disk
     refuses, when the block has ended."""
     with _Kept(path, "w+") as kept:
         try:
@@ -184,19 +104,13 @@ def new_hdf5(path: Path, **options: Any) -> Iterator[h5py.File]:
             raise OSError(kept.refused.errno, kept.refused.strerror, str(path)) from kept.refused
 
 
-HASHES = "hashes"
-"""The attribute of a file that holds them, as JSON."""
-
-ATTRIBUTES = ("schema", "spec", "fps", "meta", "names", "name", "bodies", "joints")
-"""The names of all attributes but HASHES, of a file and of its groups."""
-
-HEADER = "header"
-"""Name of what is in attributes: of the file, and of its groups."""
+HASHES = "hashes"  # the attribute of a file that holds them, as JSON
+HEADER = "header"  # name of the hash of all attributes
 
 
 def content_hashes(file: h5py.File, read: Callable[[str], Any]) -> dict[str, str]:
-    """sha256 (32 hex digits) of every dataset by its name, and of all attributes under HEADER;
-    `read` returns a dataset, whole."""
+    """sha256 (32 hex digits) of every dataset by name, and of all attributes under HEADER; `read`
+    returns a whole dataset."""
     names, attributes = list[str](), {"": _plain(file.attrs)}
 
     def visit(name: str, found: Any) -> None:
@@ -215,20 +129,14 @@ def differing(a: Mapping[str, str], b: Mapping[str, str]) -> list[str]:
 
 
 def _hash(values: Any) -> str:
-    # texts are objects, one alone is no array where h5py reads it
-    texts = (
-        [values]
-        if isinstance(values, bytes)
-        else values.ravel().tolist()
-        if values.dtype.hasobject
-        else None
-    )
-    return (arrays_digest({"": np.asarray(values)}) if texts is None else frames_digest(texts))[:32]
+    if isinstance(values, bytes):  # one text alone is no array where h5py reads it
+        return frames_digest([values])[:32]
+    if values.dtype.hasobject:
+        return frames_digest(values.ravel().tolist())[:32]
+    return arrays_digest({"": np.asarray(values)})[:32]
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    if unknown := set(attributes) - {HASHES, *ATTRIBUTES}:
-        raise ValueError(f"has the attribute {min(unknown)[:80]!r}, which no episode has")
     return {
         name: np.asarray(attributes[name]).tolist() for name in sorted(attributes) if name != HASHES
     }

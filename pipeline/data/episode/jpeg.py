@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from pipeline.data.errors import DominoError
 
 QUALITY = 95
-LARGEST = 8192
-"""Pixels of a side of an image, as cameras allow (data/episode/meta.py)."""
+LARGEST = 8192  # pixels of a side of an image, as cameras allow (data/episode/meta.py)
 
 
 class EpisodeError(DominoError):
@@ -16,7 +15,7 @@ class EpisodeError(DominoError):
 
 
 def encode_frames(rgb: NDArray[np.uint8]) -> NDArray[np.bytes_]:
-    """Frames (T,H,W,3) uint8 RGB as JPEG bytes (T,), padded with zeros to one length."""
+    """Frames (T,H,W,3) RGB as JPEG bytes (T,), padded with zeros to one length."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
     coded = [
         cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), quality)[1].tobytes()
@@ -26,7 +25,7 @@ def encode_frames(rgb: NDArray[np.uint8]) -> NDArray[np.bytes_]:
 
 
 def frame_size(jpeg: bytes) -> tuple[int, int] | None:
-    """Width and height in the header of a JPEG, None if it has none."""
+    """Width and height in the header of a JPEG."""
     at = 2
     while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
         marker, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4])
@@ -43,14 +42,12 @@ def stated_size(jpeg: bytes) -> tuple[int, int]:
     if size is None:
         raise EpisodeError("a frame does not decode as JPEG")
     if max(size) > LARGEST:
-        raise EpisodeError(
-            f"a frame claims to be {max(size)} pixels wide or high; {LARGEST} are allowed"
-        )
+        raise EpisodeError(f"a frame is {max(size)} pixels wide or high; {LARGEST} are allowed")
     return size
 
 
 def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
-    """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for what is no image, or too large."""
+    """JPEG bytes as (H,W,3) RGB. Raises EpisodeError for what is no image, or too large."""
     stated_size(jpeg)
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:

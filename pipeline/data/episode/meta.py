@@ -1,4 +1,4 @@
-"""What an episode file states about itself besides its arrays, as JSON."""
+"""What an episode file states besides its arrays, as JSON."""
 
 from typing import Annotated, Any, Literal
 
@@ -38,20 +38,16 @@ def _family(text: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_named)]
-"""A plain name: it becomes a part of a path inside the file."""
+"""It becomes a part of a path inside the file."""
 
 Replaced = Annotated[str, AfterValidator(_family)]
-"""A family that objects from files replace, or that of one task: `cup`, or
-`place_empty_cup.cup`."""
+"""A family that objects from files replace, or one task's: `cup`, `place_empty_cup.cup`."""
 
 type Category = Literal["interception", "tracking"]
 
 Side = Annotated[str, Field(pattern="^(left|right)$")]
-"""An arm."""
 
-
-CLUTTER = (3, 8)
-"""The fewest and the most distractors of the randomized domain; fewer where there is no room."""
+CLUTTER = (3, 8)  # fewest and most distractors of the randomized domain, if there is room
 
 
 class _Record(BaseModel):
@@ -59,7 +55,7 @@ class _Record(BaseModel):
 
 
 class ObjectInfo(_Record):
-    """A body in words: its family, a noun, a description, and the instance's parameters."""
+    """A body in words: family, noun, description, and the instance's parameters."""
 
     family: str = ""
     noun: str = ""
@@ -68,8 +64,8 @@ class ObjectInfo(_Record):
 
 
 class CameraInfo(_Record):
-    """A camera: image size (pixels), vertical field of view (degrees), the link that carries it
-    (None: the world), and its pose (7,) there, x forward, y left, z up."""
+    """A camera: image size (pixels), vertical field of view (degrees), its link (None: the world),
+    and its pose (7,) there, x forward, y left, z up."""
 
     width: Annotated[int, Field(ge=1, le=8192, strict=True)]
     height: Annotated[int, Field(ge=1, le=8192, strict=True)]
@@ -79,26 +75,15 @@ class CameraInfo(_Record):
 
     @classmethod
     def of(cls, camera: Camera) -> "CameraInfo":
-        """The record of a camera."""
-        kind = camera.type
-        return cls(
-            width=kind.width,
-            height=kind.height,
-            fovy=kind.fovy,
-            link=camera.link,
-            pose=tuple(map(float, camera.pose)),
-        )
+        pose = tuple(map(float, camera.pose))
+        return cls(**vars(camera.type), link=camera.link, pose=pose)
 
     def camera(self, name: str) -> Camera:
-        """The camera of this record."""
         at: NDArray[np.float64] = np.array(self.pose)
         return Camera(name, CameraType(self.width, self.height, self.fovy), self.link, at)
 
 
-FARTHEST = 100.0
-"""m from the origin of what a camera is mounted on, at most."""
-
-
+FARTHEST = 100.0  # m from the origin of a camera's mount, at most
 _Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
@@ -109,7 +94,7 @@ class _Points(_Record):
 
 class NamedCamera(CameraInfo):
     """A camera of a recipe besides the robot's own. `position` and `look_at`, points (m) in the
-    link or the world, may stand in place of a pose."""
+    link or the world, may replace the pose."""
 
     name: Name
     link: str | None = None
@@ -117,7 +102,7 @@ class NamedCamera(CameraInfo):
     @model_validator(mode="before")
     @classmethod
     def _look_at(cls, values: Any) -> Any:
-        """Replace `position` and `look_at` by the pose of an upright camera."""
+        """The pose of an upright camera for `position` and `look_at`."""
         if not isinstance(values, dict) or not {"position", "look_at"} & values.keys():
             return values
         if "pose" in values:
@@ -129,7 +114,7 @@ class NamedCamera(CameraInfo):
         if not 1e-6 < np.linalg.norm(forward) < 2 * FARTHEST:
             raise ValueError("look_at is the position itself, or too far away")
         level = np.hypot(forward[0], forward[1]) > 1e-6 * abs(forward[2])
-        # straight down or up, as the head camera: the left of the image is -x
+        # straight down or up, as of the head camera, the left of the image is -x
         left = (-forward[1], forward[0], 0.0) if level else (-1.0, 0.0, 0.0)
         rest = {key: value for key, value in values.items() if key not in ("position", "look_at")}
         return rest | {"pose": tuple(look(given.position, forward, left).tolist())}
@@ -137,7 +122,7 @@ class NamedCamera(CameraInfo):
     @field_validator("pose")
     @classmethod
     def _a_pose(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        """Within sight of the table, its quaternion made a unit one."""
+        """Within sight of the table, of a unit quaternion."""
         if (
             not np.all(np.abs(value) <= FARTHEST)
             or (length := float(np.linalg.norm(value[3:]))) < 1e-6
@@ -148,8 +133,7 @@ class NamedCamera(CameraInfo):
 
 class Drawing(_Record):
     """What the images were drawn with. `assets` maps each body that shows something, and
-    "furniture", to the hash of its stored meshes and materials; it is empty if nothing was
-    drawn."""
+    "furniture", to the hash of its meshes and materials; {} if nothing was drawn."""
 
     preset: str
     visuals: Visuals
@@ -160,12 +144,10 @@ class Drawing(_Record):
     @model_validator(mode="before")
     @classmethod
     def _without_retired(cls, values: Any) -> Any:
-        """Drop the key of robots drawn with vendors' meshes, which earlier versions wrote."""
-        return (
-            {key: value for key, value in values.items() if key != RETIRED}
-            if isinstance(values, dict)
-            else values
-        )
+        """Drop the key of earlier versions for vendors' meshes."""
+        if not isinstance(values, dict):
+            return values
+        return {key: value for key, value in values.items() if key != RETIRED}
 
     @property
     def latency(self) -> float:
@@ -174,7 +156,7 @@ class Drawing(_Record):
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A file leaves out the imperfections of cameras that have none."""
+        """Without the imperfections of cameras that have none."""
         values = write(self)
         if self.sensors is None:
             values.pop("sensors", None)
@@ -184,8 +166,7 @@ class Drawing(_Record):
     def _without_the_first_look(
         self, visuals: Visuals, handler: SerializerFunctionWrapHandler
     ) -> Any:
-        """Episodes of the first look were stored before looks had a number: drawn again, their
-        bytes stay."""
+        """Episodes were stored before looks had a number: drawn again, their bytes stay."""
         values = handler(visuals)
         if visuals.look == FIRST_LOOK:
             del values["look"]
@@ -193,7 +174,7 @@ class Drawing(_Record):
 
 
 class FailureInfo(_Record):
-    """Why a stored attempt was rejected (stages/failure.py)."""
+    """Why a stored attempt was rejected."""
 
     attempt: Annotated[int, Field(ge=0)]
     stage: str
@@ -205,20 +186,17 @@ class FailureInfo(_Record):
 class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
-    `target` moves on its own until the meeting, `manipulated` is what the arms handle, `arms` maps
-    roles to sides, `choices` slots of the sentences to what the scene asks for ("red"). Of the
-    distractors `clutter`, `clutter_wanted` were wanted at least and at most; `objects_wanted` are
-    objects from files by family. `table_drop` (m) is how much higher than in the clean domain robot
-    and head camera are. `meeting_time` (s) is planned; in a failed dry run it is the first touch,
-    or the end. `corrects` names the policy that acts before the expert. Speeds (m/s) and
-    `displacement` (m) are those of the target's motion. `rules`, `contact`, `layout`:
-    data/setup/rules.py. `step_limit` counts control periods, `workspace` is x_min, x_max, y_min,
-    y_max (m).
+    `target` moves until the meeting, `manipulated` is what the arms handle, `arms` maps roles to
+    sides, `choices` slots of the sentences to what the scene asks for ("red"). Of the distractors
+    `clutter`, `clutter_wanted` were wanted at least and at most. `table_drop` (m) is how much
+    higher than in the clean domain robot and head camera are. `meeting_time` (s) is planned; in a
+    failed dry run it is the first touch, or the end. `corrects` names the policy that acts before
+    the expert. Speeds (m/s) and `displacement` (m) are of the target's motion. `step_limit` counts
+    control periods, `workspace` is x_min, x_max, y_min, y_max (m).
 
     `physics_key` and `render_key` name what it was made from (run/identity/slot_keys.py), `keys`
-    their parts by kind. `physics_id` is shared by all episodes of the same physics, which no split
-    may separate; `variant` numbers their looks. `failure` is set in the file of a failed attempt
-    only."""
+    their parts. `physics_id` is shared by all episodes of the same physics, which no split may
+    separate; `variant` numbers their looks. Only failed attempts have a `failure`."""
 
     fps: Annotated[int, Field(gt=0)]
     target: Name
@@ -256,21 +234,13 @@ class EpisodeMeta(_Record):
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A file says the usual number of distractors and the planned expert by leaving them
-        out."""
+        """Without usual values, which earlier files do not have."""
         values = write(self)
         if self.clutter_wanted == CLUTTER:
             values.pop("clutter_wanted", None)
-        if self.drive is None:
-            values.pop("drive", None)
-        if not self.choices:
-            values.pop("choices", None)
-        if not self.events:
-            values.pop("events", None)
-        if not self.objects_wanted:
-            values.pop("objects_wanted", None)
         if self.expert == "planned":
             values.pop("expert", None)
-        if not self.corrects:
-            values.pop("corrects", None)
+        for name in ("drive", "choices", "events", "objects_wanted", "corrects"):
+            if not getattr(self, name):
+                values.pop(name, None)
         return values

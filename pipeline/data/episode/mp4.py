@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 OPTIONS = {"crf": "27", "preset": "veryfast", "threads": "1", "x264-params": "aq-mode=0:mbtree=0"}
-"""One thread and no look-ahead: with either, the same frames give other bytes now and then."""
+"""With more threads or look-ahead the same frames give other bytes now and then."""
 
 
 def encode_mp4(
     frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str, str] | None = None
 ) -> bytes:
-    """Frames (H,W,3) uint8 RGB, H and W even, as an mp4, b"" without frames; `more` are options of
-    x264."""
+    """Frames (H,W,3) RGB, H and W even, as an mp4, b"" without frames; `more` options of x264."""
     import av  # a tenth of a second
 
     buffer, stream = io.BytesIO(), None

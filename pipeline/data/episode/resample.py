@@ -14,7 +14,7 @@ from pipeline.poses import between
 
 
 def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:
-    """The places (N,) in a log of `length` frames at `fps`, in frames, of the frames at `rate`.
+    """The places (N,), in frames, of the frames at `rate` in a log of `length` frames at `fps`.
     Raises ValueError for a rate that does not divide that of the physics."""
     if rate < 1 or PHYSICS_HZ % rate:
         raise ValueError(f"{rate} frames a second do not divide {PHYSICS_HZ}, the physics rate")
@@ -26,11 +26,10 @@ def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:
 def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
     """The log of `fps` frames a second at `rate`, which divides the physics rate.
 
-    Frames that both rates have are kept exactly. Between two frames joints, velocities and
-    positions are linear, quaternions normalised. A command is the drive target at the end of its
-    interval: targets go linearly from one command to the next, so that a higher rate drives the
-    robot alike. Contacts belong to the interval that holds the end of theirs.
-    """
+    Between two frames joints, velocities and positions are linear, quaternions normalised. A
+    command is the drive target at the end of its interval: targets go linearly from one to the
+    next, so that a higher rate drives the robot alike. Contacts belong to the interval that holds
+    the end of theirs."""
     at = frames_at(len(log), fps, rate)
     ends = at + fps / rate
 
@@ -60,8 +59,8 @@ def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
 
 def _contacts_at(contacts: NDArray[np.void], ratio: Fraction, frames: int) -> NDArray[np.void]:
     """Contacts at `ratio` times the rate, in `frames` frames. At a higher rate every new frame has
-    those of the recorded interval that it ends in. At a lower rate they belong to the interval that
-    holds the end of theirs, which keeps the strongest of each pair of bodies."""
+    those of the recorded interval in which it ends. At a lower rate an interval keeps the strongest
+    of each pair of bodies."""
     ends = [int(frame) * ratio for frame in contacts["frame"]]
     if ratio > 1:
         places = [range(max(0, floor(end - ratio) + 1), floor(end) + 1) for end in ends]

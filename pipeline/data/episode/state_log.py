@@ -20,14 +20,13 @@ CONTACT_DTYPE = np.dtype(
         ("points", "<i2"),
     ]
 )
-"""One row: bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at
-`frame`; the largest summed impulse (N s), its mean point (m, world) and number of points."""
+"""Bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at `frame`: the
+largest summed impulse (N s), its mean point (m, world) and number of points."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: a name such as meeting, release, success, its time (s), and the body
-    that did it."""
+    """Something that happened (meeting, release, success...), at `time` (s), `by` a body."""
 
     name: str
     time: float
@@ -36,11 +35,10 @@ class Event:
 
 @dataclass(frozen=True)
 class SkillRun:
-    """A skill that the expert executed in physics steps `start` (exclusive) to `end` of the
-    episode.
+    """A skill that the expert executed in physics steps `start` (exclusive) to `end`.
 
-    `arms` are the sides that moved, `body` and `part` what it was about ("" for none), `half` is
-    "meet" or "finish". Of nested runs the outer one comes first."""
+    `arms` are the sides that moved, `body` and `part` what it was about, `half` is "meet" or
+    "finish". Of nested runs the outer one comes first."""
 
     skill: str
     arms: tuple[str, ...]
@@ -54,8 +52,7 @@ class SkillRun:
 @dataclass(frozen=True)
 class Touch:
     """The first physics step in which links of an arm pushed the target: `point` (3,) is the mean
-    of the `points` contact points (m, world); the world poses (7,) of tcp and target follow that
-    step."""
+    of the contact `points` (m, world); the world poses (7,) of tcp and target follow that step."""
 
     side: str
     step: int
@@ -65,17 +62,9 @@ class Touch:
     target: tuple[float, ...]
 
 
-def as_contacts(rows: NDArray[np.void]) -> NDArray[np.void]:
-    """The rows of a stored table. Raises TypeError for a table that is not of CONTACT_DTYPE."""
-    if rows.dtype != CONTACT_DTYPE:
-        raise TypeError(f"contacts are of {rows.dtype}, not of {CONTACT_DTYPE}")
-    return rows
-
-
 @dataclass(eq=False)
 class StateLog:
-    """T frames. Names index the second axis of the arrays beside them; poses are xyz + wxyz, world
-    frame."""
+    """T frames. Names index the second axis of the arrays beside them; poses xyz + wxyz, world."""
 
     times: NDArray[np.float64]  # (T,) s
     # objects, links of the arms (side_link), scenery of the motion, "table"
@@ -105,7 +94,7 @@ class StateLog:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """The arms that there are: the second axis of `tcp`."""
+        """The arms: the second axis of `tcp`."""
         return sides_of(self.vector_names)
 
     def pose(self, body: str) -> NDArray[np.float64]:
@@ -113,29 +102,24 @@ class StateLog:
         return self.poses[:, self.bodies.index(body)]
 
     def late(self, frames: float) -> "StateLog":
-        """The log with the poses of `frames` before, as images show them whose cameras are late."""
-        return (
-            replace(self, poses=between(self.poses, np.arange(len(self)) - frames))
-            if frames
-            else self
-        )
+        """The log with the poses of `frames` before, as late cameras show them."""
+        if not frames:
+            return self
+        return replace(self, poses=between(self.poses, np.arange(len(self)) - frames))
 
     def event(self, name: str) -> Event | None:
-        """The first event of that name, or None."""
+        """The first event of that name."""
         return next((e for e in self.events if e.name == name), None)
 
     def frames_until(self, event: str, more: float) -> int:
-        """The number of frames until `more` seconds after an event; all of them if it did not
-        happen."""
+        """How many frames end `more` s after an event; all if it did not happen."""
         time = self.time_of(event)
-        return (
-            len(self)
-            if time is None
-            else max(1, int(np.searchsorted(self.times, time + more + 1e-6, side="right")))
-        )
+        if time is None:
+            return len(self)
+        return max(1, int(np.searchsorted(self.times, time + more + 1e-6, side="right")))
 
     def time_of(self, event: str) -> float | None:
-        """Time (s) of the first event of that name, or None."""
+        """Time (s) of the first event of that name."""
         found = self.event(event)
         return found.time if found else None
 
@@ -145,6 +129,6 @@ _ARRAYS = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_v
 
 def physics_id(spec: EpisodeSpec, log: StateLog) -> str:
     """sha256 (32 hex digits) of a spec and of what happened: the same for all episodes of the same
-    physics, whatever they were drawn with. What shares it belongs into one split."""
+    physics, whatever their images. What shares it belongs into one split."""
     arrays = {name: getattr(log, name) for name in _ARRAYS}
     return digest([spec.to_json(), list(log.bodies), list(log.joints), arrays_digest(arrays)])

@@ -1,4 +1,4 @@
-"""The look of an episode's room and lights, as data: enough to draw it again."""
+"""The look of an episode's room and lights as data."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class PointLight:
 
 @dataclass(frozen=True)
 class Visuals:
-    """Looks of one episode. A white surface facing a light of 1 is just white before tone
+    """Looks of an episode. A white surface facing a light of 1 is just white before tone
     mapping."""
 
     table: Surface

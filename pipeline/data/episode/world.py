@@ -1,5 +1,4 @@
-"""What the simulator knows of the bodies of an episode: twists and contact forces from its state
-log, and what a camera sees of their meshes."""
+"""What the simulator knows of an episode's bodies: twists, contact forces, meshes in a camera."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,8 +14,8 @@ from pipeline.poses import Floats, quat_conjugate, quat_multiply
 
 @dataclass(frozen=True, eq=False)
 class BodyFacts:
-    """A body's mesh in its frame: vertices (V,3) m and triangles (M,3); its mass (kg) and friction
-    coefficient, None where they are not known."""
+    """A body's mesh in its frame, vertices (V,3) m and triangles (M,3), and its mass (kg) and
+    friction coefficient where they are known."""
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.uint32]
@@ -37,9 +36,9 @@ class WorldTruth:
 
 
 def twists_of(log: StateLog, target: str) -> Floats:
-    """Twists (T,B,6) of all bodies in the world frame: velocity of the origin (m/s) and angular
-    velocity (rad/s). Those of the target are recorded; those of the others are differences of the
-    poses one frame before and after."""
+    """Twists (T,B,6) of all bodies, world frame: velocity of the origin (m/s), angular velocity
+    (rad/s). The target's are recorded, others differences of the poses one frame before and
+    after."""
     frames = np.arange(len(log))
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, len(log) - 1)
     seconds = np.maximum(log.times[after] - log.times[before], 1e-9)[:, None, None]
@@ -54,5 +53,5 @@ def twists_of(log: StateLog, target: str) -> Floats:
 
 
 def contact_forces(log: StateLog, physics_hz: int) -> Floats:
-    """The force (N,) in N of each row of the log's contacts: its impulse over a physics step."""
+    """The force (N,) in N of each row of the contacts: its impulse over a physics step."""
     return log.contacts["impulse"].astype(float) * physics_hz

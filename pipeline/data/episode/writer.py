@@ -1,4 +1,4 @@
-"""Writes one episode file: fixed order, no clock, so that the same episode gives the same bytes."""
+"""Writes an episode file: fixed order, no clock, so that the same episode gives the same bytes."""
 
 import json
 from collections.abc import Sequence
@@ -19,15 +19,8 @@ from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
 
 _GROUPS = (
-    "instruction",
-    "joint_action",
-    "joint_state",
-    "endpose",
-    "target",
-    "objects",
-    "state",
-    "observation",
-    "interception",
+    *("instruction", "joint_action", "joint_state", "endpose", "target"),
+    *("objects", "state", "observation", "interception"),
 )
 
 
@@ -39,7 +32,7 @@ def write_episode(
     pointcloud: NDArray[np.float32] | None = None,
 ) -> None:
     """Write one episode atomically. `images` are the JPEG frames (T,) of `views`; `pointcloud`
-    (T,N,6) float32 is x y z (m, world) and r g b (0-1). Raises OSError."""
+    (T,N,6) is x y z (m, world) and r g b (0-1). Raises OSError."""
     coded = [encode_frames(view.rgb) for view in views] if images is None else images
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         # groups that h5py makes on the way to a dataset carry the time of day; these do not
@@ -48,13 +41,9 @@ def write_episode(
             for key in episode.interception
             for n in range(1, key.count("/") + 1)
         }
-        inner = [f"interception/{name}" for name in sorted(below)]
-        for name in (
-            *_GROUPS,
-            *(f"objects/{body}" for body in episode.meta.objects),
-            *inner,
-            FIRST_CONTACT,
-        ):
+        bodies = (f"objects/{body}" for body in episode.meta.objects)
+        inner = (f"interception/{name}" for name in sorted(below))
+        for name in (*_GROUPS, *bodies, *inner, FIRST_CONTACT):
             f.create_group(name)
         _write_header(f, episode)
         _write_log(f, episode)
@@ -70,17 +59,15 @@ def write_episode(
 
 
 def _write_header(f: h5py.File, e: Episode) -> None:
-    f.attrs["schema"] = SCHEMA
-    f.attrs["spec"] = e.spec.to_json()
-    f.attrs["fps"] = e.meta.fps
-    f.attrs["meta"] = e.meta.model_dump_json()
+    f.attrs["schema"], f.attrs["spec"] = SCHEMA, e.spec.to_json()
+    f.attrs["fps"], f.attrs["meta"] = e.meta.fps, e.meta.model_dump_json()
     f["motion"] = e.motion
     f["events"] = json.dumps([asdict(event) for event in e.log.events])
     f["skills"] = json.dumps([asdict(run) for run in e.log.skills])
     if e.attempts:
         f[ATTEMPTS] = json.dumps(list(e.attempts), sort_keys=True)
-    f["instruction/seen"] = np.array(e.instructions["seen"], dtype=h5py.string_dtype())
-    f["instruction/unseen"] = np.array(e.instructions["unseen"], dtype=h5py.string_dtype())
+    for split in ("seen", "unseen"):
+        f[f"instruction/{split}"] = np.array(e.instructions[split], dtype=h5py.string_dtype())
 
 
 def _write_log(f: h5py.File, e: Episode) -> None:
@@ -89,11 +76,8 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     names = list(log.vector_names)
     for group, vector in (("joint_action", log.action), ("joint_state", log.state)):
         for side in log.sides:
-            arm = [
-                i
-                for i, n in enumerate(names)
-                if n.startswith(f"{side}_") and n != f"{side}_gripper"
-            ]
+            own = [i for i, name in enumerate(names) if name.startswith(f"{side}_")]
+            arm = [i for i in own if names[i] != f"{side}_gripper"]
             f[f"{group}/{side}_arm"] = vector[:, arm]
             f[f"{group}/{side}_gripper"] = vector[:, names.index(f"{side}_gripper")]
         f[f"{group}/vector"] = vector
@@ -112,20 +96,15 @@ def _write_log(f: h5py.File, e: Episode) -> None:
         f[f"objects/{name}/pose"] = log.pose(name)
     state = f.require_group("state")
     state.attrs["bodies"], state.attrs["joints"] = list(log.bodies), list(log.joints)
-    state["poses"], state["qpos"], state["qvel"], state["contacts"] = (
-        log.poses,
-        log.qpos,
-        log.qvel,
-        log.contacts,
-    )
+    for name in ("poses", "qpos", "qvel", "contacts"):
+        state[name] = getattr(log, name)
 
 
 def _write_touches(group: h5py.Group, e: Episode) -> None:
     """Rows left and right; an arm that did not touch the target has step -1 and zeros."""
     by_side = {touch.side: touch for touch in e.log.touches}
-    rows = [
-        by_side.get(side, Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7)) for side in SIDES
-    ]
+    blank = {side: Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7) for side in SIDES}
+    rows = list((blank | by_side).values())
     group["valid"] = np.array([row.step >= 0 for row in rows])
     group["time"] = np.array(
         [row.step / e.meta.physics_hz if row.step >= 0 else -1.0 for row in rows]

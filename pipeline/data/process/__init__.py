@@ -1,1 +1,1 @@
-"""What of this machine a process may use, and code and files of others within limits."""
+"""What of this machine a process may use, and code of others within limits."""

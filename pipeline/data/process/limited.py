@@ -1,7 +1,5 @@
-"""Runs a function on files or code of others in a child process that may take so much memory and
-time.
-
-The child inherits what is installed, the environment and the directory; its output is dropped."""
+"""Runs a function on files or code of others in a child process of limited memory and time. It
+inherits what is installed, the environment and the directory; its output is dropped."""
 
 import importlib
 import os
@@ -25,18 +23,17 @@ START = (
 )
 
 
-STARVED = ("SIGKILL", "SIGABRT", "SIGSEGV", "SIGBUS")
-"""Signals by which a process ends that gets no memory."""
+STARVED = ("SIGKILL", "SIGABRT", "SIGSEGV", "SIGBUS")  # ends of a process that gets no memory
 
 
 class LimitError(DominoError):
-    """Work on something of others that did not end within its limits, or that ended its process."""
+    """Work that did not end within its limits, or ended its process."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child may take: bytes of memory beyond its imports, seconds of processor and wall
-    time, bytes of a file."""
+    """What a child may take: bytes of memory beyond its imports, s of processor and wall time,
+    bytes of a file."""
 
     memory: int = 3 << 30
     processor: int = 600
@@ -50,10 +47,8 @@ USUAL = Limits()
 def run_limited[T](
     what: str, function: Callable[..., T], *arguments: Any, limits: Limits = USUAL
 ) -> T:
-    """The value of a function of a module, for picklable arguments, computed in a child process.
-
-    Raises DominoError with the line of one that the function raises, and LimitError, which begins
-    with `what`, for any other end."""
+    """The value of a module's function for picklable arguments. Raises DominoError with the line of
+    one that the function raises, LimitError, beginning with `what`, for any other end."""
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as found:
         for part in (limits, (_module_of(function), function.__name__, arguments)):
             pickle.dump(part, given)
@@ -88,7 +83,6 @@ def run_limited[T](
 
 
 def _module_of(function: Callable[..., object]) -> str:
-    """The name by which another process imports a function's module."""
     spec = getattr(sys.modules.get("__main__"), "__spec__", None)
     return spec.name if function.__module__ == "__main__" and spec else function.__module__
 
@@ -104,8 +98,7 @@ def _cause(code: int, limits: Limits) -> str:
 
 
 def answer(fd: int) -> None:
-    """The child's side: set the limits, run the function, write its value or its error to a
-    file."""
+    """The child's side: write the value or the error to a file."""
     limits = pickle.load(sys.stdin.buffer)
     resource.setrlimit(resource.RLIMIT_CPU, (limits.processor, limits.processor + 5))
     resource.setrlimit(resource.RLIMIT_FSIZE, (limits.file, limits.file))

@@ -1,4 +1,4 @@
-"""Code of a user's: where it is, where in it an error comes from, and how long it may take."""
+"""Code of a user's: where it is, where in it an error comes from, how long it may take."""
 
 import inspect
 import os
@@ -19,16 +19,15 @@ from pipeline.data.errors import DominoError
 PACKAGE = Path(__file__).parents[1]
 _INSTALLED = "site-packages"
 
-ENV = "DOMINO_PLUGINS"
-"""The environment variable that names directories of extensions."""
+ENV = "DOMINO_PLUGINS"  # the environment variable that names directories of extensions
 
 
 class OwnCodeError(DominoError):
-    """An error in an extension from outside the package; the message begins with FILE:LINE."""
+    """An error in an extension; the message begins with FILE:LINE."""
 
 
 def directories() -> list[Path]:
-    """The directories of DOMINO_PLUGINS."""
+    """Those of DOMINO_PLUGINS."""
     return [Path(part).resolve() for part in os.environ.get(ENV, "").split(os.pathsep) if part]
 
 
@@ -38,12 +37,12 @@ def is_outside(cls: type) -> bool:
 
 
 def file_of(cls: type) -> str | None:
-    """The file that defines a class, None if it has none."""
+    """The file that defines a class."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None)
 
 
 def line_of_class(cls: type, name: str = "") -> str:
-    """FILE:LINE of a class, or of an attribute in its body; its module if it has no source."""
+    """FILE:LINE of a class, or of an attribute in it; its module if it has no source."""
     try:
         lines, first = inspect.getsourcelines(cls)
     except (OSError, TypeError):
@@ -54,7 +53,7 @@ def line_of_class(cls: type, name: str = "") -> str:
 
 
 def line_of_error(error: BaseException, file: str | None) -> str:
-    """FILE:LINE of the last line in `file`, or beside it, that led to an error, "" if none did. A
+    """FILE:LINE of the last line in `file` or beside it that led to an error, "" if none did. A
     generator that waits for what it yielded counts."""
     if file is None:
         return ""
@@ -78,14 +77,13 @@ def _is_own(text: str, root: Path) -> bool:
 
 
 def describe_error(error: BaseException) -> str:
-    """The type and the message of an error in one line, with the name that Python proposes."""
+    """Type and message of an error in one line, with the name that Python proposes."""
     said = traceback.TracebackException.from_exception(error, lookup_lines=False)
     return " ".join(f"{type(error).__name__}: {said}".split())
 
 
 def raise_own(error: Exception, cls: type, what: str) -> None:
-    """Raise OwnCodeError, with the line, for an error (but a DominoError) of a class from
-    outside."""
+    """Raise OwnCodeError for an error, but a DominoError, of a class from outside."""
     if is_outside(cls) and not isinstance(error, DominoError):
         place = line_of_error(error, file_of(cls)) or line_of_class(cls)
         raise OwnCodeError(f"{place}: {what}: {describe_error(error)}") from error
@@ -93,7 +91,7 @@ def raise_own(error: Exception, cls: type, what: str) -> None:
 
 @dataclass(frozen=True)
 class Finding:
-    """One clause of a contract, whether it holds, and what was seen."""
+    """Whether a clause of a contract holds, and what was seen."""
 
     name: str
     ok: bool
@@ -103,8 +101,8 @@ class Finding:
 def catch_errors(
     name: str, author: type, check: Callable[[], Iterable[Finding]]
 ) -> Iterator[Finding]:
-    """The findings of a check of what the class `author` makes. An error is a finding, which names
-    the line of the author's that led to it."""
+    """The findings of a check of what class `author` makes; an error is one, with the author's line
+    that led to it."""
     try:
         yield from check()
     except DominoError as error:
@@ -115,13 +113,13 @@ def catch_errors(
 
 
 class _Alarm(BaseException):
-    """Interrupts foreign code; no `except Exception` of its own stops it."""
+    """No `except Exception` of foreign code stops it."""
 
 
 @contextmanager
 def time_limit(seconds: float, late: Exception) -> Iterator[None]:
     """Raise `late` for a block that takes longer: in the main thread between two Python
-    instructions; elsewhere, and in native code, when the block ends."""
+    instructions; elsewhere, and in native code, at its end."""
     began, in_main = time.monotonic(), threading.current_thread() is threading.main_thread()
 
     def interrupt(_signal: int, _frame: FrameType | None) -> None:
@@ -130,8 +128,7 @@ def time_limit(seconds: float, late: Exception) -> Iterator[None]:
     before: Any = None
     if in_main:
         before = signal.signal(signal.SIGALRM, interrupt)
-        # again every second, should the code catch it
-        signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+        signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)  # again, should the code catch it
     try:
         try:
             yield

@@ -1,4 +1,4 @@
-"""Cells and slots: what a recipe expands to, and how its episodes are spread over its cells."""
+"""Cells and slots of a recipe, and how episodes are spread over cells."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 DEFAULT_ALPHA = 0.1
 
-_GOLDEN = 11400714819323198485
-"""2**64 over the golden ratio: its multiples modulo 2**64 fall evenly over the range."""
+_GOLDEN = 11400714819323198485  # 2**64 over the golden ratio: its multiples fall evenly, mod 2**64
 
 
 @dataclass(frozen=True, order=True)
@@ -24,28 +23,25 @@ class Cell:
 
     @property
     def path(self) -> str:
-        """Directory of the cell's episodes below `episodes/`; the level carries alpha unless it is
-        0.1 m/s."""
-        level = (
-            f"L{self.level}"
-            if self.alpha == DEFAULT_ALPHA or self.level == 0
-            else f"L{self.level}@{self.alpha:g}"
-        )
+        """Directory below `episodes/`; the level carries alpha unless it is 0.1 m/s."""
+        usual = self.alpha == DEFAULT_ALPHA or self.level == 0
+        level = f"L{self.level}" if usual else f"L{self.level}@{self.alpha:g}"
         return f"{self.task}/{self.embodiment}/{level}/{self.domain}"
 
     def scenes(self, paired: Sequence[str]) -> str:
         """What the seeds of the cell's scenes are drawn from: its path, or one text for all cells
-        that differ only in `paired` (levels, domains, alpha)."""
+        that differ only in `paired`."""
         if not paired:
             return self.path
         level = "*" if "levels" in paired else str(self.level)
         alpha = "*" if "alpha" in paired else f"{self.alpha:g}"
-        return f"{self.task}/{self.embodiment}/L{level}@{alpha}/{'*' if 'domains' in paired else self.domain}"  # noqa: E501
+        domain = "*" if "domains" in paired else self.domain
+        return f"{self.task}/{self.embodiment}/L{level}@{alpha}/{domain}"
 
 
 @dataclass(frozen=True, order=True)
 class Slot:
-    """One wanted episode of a cell; variants of it have the same physics and other looks."""
+    """One wanted episode of a cell; its variants have the same physics and other looks."""
 
     cell: Cell
     index: int
@@ -53,24 +49,24 @@ class Slot:
 
     @property
     def path(self) -> str:
-        """Where the episode goes, relative to `episodes/`, without its suffix."""
+        """Where the episode is below `episodes/`, without suffix."""
         return f"{self.cell.path}/{episode_name(self.index, self.variant)}"
 
     @property
     def physical(self) -> "Slot":
-        """The slot whose physics this one shows: its variant 0."""
+        """Variant 0, whose physics this one shows."""
         return replace(self, variant=0)
 
 
 def episode_name(index: int, variant: int = 0) -> str:
-    """The name of an episode file without its suffix."""
+    """The name of an episode file without suffix."""
     return f"episode_{index:07d}_v{variant}" if variant else f"episode_{index:07d}"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The values of a recipe that choose its slots. `each` has by domain the episodes of every
-    cell, or with a `total` the weight of the domain's cells."""
+    """The values of a recipe that choose its slots. `each` has by domain the episodes of a cell,
+    with a `total` its weight."""
 
     tasks: tuple[str, ...]
     embodiments: tuple[str, ...]
@@ -83,8 +79,7 @@ class Choice:
 
 @lru_cache(maxsize=8)
 def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
-    """Episodes wanted of every cell, in a fixed order. Level 0 knows no speed, so it appears
-    once."""
+    """Episodes of every cell, in a fixed order. Level 0 knows no speed, so it appears once."""
     lists = (choice.tasks, choice.embodiments, choice.levels, choice.alpha, choice.domains)
     cells = dict.fromkeys(
         Cell(task, embodiment, level, alpha if level else DEFAULT_ALPHA, domain)
@@ -96,18 +91,15 @@ def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
 
 
 def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
-    """Exactly `total` episodes over cells: by largest remainder between the domains, then evenly
-    over the cells of each, which have one weight.
-
-    A larger total takes nothing from any cell, which largest remainder over single cells would.
-    Nothing is given if all weights are 0."""
+    """Exactly `total` episodes: by largest remainder over the domains, then evenly over the cells
+    of each. A larger total takes nothing from any cell, as largest remainder over single cells
+    would. Nothing is given if all weights are 0."""
     domains: dict[str, list[Cell]] = {}
     for cell, weight in weights.items():
         if weight:
             domains.setdefault(cell.domain, []).append(cell)
-    shares = largest_remainder(
-        [sum(weights[cell] for cell in cells) for cells in domains.values()], total
-    )
+    sums = [sum(weights[cell] for cell in cells) for cells in domains.values()]
+    shares = largest_remainder(sums, total)
     counts = dict.fromkeys(weights, 0)
     for cells, share in zip(domains.values(), shares, strict=True):
         counts |= dict(zip(cells, evenly(len(cells), share), strict=True))
@@ -115,7 +107,7 @@ def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
 
 
 def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
-    """Whole numbers with the sum `total`, in proportion to positive weights: rounded down, and one
+    """Whole numbers with the sum `total` in proportion to positive weights: rounded down, and one
     more for the largest remainders, the first of equal ones first. Of two weights none gets less of
     a larger total."""
     whole = sum(weights)
@@ -127,11 +119,9 @@ def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
 
 
 def evenly(places: int, total: int) -> list[int]:
-    """`total` over so many places: the same for all, and one more for a few that lie evenly among
-    them. A larger total takes nothing from any place.
-
-    They get one more in the order of the fractions of their number's multiples of the golden ratio
-    (Fibonacci hashing)."""
+    """`total` over places: the same for all, and one more for a few that lie evenly among them.
+    Their order is that of multiples of the golden ratio (Fibonacci hashing). A larger total takes
+    nothing from any place."""
     order = sorted(range(places), key=lambda i: i * _GOLDEN % 2**64)
     counts = [total // places] * places
     for i in order[: total % places]:

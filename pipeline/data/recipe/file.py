@@ -1,4 +1,4 @@
-"""Recipe files: finding those that ship with the package, and reading one."""
+"""Recipe files: finding and reading them."""
 
 from pathlib import Path
 from typing import Any
@@ -12,16 +12,14 @@ FOLDER = "manifests"
 
 
 def shipped_folder() -> Path:
-    """The folder of the files that ship with the package."""
+    """The folder of the recipes that ship with the package."""
     package = Path(str(pipeline.__file__)).parent
-    # beside the package in a checkout, inside it in a wheel
-    return next(
-        (place for place in (package / FOLDER, package.parent / FOLDER) if place.is_dir()), package
-    )
+    inside = package / FOLDER  # in a wheel; beside the package in a checkout
+    return inside if inside.is_dir() else package.parent / FOLDER
 
 
 def shipped_recipes() -> dict[str, Path]:
-    """The recipe files that ship with the package, by name: "smoke", "paper/10-tasks", ..."""
+    """The recipes that ship with the package, by name: "smoke", "paper/10-tasks", ..."""
     root = shipped_folder()
     return {
         path.relative_to(root).with_suffix("").as_posix(): path
@@ -30,19 +28,18 @@ def shipped_recipes() -> dict[str, Path]:
 
 
 def find_recipe(given: Path) -> Path:
-    """A recipe file as it is given, or else the one of that name that ships with the package."""
+    """A recipe file as it is given, else the shipped one of that name."""
     name = given.with_suffix("").as_posix().removeprefix(f"{FOLDER}/")
     return given if given.exists() else shipped_recipes().get(name, given)
 
 
 def read_recipe(path: Path) -> dict[str, Any]:
-    """The keys of a recipe file, unchecked. Raises RecipeError."""
+    """The keys of a recipe file. Raises RecipeError."""
     return {key: value for key, value in _read(path).items() if key != SEAL}
 
 
 def is_edited(path: Path) -> bool:
-    """Whether a sealed recipe file has other values than it was written with. Raises
-    RecipeError."""
+    """Whether a sealed recipe file has other values than were written. Raises RecipeError."""
     values = _read(path)
     return SEAL in values and not is_unchanged(values)
 

@@ -1,7 +1,6 @@
-"""Whether a dataset may grow from one recipe to another: it asks for all that is held, and the
-same."""
+"""Whether a dataset may grow from one recipe to another."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from pipeline.data.recipe.model import CHOOSING, Recipe
@@ -11,10 +10,10 @@ _LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
 
 
 def differences(held: Recipe, wanted: Recipe) -> list[str]:
-    """One phrase for each key that changes what is held; nothing if only slots are added. If only
-    images change, a phrase names `render`, which draws them."""
+    """One phrase for each key that changes what is held. If only images change, a phrase names
+    `render`, which draws them."""
     given = ("objects",) if held.assets and wanted.assets else ()
-    # a policy is told by its label
+    # a policy is known by its label
     out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}
     values, others = (recipe.model_dump(mode="json", exclude=out) for recipe in (held, wanted))
     changed = [key for key in values if values[key] != others[key]]
@@ -29,7 +28,6 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
 
 
 def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
-    """The value of a key as a message shows it."""
     if key == "contact" and recipe.contact is None:
         return f"what the rules say ({recipe.ruling().after_touch('tracking')})"
     return repr(values[key])
@@ -37,19 +35,14 @@ def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
 
 def left_out(held: Recipe, wanted: Recipe) -> list[str]:
     """One phrase for each key by which slots that are held would be left out."""
-    return list(_left_out(held, wanted))
-
-
-def _left_out(held: Recipe, wanted: Recipe) -> Iterator[str]:
-    before, after = held.counts(), wanted.counts()
+    phrases, before, after = list[str](), held.counts(), wanted.counts()
     lacking = [cell for cell, count in before.items() if count and cell not in after]
     for key in _LISTS if lacking else ():
         if missing := [value for value in getattr(held, key) if value not in getattr(wanted, key)]:
-            yield (
-                f"{key} {', '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in missing)}"
-            )
-    fewer = {count for cell, count in before.items() if after.get(cell, count) < count}
-    if fewer:
-        yield f"{max(fewer)} episodes a cell"
+            shown = (f"{v:g}" if isinstance(v, float) else str(v) for v in missing)
+            phrases.append(f"{key} {', '.join(shown)}")
+    if fewer := {count for cell, count in before.items() if after.get(cell, count) < count}:
+        phrases.append(f"{max(fewer)} episodes a cell")
     if held.variants > wanted.variants:
-        yield f"{held.variants} variants"
+        phrases.append(f"{held.variants} variants")
+    return phrases

@@ -1,4 +1,4 @@
-"""A recipe: which episodes a dataset is to hold, validated, expanded into cells and slots."""
+"""A recipe: which episodes a dataset is to hold, as cells and slots."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -25,16 +25,14 @@ from pipeline.data.spec import (
     condition_arms,
 )
 
-MOST_SLOTS = 10_000_000
-"""Episodes of one dataset: its index has a row for each."""
-
+MOST_SLOTS = 10_000_000  # episodes of one dataset
 SLOWEST = 1e-3  # m/s
 
 CHOOSING = (
     *("name", "tasks", "embodiments", "levels", "domains", "alpha"),
     *("episodes", "total", "variants", "assets"),
 )
-"""Keys of a recipe that choose slots and change none: a dataset may grow by them."""
+"""Keys that choose slots and change none: a dataset may grow by them."""
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 _Thousand = Annotated[int, Field(ge=1, le=1000, strict=True)]
@@ -117,12 +115,12 @@ class Recipe(Setup):
 
     @property
     def reactive(self) -> Sight | None:
-        """How the reactive expert sees, if it demonstrates or corrects."""
+        """How the reactive expert that demonstrates or corrects sees."""
         return self.sight if self.expert == "reactive" or self.corrections else None
 
     @property
     def label(self) -> str:
-        """The label of the setup, followed by the expert unless it is the planned one."""
+        """That of the setup, and the expert unless it is the planned one."""
         if self.reactive is None:
             return super().label
         label = f"{super().label}-reactive-delay{self.sight.delay:g}-noise{self.sight.noise:g}"
@@ -145,7 +143,7 @@ class Recipe(Setup):
     @field_validator("alpha")
     @classmethod
     def _apart(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        """Speeds that have directories of their own, and that are speeds."""
+        """Speeds that are some, with directories of their own."""
         if any(0 < alpha < SLOWEST for alpha in value):
             fix = "level 0 is a target that stands still"
             raise ValueError(f"holds a speed below {SLOWEST} m/s, which is no motion; {fix}")
@@ -156,13 +154,10 @@ class Recipe(Setup):
     @field_validator("episodes", mode="before")
     @classmethod
     def _by_domain(cls, value: Any) -> Any:
-        if isinstance(value, Mapping) and (
-            unknown := [key for key in value if key not in ("clean", "randomized")]
-        ):
-            raise ValueError(
-                f"names the domain {show_value(unknown[0])}; write a number, or {{clean: 50,"
-                " randomized: 10}"
-            )
+        unknown = [*value.keys() - {"clean", "randomized"}] if isinstance(value, Mapping) else []
+        if unknown:
+            fix = "write a number, or {clean: 50, randomized: 10}"
+            raise ValueError(f"names the domain {show_value(unknown[0])}; {fix}")
         return value
 
     @field_validator("cameras")
@@ -180,28 +175,26 @@ class Recipe(Setup):
         return value
 
     def counts(self) -> Mapping[Cell, int]:
-        """Episodes wanted of every cell, in a fixed order: physics, each drawn `variants` times."""
+        """Physics episodes of every cell, in a fixed order."""
         of = self.episodes
         lists = (self.tasks, self.embodiments, self.levels, self.alpha, self.domains)
         each = tuple((d, of if isinstance(of, int) else of.get(d, 0)) for d in self.domains)
         return episodes_by_cell(Choice(*lists, each, self.total))
 
     def cells(self) -> list[Cell]:
-        """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the
-        alphas."""
+        """All cells, in a fixed order."""
         return list(self.counts())
 
     def robots(self) -> list[str]:
-        """The single robots of the embodiments, sorted: both of a mixed pair."""
+        """The single robots of the embodiments, sorted."""
         return sorted({name for pair in self.embodiments for name in pair.split("+")} - {NONE})
 
     def wanted(self, cell: Cell) -> int:
-        """Episodes wanted of a cell; 0 of one that is not the recipe's."""
+        """Episodes wanted of a cell."""
         return self.counts().get(cell, 0)
 
     def slots(self) -> Iterator[Slot]:
-        """Every wanted episode: the physical slots in their order, each followed by its other
-        variants."""
+        """Every wanted episode: the physical slots, each followed by its other variants."""
         for slot in self.physical_slots():
             for variant in range(self.variants):
                 yield replace(slot, variant=variant)
@@ -216,19 +209,18 @@ class Recipe(Setup):
                     yield Slot(cell, index)
 
     def spec(self, slot: Slot, attempt: int) -> EpisodeSpec:
-        """The spec of one attempt at a slot.
+        """The spec of an attempt at a slot. Paired cells have the same seeds.
 
-        The first half of the attempts share the drawn shape and speed of the target's motion: a
-        fast motion, which fits more seldom, is not replaced by a slow one. Paired cells have the
-        same seeds."""
+        The first half of the attempts share the drawn shape and speed of the target's motion, so
+        that a slow motion does not replace a fast one, which seldom fits."""
         cell, index, arm = slot.cell, slot.index, ""
         if arms := self.arms:
             index, arm = index // len(arms), arms[index % len(arms)]
         scenes = cell.scenes(self.paired)
         seed = attempt_seed(self.seed, scenes, index, attempt)
-        shared = (
-            attempt_seed(self.seed, scenes, index, -1) if attempt <= self.attempts // 2 else None
-        )
+        shared = None
+        if attempt <= self.attempts // 2:
+            shared = attempt_seed(self.seed, scenes, index, -1)
         drawn = {"slot": slot.index, "seed": seed, "slot_seed": shared, "arm": arm}
         return EpisodeSpec(**vars(cell), **drawn)
 
@@ -240,31 +232,28 @@ class Recipe(Setup):
         return (EVENTFUL, CONTROL) if "events" in self.paired else ()
 
     def to_yaml(self) -> str:
-        """The recipe as YAML with every field written out."""
+        """The recipe as YAML, every field written out."""
         values = self.model_dump(mode="json")
-        values["events"] = [
-            event.model_dump(mode="json", exclude_defaults=True) for event in self.events
-        ]
+        values["events"] = [e.model_dump(mode="json", exclude_defaults=True) for e in self.events]
         keys = [key for key in KEYS if key != "events" or self.events]
         return yaml.safe_dump({key: values[key] for key in keys}, sort_keys=False)
 
 
 KEYS = (*(key for key in Recipe.model_fields if key not in Setup.model_fields), *Setup.model_fields)
-"""The keys of a recipe as files and documents list them: which episodes first, then the setup."""
+"""The keys of a recipe as files list them: which episodes, then the setup."""
 
 
 def parse_recipe(
     values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
-    """As `Recipe.parse`, of a size that `check_size` allows; `run.names` checks tasks and
-    robots."""
+    """As `Recipe.parse`, checked by `check_size`; `run.names` checks tasks and robots."""
     recipe = Recipe.parse(values, source, flags)
     check_size(recipe, source)
     return recipe
 
 
 def check_size(recipe: Recipe, source: str = "recipe") -> None:
-    """Raise RecipeError for a recipe of no episode, or of too many; no tasks count for one."""
+    """Raise RecipeError for no episode, or too many; no tasks count for one."""
     if not recipe.tasks:
         recipe = recipe.model_copy(update={"tasks": ("all",)})
     lists = (recipe.tasks, recipe.embodiments, recipe.levels, recipe.alpha, recipe.domains)
@@ -290,8 +279,8 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
 
 
 def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
-    """The values of a key as a tuple without repeats; a single value is a list of one. Only `tasks`
-    and `paired` may be empty. Raises ValueError."""
+    """The values of a key without repeats; a single value is a list of one. Only `tasks` and
+    `paired` may be empty. Raises ValueError."""
     items = value if isinstance(value, list | tuple) else [value]
     if not all(isinstance(item, str | int | float) for item in items):
         raise ValueError("is not a list of names or numbers")

@@ -1,4 +1,4 @@
-"""A setup: cameras, sensors, rate and rules, of a dataset, an evaluation or a policy."""
+"""A setup: cameras, sensors, rate and rules of a dataset, an evaluation or a policy."""
 
 from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, Self
@@ -37,13 +37,12 @@ IMAGES = (
     *("render", "depth", "segmentation", "pointcloud", "cameras", "size", "sensors"),
     *("visuals", "visual_seed", "textures", "environment"),
 )
-"""Keys of a setup that decide how images look. The others decide what happens in them."""
+"""Keys that decide how images look; the others decide what happens in them."""
 
 INTERFACE = ("fps", "layout", "camera", "cameras", "size", "depth", "segmentation", "pointcloud")
-"""Keys of a setup that a policy is made for: what it sees, and what its actions mean."""
+"""Keys that a policy is made for: what it sees, and what its actions mean."""
 
-SETUP_FILE = "setup.yaml"
-"""The file of a trained policy that holds the setup it was made for."""
+SETUP_FILE = "setup.yaml"  # of a trained policy: the setup it was made for
 
 MOST_SEED = 2**63 - 1
 
@@ -52,12 +51,11 @@ _Pixels = Annotated[int, Field(ge=FEWEST_PIXELS, le=MOST_PIXELS, strict=True)]
 
 
 class RecipeError(DominoError, ValueError):
-    """A recipe or setup that cannot be used: one line that names the key and the fix."""
+    """A recipe or setup that cannot be used: one line with the key and the fix."""
 
 
 class Setup(BaseModel):
-    """Everything that a recipe says besides which episodes to make. Without cameras nothing is
-    drawn."""
+    """All that a recipe says but which episodes to make. Without cameras nothing is drawn."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -160,7 +158,7 @@ class Setup(BaseModel):
     @field_validator("sensors")
     @classmethod
     def _within_a_frame(cls, value: Sensors | None, info: ValidationInfo) -> Sensors | None:
-        """The shutter is open for a frame at most. Sensors without imperfections are none."""
+        """The shutter is open for a frame at most; sensors without imperfections are none."""
         frame = 1000 / info.data.get("fps", DEFAULT_FPS)
         if value is not None and value.motion_blur > frame:
             raise ValueError(f"has a motion_blur longer than a frame, {frame:.1f} ms")
@@ -178,61 +176,58 @@ class Setup(BaseModel):
 
     @property
     def setup(self) -> "Setup":
-        """The setup alone, also of a recipe."""
+        """Without a recipe's keys."""
         return Setup.model_construct(**{name: getattr(self, name) for name in Setup.model_fields})
 
     @property
     def physics(self) -> "Setup":
-        """The setup with all keys of IMAGES at their defaults: what decides scenes and experts."""
+        """With the keys of IMAGES at their defaults: what decides scenes and experts."""
         return Setup.model_construct(
             **{name: getattr(self, name) for name in Setup.model_fields if name not in IMAGES}
         )
 
     @property
     def calm(self) -> "Setup":
-        """The physics without events: what the scenes of an evaluation are admitted by."""
+        """Physics without events, by which the scenes of an evaluation are admitted."""
         return self.physics.model_copy(update={"events": ()})
 
     @property
     def brought(self) -> tuple[str, str]:
-        """Textures and light: a split, or the content of what is brought; "" for no light."""
+        """Textures and light: a split or content; "" for no light."""
         own = (self.textures, self.environment or "")
         return tuple(each.content if isinstance(each, Brought) else each for each in own)  # pyright: ignore[reportReturnType]
 
     @property
     def reactive(self) -> Sight | None:
-        """How the reactive expert sees, if it demonstrates."""
+        """How the reactive expert that demonstrates sees."""
         return None
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        """The cameras by their names in an episode file."""
+        """By their names in an episode file."""
         return tuple(map(camera_name, self.cameras))
 
     def cameras_on(self, sides: Collection[str]) -> tuple[str | NamedCamera, ...]:
-        """The cameras that a robot with the arms of `sides` can have."""
+        """Those that a robot with the arms of `sides` can have."""
         return tuple(camera for camera in self.cameras if camera in sides or camera not in SIDES)
 
     def ruling(self) -> Rules:
-        """The rules by which episodes are made and judged."""
         objects = tuple(sorted(self.objects.items()))
         given = (self.rules, self.contact, self.layout, self.clutter, objects, self.drive)
         return Rules(*given, self.events)
 
     @property
     def label(self) -> str:
-        """A word for paths and tables: the rules, and what else of `physics` is not the default."""
+        """A word for paths and tables: the rules, and what else of `physics` is no default."""
         keys = ("camera", "lead", "start", "jumps", "motion", "speed_bound")
         words = {key: getattr(self, key) for key in keys}
         words |= {"fps": f"{self.fps}hz", "lead": f"lead{self.lead:g}"}
-        order = ("fps", *keys)
-        defaults = Setup()
-        own = [str(words[key]) for key in order if getattr(self, key) != getattr(defaults, key)]
-        return "-".join((self.ruling().label, *own))
+        default = Setup()
+        changed = [k for k in ("fps", *keys) if getattr(self, k) != getattr(default, k)]
+        return "-".join((self.ruling().label, *(str(words[key]) for key in changed)))
 
     def given(self) -> dict[str, Any]:
-        """The keys that are not at their defaults, as plain data (JSON); `Setup.parse` is the
-        inverse."""
+        """The keys that are not at their defaults (JSON); `parse` is the inverse."""
         return self.setup.model_dump(mode="json", exclude_defaults=True)
 
     def override(
@@ -241,7 +236,7 @@ class Setup(BaseModel):
         source: str = "options",
         flags: Mapping[str, str] | None = None,
     ) -> Self:
-        """The same with other values of some keys. Raises RecipeError as `parse`."""
+        """With other values of some keys. Raises RecipeError."""
         return self.parse(self.model_dump() | dict(values), source, flags)
 
     @classmethod
@@ -251,19 +246,18 @@ class Setup(BaseModel):
         source: str = "setup",
         flags: Mapping[str, str] | None = None,
     ) -> Self:
-        """A model whose keys and values have the right form. Raises RecipeError in one line that
-        names `source` and the key, or its option (`flags`)."""
+        """A checked model. Raises RecipeError in one line with `source` and the key, or its option
+        (`flags`)."""
         try:
             return cls.model_validate(dict(values))
         except ValidationError as error:
             raise RecipeError(explain(error, cls, values, source, flags or {})) from error
 
 
-DEFAULT = Setup()
-"""The setup of a bare `build`."""
+DEFAULT = Setup()  # of a bare `build`
 
 
 def option_of(key: str) -> str:
-    """The option that gives a key on a command line."""
+    """The command-line option of a key."""
     name = {"embodiments": "embodiment", "camera": "camera-type"}.get(key, key)
     return f"--{name.replace('_', '-')}"

@@ -1,4 +1,4 @@
-"""Images and light that a user brings for the room: found, hashed and read."""
+"""Images and light that a user brings for the room."""
 
 import hashlib
 from collections.abc import Callable
@@ -17,27 +17,24 @@ from pipeline.data.process.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
 
 KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
-"""Folders of textures, and metres that an image covers if its name does not tell
-(`oak@0.8.jpg`)."""
+"""Folders of textures, and metres that an image covers unless its name tells (`oak@0.8.jpg`)."""
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 TEXELS = 512
 
 Textures = dict[str, tuple[tuple[NDArray[np.uint8], float], ...]]
-"""Textures (512,512,4) and the metres each covers, by kind, in the order of their names."""
+"""Textures (512,512,4) and the metres each covers, by kind."""
 
 MOST_BYTES, MOST_FILES = 2**26, 1000
-LIMITS = Limits(memory=1 << 30)
-"""An image of 256 million pixels has 768 MB."""
+LIMITS = Limits(memory=1 << 30)  # an image of 256 million pixels has 768 MB
 
 
 class BroughtError(DominoError, ValueError):
-    """Images or light that cannot be used: one line that names the file."""
+    """Images or light that cannot be used: one line with the file."""
 
 
 class Brought(BaseModel):
-    """A directory of textures or a file of light: absolute path, sha256 of its content, and
-    licence."""
+    """A directory of textures or a file of light: absolute path, sha256 of its content, licence."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,7 +44,6 @@ class Brought(BaseModel):
 
 
 def read_textures(value: Any) -> Any:
-    """A name that is no split is a directory."""
     is_directory = isinstance(value, str) and value not in ("seen", "unseen")
     return bring_textures(value) if is_directory else value
 
@@ -63,13 +59,13 @@ def bring_textures(text: str) -> Brought:
 
 
 def bring_light(text: str) -> Brought:
-    """The light in a file, read as textures are. Raises BroughtError."""
+    """The light in a file, read as textures are."""
     path = Path(text).absolute()
     return _bring(hash_light, path, path.parent)
 
 
 def _bring(content: Callable[[Path], str], path: Path, folder: Path) -> Brought:
-    """What is at a path, with the first line of the LICENSE file in a folder."""
+    """What is at a path, with the first line of a LICENSE file in `folder`."""
     try:
         found = run_limited(str(path), content, path, limits=LIMITS)
     except DominoError as error:
@@ -90,12 +86,12 @@ def hash_light(path: Path) -> str:
 
 
 def textures_of(brought: Brought) -> Textures:
-    """The textures that a recipe names. Raises BroughtError, also if they have changed."""
+    """The textures of a recipe. Raises BroughtError, also if they have changed."""
     return read_unchanged(_read_textures, brought.path, brought.content)
 
 
 def light_of(brought: Brought) -> NDArray[np.float32]:
-    """Equirectangular radiance (H,W,3). Raises BroughtError, also if it has changed."""
+    """Equirectangular radiance (H,W,3). Raises as `textures_of`."""
     return read_unchanged(_read_light, brought.path, brought.content)
 
 
@@ -103,9 +99,7 @@ def light_of(brought: Brought) -> NDArray[np.float32]:
 def read_unchanged(read: Callable[[Path], tuple[str, Any]], path: str, content: str) -> Any:
     found, value = read(Path(path))
     if found != content:
-        raise BroughtError(
-            f"{path}: has changed since the recipe was made: bring back what it held"
-        )
+        raise BroughtError(f"{path}: has changed since the recipe was made: restore it")
     return value
 
 
@@ -144,9 +138,8 @@ def _metres(path: Path, kind: str) -> float:
     try:
         return real(text, 0.01, 100)
     except ParseError as error:
-        raise BroughtError(
-            f"{path}: after the @ of its name come the metres that it covers, 0.01 to 100"
-        ) from error
+        what = "after the @ of its name come the metres that it covers, 0.01 to 100"
+        raise BroughtError(f"{path}: {what}") from error
 
 
 def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
@@ -159,9 +152,7 @@ def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
         raise BroughtError(f"{path}: holds no light that can be read: replace it")
     height, width = radiance.shape[:2]
     if width != 2 * height:
-        raise BroughtError(
-            f"{path}: is {width}x{height}, but an equirectangular image is twice as wide as high"
-        )
+        raise BroughtError(f"{path}: is {width}x{height}; make it twice as wide as high")
     return hashlib.sha256(data).hexdigest(), np.asarray(radiance[..., ::-1], np.float32)
 
 
@@ -169,9 +160,7 @@ def _decode(path: Path, data: bytes, how: int) -> NDArray | None:
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), how) if data else None
     except cv2.error as error:
-        raise BroughtError(
-            f"{path}: unpacks to more than there is memory for: make it smaller"
-        ) from error
+        raise BroughtError(f"{path}: needs too much memory: make it smaller") from error
 
 
 def _bytes(path: Path) -> bytes:

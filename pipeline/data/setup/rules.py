@@ -1,4 +1,4 @@
-"""By which rules an episode is made and judged: ours, or those of the benchmark DOMINO."""
+"""By which rules an episode is made and judged."""
 
 import re
 from dataclasses import dataclass, replace
@@ -18,8 +18,7 @@ Expert = Literal["planned", "reactive"]
 Takeover = Literal["time", "error"]
 Perturbation = Literal["pause", "push"]
 
-MOST_CLUTTER = 10
-"""As many as the original's."""
+MOST_CLUTTER = 10  # as many as the original's
 
 
 _UNITS = {"s": ("delay", 1.0), "ms": ("delay", 1e-3), "m": ("noise", 1.0), "mm": ("noise", 1e-3)}
@@ -38,7 +37,7 @@ class Sight(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _written(cls, value: Any) -> Any:
-        """ "100ms,5mm" stands for {delay: 0.1, noise: 0.005}."""
+        """ "100ms,5mm" is {delay: 0.1, noise: 0.005}."""
         if not isinstance(value, str):
             return value
         words = [_AMOUNT.fullmatch(word.strip()) for word in value.split(",")]
@@ -53,8 +52,8 @@ class Sight(BaseModel):
 
 
 class Corrections(BaseModel):
-    """Whose actions the reactive expert corrects: the `policy` as `evaluate --policy` takes it, and
-    its `label` with the hash of its file, which run/names.py resolves."""
+    """Whose actions the reactive expert corrects: a `policy` as of `evaluate --policy`, and its
+    `label` with the hash of its file (run/names.py)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -72,15 +71,13 @@ class Rules:
     """`name`: "strict" are ours, "domino" the sizes, tolerances and conditions of the original's
     dynamic tasks.
 
-    `contact` says what the first touch does to the target. "stop" ends its own motion (the paper's
-    text). "continue" lets that of a tracking task follow its motion (the original's evaluation).
-    "hold" makes it a dynamic body that a drive of bounded force keeps on its motion until something
-    has hold of it (world/physics/drive.py). The default is "stop" with strict rules, else
-    "continue".
+    `contact` is what the first touch does to the target. "stop" ends its own motion (the paper's
+    text), the default of "strict". "continue" lets that of a tracking task go on (the original's
+    evaluation), the default of "domino". "hold" makes it a dynamic body that a drive of bounded
+    force keeps on its motion until something has hold of it (world/physics/drive.py).
 
-    `layout` says where the robot's bases stand, `clutter` the fewest and most distractors.
-    `objects` names objects from files by family or `task.family`. `drive`: errors of joints.
-    `events`: what happens while the robot acts."""
+    `layout` is where the robot's bases are, `clutter` the fewest and most distractors, `objects`
+    those from files by family or `task.family`."""
 
     name: RuleSet = "strict"
     contact: Contact | None = None
@@ -91,12 +88,11 @@ class Rules:
     events: tuple[EventSpec, ...] = ()
 
     def standing_for(self, family: str) -> tuple[str, ...]:
-        """The objects that a layout gets where it asks for a family; the family itself where there
-        are none."""
+        """The objects that a layout gets for a family; itself if there are none."""
         return dict(self.objects).get(family) or (family,)
 
     def within(self, task: str) -> "Rules":
-        """The same with the objects that a layout of this task gets."""
+        """The same with the objects of this task."""
         own = {
             key.removeprefix(f"{task}."): names
             for key, names in self.objects
@@ -111,7 +107,7 @@ class Rules:
 
     @property
     def label(self) -> str:
-        """A word for paths and tables: "strict", "domino", "strict-continue", and so on."""
+        """A word for paths and tables, such as "strict-continue"."""
         layout = self.layout if self.layout != "ours" else None
         clutter = None if self.clutter == CLUTTER else "clutter{}to{}".format(*self.clutter)
         objects = f"objects{digest(self.objects)[:6]}" if self.objects else None
@@ -125,15 +121,16 @@ STRICT = Rules()
 
 
 def rules_of(meta: EpisodeMeta) -> Rules:
-    """The rules by which a stored episode was made. Raises ValueError for unknown ones."""
+    """The rules of a stored episode. Raises ValueError for unknown ones."""
     for value, known in ((meta.rules, RuleSet), (meta.contact, Contact), (meta.layout, Layout)):
         if value not in get_args(known):
             raise ValueError(f"{value!r} is not one of {', '.join(get_args(known))}")
+    objects = tuple((family, tuple(names)) for family, names in sorted(meta.objects_wanted.items()))
     return Rules(
-        *(cast(RuleSet, meta.rules), cast(Contact, meta.contact), cast(Layout, meta.layout)),
-        *(
-            meta.clutter_wanted,
-            tuple((family, tuple(names)) for family, names in sorted(meta.objects_wanted.items())),
-        ),
+        cast(RuleSet, meta.rules),
+        cast(Contact, meta.contact),
+        cast(Layout, meta.layout),
+        meta.clutter_wanted,
+        objects,
         meta.drive,
     )

@@ -12,7 +12,7 @@ from pipeline.data.parsing import SHOWN, show_value
 
 
 def check_kind(value: Any, is_switch: bool) -> None:
-    """Raise ValueError for NaN, and for YAML true/false where a number or a name is expected."""
+    """Raise ValueError for NaN, and for true/false in place of a number or a name."""
     parts = value.values() if isinstance(value, Mapping) else value
     parts = [*parts] if isinstance(value, Mapping | list | tuple) else [value]
     if not is_switch and any(isinstance(part, bool) for part in parts):
@@ -28,7 +28,7 @@ def read_size(value: Any) -> Any:
 
 
 def read_objects(value: Any) -> Any:
-    """ "mug=mug7,mug=mug8" stands for {mug: [mug7, mug8]}, and one name for a list of it."""
+    """ "mug=mug7,mug=mug8" is {mug: [mug7, mug8]}, and one name a list of it."""
     pairs: list[Any] = [*value.items()] if isinstance(value, Mapping) else []
     if isinstance(value, str):
         pairs = [word.strip().split("=") for word in value.split(",")]
@@ -42,7 +42,7 @@ def read_objects(value: Any) -> Any:
 
 
 def camera_name(camera: str | NamedCamera) -> str:
-    """The name in an episode file of a camera of a setup."""
+    """The name in an episode file."""
     return CAMERAS[camera] if isinstance(camera, str) else camera.name
 
 
@@ -54,7 +54,7 @@ def read_cameras(value: Any) -> Any:
 
 
 def _camera(item: Any) -> str | NamedCamera:
-    """A camera of a setup: a known name, long or short, or a mapping that describes one."""
+    """A known name, long or short, or a mapping that describes a camera."""
     if isinstance(item, NamedCamera):
         return item
     if isinstance(item, Mapping):
@@ -67,10 +67,8 @@ def _camera(item: Any) -> str | NamedCamera:
     for short, long in CAMERAS.items():
         if item in (short, long):
             return short
-    raise ValueError(
-        f"holds {show_value(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name,"
-        " link, pose, width, height, fovy"
-    )
+    known = f"{', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
+    raise ValueError(f"holds {show_value(item)}: cameras are {known}")
 
 
 def explain(

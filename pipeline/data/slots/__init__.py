@@ -1,1 +1,1 @@
-"""Finished slots of a dataset: the index, their files, and choosing among them."""
+"""Finished slots of a dataset."""

@@ -22,17 +22,14 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.data.store.place import delete, place_of, put
 
-EPISODE, GIVEN_UP = ".hdf5", ".given_up.json"
-"""How the names of the files of slots end: of an accepted one, and of one that was given up."""
+EPISODE, GIVEN_UP = ".hdf5", ".given_up.json"  # how files of slots end
 
 _FILE = re.compile(r"episode_(\d{7,8})(?:_v(\d+))?(\.hdf5|\.given_up\.json)")
 
 
 class Paths:
-    """The paths of one dataset directory, made from slots, whose names are plain names.
-
-    `failures` has the failed attempts that are kept, `orphans` whole episodes of no slot that `gc`
-    moved."""
+    """The paths of a dataset. `failures` has the failed attempts that are kept, `orphans` whole
+    episodes of no slot that `gc` moved."""
 
     def __init__(self, root: Path) -> None:
         self.root = root = Path(root)
@@ -48,32 +45,27 @@ class Paths:
         self.orphans = root / "orphans"
 
     def episode(self, slot: Slot) -> Path:
-        """The episode file of a slot."""
         return self.episodes / f"{slot.path}{EPISODE}"
 
     def file(self, slot: Slot, accepted: bool) -> Path:
-        """The file of a slot: its episode, or the note that it was given up."""
+        """Its episode, or the note that it was given up."""
         return self.episodes / f"{slot.path}{EPISODE if accepted else GIVEN_UP}"
 
     def failure(self, slot: Slot, attempt: int) -> Path:
-        """The file of a failed attempt at a slot."""
         return self.failures / f"{slot.path}_attempt_{attempt:03d}{EPISODE}"
 
     def log(self, slot: Slot) -> Path:
-        """The log of a slot that failed."""
         return self.root / "logs" / f"{slot.path}.log"
 
     def exports(self, name: str) -> Path:
-        """Default place of an export."""
         return self.root / "exports" / name
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Slots of a recipe that the index holds, in the recipe's order, as columns (N,).
-
-    `ids` are their numbers in the index, `ranks` those of their cells among `cells`, `keys` numbers
-    of `texts` (`pack_keys`), `more` the columns that were asked for besides."""
+    """Slots of a recipe that the index holds, in the recipe's order, as columns (N,): `ids` in the
+    index, `ranks` of their cells among `cells`, `keys` of `texts` (`pack_keys`), and `more` columns
+    that were asked for."""
 
     cells: Sequence[Cell]
     ids: NDArray[np.int64]
@@ -90,13 +82,12 @@ class Rows:
 
     @cached_property
     def slots(self) -> list[Slot]:
-        """The slot of every row."""
         rows = zip(self.ranks.tolist(), self.index.tolist(), self.variants.tolist(), strict=True)
         return [Slot(self.cells[rank], index, variant) for rank, index, variant in rows]
 
     @cached_property
     def names(self) -> list[tuple[int, str]]:
-        """The rank of the cell of every row, and the name of its file in the cell's directory."""
+        """The rank of every row's cell, and the name of its file in that directory."""
         columns = (self.ranks, self.index, self.variants, self.accepted)
         return [
             (rank, f"{episode_name(index, variant)}{EPISODE if accepted else GIVEN_UP}")
@@ -104,7 +95,7 @@ class Rows:
         ]
 
     def where(self, chosen: NDArray[Any]) -> "Rows":
-        """Some of the rows, by a mask (N,) or by their numbers."""
+        """Some rows, by a mask (N,) or by numbers."""
         columns = {
             name: getattr(self, name)[chosen]
             for name in ("ids", "ranks", "index", "variants", "accepted", "keys")
@@ -114,7 +105,7 @@ class Rows:
 
 
 class Listing:
-    """Which files of slots there are below a directory, from one listing of each cell's."""
+    """Which files of slots are below a directory, from one listing of each cell's."""
 
     def __init__(self, root: Path, recipe: Recipe) -> None:
         self._recipe, place = recipe, place_of(root)
@@ -136,8 +127,8 @@ class Listing:
         return np.array([name in self._files[rank] for rank, name in rows.names], bool)
 
     def states(self, rows: Rows) -> NDArray[np.int64]:
-        """Size (bytes) and time of change (ns) of every row's file (N,2), -1 if it is missing; the
-        time is 0 on a store. Raises OSError."""
+        """Size (bytes) and time of change (ns, 0 on a store) of every row's file (N,2), -1 if it is
+        missing. Raises OSError."""
         found = np.full((len(rows), 2), -1, np.int64)
         for number, (rank, name) in enumerate(rows.names):
             file = self._files[rank].get(name)
@@ -151,8 +142,8 @@ class Listing:
         return found
 
     def unknown(self, rows: Rows) -> Iterator[tuple[Slot, bool]]:
-        """Slots of the recipe that have a file and no row, and whether it is an episode. A note
-        beside an episode, which was written later, does not count."""
+        """Slots with a file and no row, and whether it is an episode. A note beside an episode,
+        which is newer, does not count."""
         known = [set[str]() for _ in self._files]
         for rank, name in rows.names:
             known[rank].add(name)
@@ -165,14 +156,14 @@ class Listing:
 
 
 def find_slot(recipe: Recipe, path: str) -> Slot | None:
-    """The slot of a recipe whose episode is at a path below `episodes/`, without its suffix."""
+    """The slot whose episode is at a path below `episodes/`, without suffix."""
     folder, _, name = path.rpartition("/")
     cells = ((cell, count) for cell, count in recipe.counts().items() if cell.path == folder)
     return next((_slot_in(recipe, *cell, f"{name}{EPISODE}") for cell in cells), None)
 
 
 def _slot_in(recipe: Recipe, cell: Cell, count: int, name: str) -> Slot | None:
-    """The slot of a cell with so many whose file has this name, None if there is none."""
+    """The slot of a cell of `count` whose file has this name, if any."""
     if not (found := _FILE.fullmatch(name)):
         return None
     slot = Slot(cell, int(found[1]), int(found[2] or 0))
@@ -183,8 +174,7 @@ def _slot_in(recipe: Recipe, cell: Cell, count: int, name: str) -> Slot | None:
 def write_given_up(
     dataset: Paths, slot: Slot, keys: SlotKeys, attempts: Sequence[Mapping[str, Any]]
 ) -> SlotRecord:
-    """Write the note, in place of an episode, that a slot was given up; its record. Raises
-    OSError."""
+    """Write the note that a slot was given up; its record. Raises OSError."""
     path = dataset.file(slot, False)
     values = {"slot": slot.path, "keys": keys.to_json(), "attempts": untimed(attempts)}
     write_atomic(path, json.dumps(values, sort_keys=True, indent=1).encode() + b"\n")
@@ -194,8 +184,8 @@ def write_given_up(
 
 
 def read_given_up(path: Path, slot: str) -> tuple[SlotKeys, list[dict[str, Any]]]:
-    """The keys and attempts of the note on the slot with this path. Raises OSError, ValueError,
-    KeyError, TypeError or AttributeError for a file that is none."""
+    """Keys and attempts of the note on the slot with this path. Raises OSError, ValueError,
+    KeyError, TypeError or AttributeError for what is none."""
     values = parse_json(read_regular(path))
     canonical(values)  # refuses texts that have no UTF-8
     attempts = [dict(row) for row in values["attempts"]]
@@ -205,7 +195,7 @@ def read_given_up(path: Path, slot: str) -> tuple[SlotKeys, list[dict[str, Any]]
 
 
 def remove_given_up(dataset: Paths, slot: Slot) -> None:
-    """Remove the note on a slot, which has an episode now. Raises OSError."""
+    """Remove the note on a slot that has an episode now. Raises OSError."""
     path = dataset.file(slot, False)
     if path.exists() or place_of(path):
         path.unlink(missing_ok=True)

@@ -1,8 +1,7 @@
 """The index of a dataset: one SQLite file with a row for every finished slot and every attempt.
 
-A cache of what the files of the slots say: delete it, and it is read from them again (reread.py).
-What is the same for many slots (cells, keys, names of assets) has a table of its own.
-"""
+A cache of what the files of the slots say, read from them again if it is lost (reread.py). What
+many slots share (cells, keys, names of assets) has tables of its own."""
 
 import errno
 import json
@@ -32,10 +31,10 @@ from pipeline.data.slots.records import (
 )
 
 VERSION = 2
-WAIT = 60.0  # seconds that a command waits for another one to finish reading or writing
+WAIT = 60.0  # seconds that a command waits for another to finish reading or writing
 
 FULL = ("sha256", "size", "changed", "frames", "physics_id", "assets", "seconds", "core_seconds")
-"""The columns that a record is made of."""
+"""Columns of a record."""
 
 _SLOT = ("cell", "slot", "variant", "accepted", "keys", *FULL)
 _CELL = PLACE[:5]
@@ -75,13 +74,13 @@ _REFUSED = {
 
 
 class DamagedIndex(Exception):
-    """An index that is missing, cannot be read or is of another version: it is made again."""
+    """An index that is missing, unreadable or of another version: it is made again."""
 
 
 @contextmanager
 def _faults(path: Path) -> Iterator[None]:
-    """Raise OSError for a disk that refuses, ValueError for values of another kind, and
-    DamagedIndex for everything else that is wrong with the file."""
+    """Raise OSError for a disk that refuses, ValueError for values of another kind than their
+    columns, and DamagedIndex for all else."""
     try:
         yield
     except (sqlite3.IntegrityError, sqlite3.ProgrammingError, OverflowError) as error:
@@ -100,8 +99,8 @@ _SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 
 
 def _check_beside(path: Path) -> None:
-    """Raise DamagedIndex for what no writer of an index leaves, and by which SQLite would change a
-    file elsewhere: a journal of another kind or that names files, a hard link."""
+    """Raise DamagedIndex for what no writer of an index leaves, and by which SQLite would change
+    files elsewhere: a hard link, a journal of another kind or that names files."""
     with path.open("rb") as file:
         plain = file.read(20)[18:] == b"\1\1" and path.stat().st_nlink == 1
     for end in BESIDE:
@@ -114,7 +113,7 @@ def _check_beside(path: Path) -> None:
 
 
 class Index(AbstractContextManager["Index"]):
-    """An open index, or ":memory:". Raises DamagedIndex for a file that is none."""
+    """An open index, or ":memory:". Raises DamagedIndex."""
 
     def __init__(self, path: Path, new: bool = False) -> None:
         self.path = path
@@ -139,12 +138,10 @@ class Index(AbstractContextManager["Index"]):
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
     def add(self, entries: Iterable[tuple[Slot, SlotRecord]]) -> None:
-        """Write slots that ended, all of them or none. Raises ValueError for values of another kind
-        than their columns, OSError, DamagedIndex."""
+        """Write slots that ended, all or none. Raises ValueError, OSError, DamagedIndex."""
         with _faults(self.path), self._file:
             for slot, record in entries:
                 self._add(slot, record)
@@ -170,7 +167,7 @@ class Index(AbstractContextManager["Index"]):
             self._file.execute(_insert("attempt", ("owner", *OF_ATTEMPT)), values)
 
     def _number(self, table: str, columns: Sequence[str], values: tuple[Any, ...]) -> int:
-        """The number of a row that many slots share; it is added if it is new."""
+        """The number of a row that slots share, added if it is new."""
         where = " AND ".join(f"{name} = ?" for name in columns)
         find = f"SELECT id FROM {table} WHERE {where}"
         if (found := self._file.execute(find, values).fetchone()) is None:
@@ -179,13 +176,12 @@ class Index(AbstractContextManager["Index"]):
         return found[0]
 
     def update_files(self, files: Iterable[tuple[int, int, int]]) -> None:
-        """Write the size and time of change of the files of some rows (id, size, changed)."""
+        """Write size (bytes) and time of change (ns) of files, as rows (id, size, changed)."""
         with _faults(self.path), self._file:
             self._file.executemany("UPDATE slot SET size = ?2, changed = ?3 WHERE id = ?1", files)
 
     def rows(self, recipe: Recipe, *more: str, of: Slot | None = None) -> Rows:
-        """The slots of a recipe that are there, or one of them, with more columns of the table of
-        slots."""
+        """The slots of a recipe that are there, or `of` one, with more columns of their table."""
         cells = recipe.cells()
         wanted = [
             (rank, count, *vars(cell).values())
@@ -225,7 +221,7 @@ class Index(AbstractContextManager["Index"]):
         return of, [row[1:] for row in found]
 
     def records(self, rows: Rows) -> Iterator[tuple[Slot, SlotRecord]]:
-        """Every row in full; the rows need all columns of `FULL`."""
+        """Every row in full; the rows need the columns of `FULL`."""
         of, tried = self.attempts(rows, *OF_ATTEMPT)
         ends = np.searchsorted(of, np.arange(len(rows) + 1)).tolist()
         assets, columns = self.assets(), (rows.more[name].tolist() for name in FULL)
@@ -241,12 +237,12 @@ class Index(AbstractContextManager["Index"]):
             yield slot, SlotRecord(held, accepted, sha256.hex(), attempts, phases, file)
 
     def record(self, recipe: Recipe, slot: Slot) -> SlotRecord | None:
-        """What is known of a slot of a recipe, None if it is not finished."""
+        """What is known of a slot, None if it is not finished."""
         found = self.records(self.rows(recipe, *FULL, of=slot))
         return next((record for _, record in found), None)
 
     def assets(self) -> dict[int, str]:
-        """The hashes of all assets by the number that the column `assets` has of them."""
+        """The hashes of assets by their numbers in the column `assets`."""
         with _faults(self.path):
             return dict(self._file.execute("SELECT id, text FROM asset").fetchall())
 
@@ -256,11 +252,11 @@ def _insert(table: str, columns: Sequence[str]) -> str:
 
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:
-    """Values (N,) of a column; NumPy would cut zeros from the end of bytes."""
+    """Values (N,); NumPy would cut zeros from the end of bytes."""
     return np.array(values, object if isinstance(values[0], str | bytes) else None)
 
 
 def _row(values: Sequence[Any]) -> dict[str, Any]:
-    """An attempt from its columns, without those that are empty."""
+    """An attempt from its columns, without empty ones."""
     row = {name: value for name, value in zip(OF_ATTEMPT, values, strict=True) if value is not None}
     return row | {"conditions": json.loads(row["conditions"])} if "conditions" in row else row

@@ -27,34 +27,25 @@ ATTEMPTS = pa.schema(
         ("detail", pa.string()),
         ("conditions", pa.list_(pa.string())),
         ("kept", pa.string()),
-        *(
-            (name, pa.float64())
-            for name in ("average_speed", "maximum_speed", "end_speed", "displacement")
-        ),
+        *((name, pa.float64()) for name in ("average_speed", "maximum_speed")),
+        *((name, pa.float64()) for name in ("end_speed", "displacement")),
         ("sim_steps", pa.int64()),
         ("seconds", pa.float64()),
     ]
 )
-"""Columns of attempts.parquet, one row an attempt. `kept` is the sha256 of a failed attempt's file;
-speeds (m/s) and displacement (m) are those of the drawn motion."""
+"""Columns of attempts.parquet. `kept` is the sha256 of a failed attempt's file; speeds (m/s) and
+displacement (m) are of the drawn motion."""
 
-PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
-"""The columns of an attempt that name its slot."""
-
-MOST_ATTEMPTS = 2_000_000
-"""Rows of attempts.parquet that are read at most."""
-
+PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")  # columns that name the slot
 OF_ATTEMPT = tuple(name for name in ATTEMPTS.names if name not in PLACE)
-"""The other columns of an attempt."""
-
-TIMED = "seconds"
-"""The column of an attempt that a clock measured: no file of a slot holds it."""
+TIMED = "seconds"  # the column that a clock measured: no file of a slot holds it
+MOST_ATTEMPTS = 2_000_000  # rows of attempts.parquet that are read at most
 
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is known of a slot's file without opening it: `size` (bytes) and time of change (ns),
-    and of an episode its frames, `physics_id` and the hashes of its `assets`."""
+    """What is known of a slot's file without opening it: `size` (bytes), time of change (ns), and
+    of an episode its frames, `physics_id` and hashes of `assets`."""
 
     size: int = 0
     changed: int = 0
@@ -70,16 +61,15 @@ class FileFacts:
         physics_id: str = "",
         assets: Sequence[str] = (),
     ) -> "FileFacts":
-        """The facts of a file with this state."""
         return cls(state.st_size, state.st_mtime_ns, frames, physics_id, tuple(sorted(set(assets))))
 
 
 @dataclass(frozen=True)
 class SlotRecord:
-    """A finished slot. `sha256` is that of its file: the episode, or the note that it was given up.
+    """A finished slot, with the `sha256` of its episode or of the note that it was given up.
 
-    Every attempt is a row of ATTEMPTS, a variant has none; `phases` are seconds, from the index
-    their sum."""
+    Attempts are rows of ATTEMPTS, none of a variant; `phases` are seconds, from the index their
+    sum."""
 
     keys: SlotKeys
     accepted: bool
@@ -90,18 +80,18 @@ class SlotRecord:
 
 
 def sum_phases(phases: Mapping[str, float]) -> tuple[float, float]:
-    """Wall-clock and processor seconds of some phases."""
+    """Wall-clock and processor seconds."""
     wall = sum(seconds for name, seconds in phases.items() if not name.endswith(".cpu"))
     return wall, sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether a column holds nothing; a plugin's motion may give numbers of NumPy."""
+    """Whether a column holds nothing; numbers may be NumPy's."""
     return value is None or (isinstance(value, str | list) and not value)
 
 
 def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Attempts as a slot's file holds them: without what a clock measured or the slot says."""
+    """Attempts as a slot's file holds them: without what a clock measured or the slot states."""
     return [
         {name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))}
         for row in attempts
@@ -111,7 +101,7 @@ def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def retimed(
     slot: Slot, attempts: Sequence[Mapping[str, Any]], seconds: Mapping[int, float]
 ) -> tuple[dict[str, Any], ...]:
-    """Inverse of `untimed`; `seconds` by number of attempt, where they are known."""
+    """Inverse of `untimed`; `seconds` by number of attempt where they are known."""
     blank: dict[str, Any] = {"stage": "", "reason": "", "detail": "", "conditions": []}
     place = vars(slot.cell) | {"slot": slot.index}
     rows = (place | blank | dict(row) for row in attempts)
@@ -126,7 +116,7 @@ def slot_part(slot: Slot) -> str:
 
 
 def pack_keys(slot: Slot, keys: SlotKeys) -> str:
-    """Canonical JSON of the keys, null for the parts that follow from the slot: one text a cell."""
+    """Canonical JSON of keys, null for parts that follow from the slot: one text a cell."""
     values: dict[str, dict[str, str | None]] = {
         kind: {**parts} for kind, parts in keys.to_json().items()
     }

@@ -1,10 +1,9 @@
-"""The index read from the files of the slots: all of it if it is lost, and what another process has
-written since."""
+"""The index read from the files of the slots: all of it, or what another process has written."""
 
 import errno
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
@@ -22,7 +21,7 @@ from pipeline.data.process.machine import usable_cores
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.files import Listing, Paths, read_given_up, write_given_up
+from pipeline.data.slots.files import Listing, Paths, read_given_up
 from pipeline.data.slots.index import BESIDE, DamagedIndex, Index
 from pipeline.data.slots.records import (
     ATTEMPTS,
@@ -32,21 +31,22 @@ from pipeline.data.slots.records import (
     FileFacts,
     SlotRecord,
     retimed,
-    unpack_keys,
     untimed,
 )
 from pipeline.data.store.place import drop, place_of
 
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
-"""What reading a file raises that is no whole file of its slot."""
+"""What reading raises for what is no whole file of its slot."""
 
-# rows of attempts.parquet by the columns that name their slot
+_UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
+
+# rows of attempts.parquet by place
 type Attempts = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]
 
 
 def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callable[[Index], T]) -> T:
-    """What an index answers. One that is missing, damaged or of another version is made again, in
-    memory only if another command writes the dataset or nobody may."""
+    """What an index answers. One that is lost is made again, only in memory if another command
+    writes the dataset or nobody may."""
     try:
         with Index(dataset.index) as index:
             return question(index)
@@ -56,11 +56,7 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
         with exclusive(dataset.root), rebuild_index(dataset, recipe()) as index:
             return question(index)
     except (Busy, OSError) as error:
-        if isinstance(error, OSError) and error.errno not in (
-            errno.EROFS,
-            errno.EACCES,
-            errno.EPERM,
-        ):
+        if isinstance(error, OSError) and error.errno not in _UNWRITABLE:
             raise
     with Index(Path(":memory:"), new=True) as index:
         read_unknown(dataset, recipe(), index)
@@ -68,35 +64,27 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
 
 
 def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
-    """Make the index of a dataset again from its files, for the command that writes it. Raises
-    OSError."""
+    """Make the index of a dataset again, for the command that writes it. Raises OSError."""
     with atomic_path(dataset.index) as temporary:
         with Index(temporary, new=True) as index:
             read_unknown(dataset, recipe, index)
-            if (dataset.root / "ledger").is_dir():
-                index.add(_given_up_before(dataset, recipe, index))
-        # what an index that was killed left to be rolled back is not of this one
+        # what a killed command left to be rolled back is not of this index
         for end in BESIDE:
             Path(f"{dataset.index}{end}").unlink(missing_ok=True)
     return Index(dataset.index)
 
 
-IDLE = (
-    4.0  # a writer waits so many times as long as its last commit took: a slow disk costs a fifth
-)
+IDLE = 4.0  # times its last commit took, a writer waits: a slow disk costs a fifth
 PUT = 300.0  # seconds between the copies of the index that a store gets while it is written
 
 
 class IndexWriter(AbstractContextManager["IndexWriter"]):
-    """The index of the command that writes a dataset; one that is lost is made again from files.
-
-    Slots that end faster than the disk commits share a commit. The next writer reads their files if
-    this one is killed."""
+    """The index of the command that writes a dataset. Slots that end faster than the disk commits
+    share a commit; the next writer reads their files if this one is killed."""
 
     def __init__(self, dataset: Paths, recipe: Recipe) -> None:
-        self._dataset, self._recipe = dataset, recipe
+        self._dataset, self._recipe, self._put_at = dataset, recipe, 0.0
         self._waiting, self._free_at = list[tuple[Slot, SlotRecord]](), 0.0
-        self._put_at = 0.0
         try:
             self.index = Index(dataset.index)
         except DamagedIndex:
@@ -109,7 +97,7 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
             self.index.close()
 
     def add(self, slot: Slot, record: SlotRecord) -> None:
-        """Write a slot that ended. Raises OSError if the disk refuses."""
+        """Write a slot that ended. Raises OSError."""
         if place := place_of(self._dataset.root):
             place.note(self._dataset.file(slot, record.accepted), record.file.size)
         self._waiting.append((slot, record))
@@ -117,7 +105,7 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
             self.flush()
 
     def flush(self) -> None:
-        """Commit what waits. Raises OSError if the disk refuses."""
+        """Commit what waits. Raises OSError."""
         began, waiting = time.monotonic(), self._waiting
         if not waiting:
             return
@@ -134,14 +122,14 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
             self._put_at = ended + PUT
 
     def catch_up(self) -> set[Slot]:
-        """Read the files that were written since they were last read: what has no row gets one, if
-        it is whole. Returns the slots whose file has other bytes now. Raises OSError."""
+        """Add rows for whole files without one; the slots whose file has other bytes than its row.
+        Raises OSError."""
         self.flush()
         read_unknown(self._dataset, self._recipe, self.index)
         rows = self.index.rows(self._recipe, "size", "changed", "sha256")
         now = Listing(self._dataset.episodes, self._recipe).states(rows)
         known = np.stack([rows.more["size"], rows.more["changed"]], axis=1)
-        # of a file that is on a store only the size is known
+        # of a file on a store only the size is known
         touched = (now[:, 0] >= 0) & ((now != known) & (now != [-1, 0])).any(axis=1)
         rows, now = rows.where(touched), now[touched]
         paths = [
@@ -156,7 +144,7 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
 
 
 def _hash(path: Path) -> bytes:
-    """The sha256 of a file; nothing for what is none. Raises PermissionError."""
+    """The sha256 of a file, b"" for what is none. Raises PermissionError."""
     try:
         return bytes.fromhex(file_hash(path))
     except PermissionError:
@@ -166,21 +154,19 @@ def _hash(path: Path) -> bytes:
 
 
 def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> None:
-    """Add the slots to an index whose files are whole and have no row. Raises OSError."""
+    """Add the slots whose files are whole and have no row. Raises OSError."""
     unknown = list(Listing(dataset.episodes, recipe).unknown(index.rows(recipe)))
     measured = _measured(dataset) if unknown else {}
     for slot, accepted in unknown:
         tried = measured.get((*vars(slot.cell).values(), slot.index), ())
         with suppress(*_NOT_OURS):
             read = _read_episode if accepted else _read_given_up
-            index.add([(slot, read(dataset, recipe, slot, tried))])
+            index.add([(slot, read(dataset, slot, tried))])
         drop(dataset.file(slot, accepted))
 
 
-def _read_episode(
-    dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]
-) -> SlotRecord:
-    """The record of an episode. Raises what _NOT_OURS names if it is not whole and of its slot."""
+def _read_episode(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
+    """Raises what _NOT_OURS names for what is not the whole episode of the slot."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
         meta, spec = file.meta, file.spec
@@ -192,50 +178,26 @@ def _read_episode(
         ):
             raise ValueError("is not whole, or not the episode of this slot")
         attempts, frames = file.attempts(), len(file)
-        if attempts is None:  # version 0.1 kept them elsewhere
-            attempts = untimed(tried)
-            if not attempts or attempts[-1]["seed"] != spec.seed:
-                numbers = (
-                    n
-                    for n in range(recipe.attempts)
-                    if recipe.spec(slot.physical, n).seed == spec.seed
-                )
-                attempts = [
-                    {
-                        "attempt": next(numbers, 0),
-                        "seed": spec.seed,
-                        "outcome": "accepted",
-                        **_speeds(meta),
-                    }
-                ]
+        if attempts is None:  # version 0.1 kept them in the table alone
+            own = {"attempt": 0, "seed": spec.seed, "outcome": "accepted"}
+            attempts = untimed(tried) or [own]
     file = FileFacts.of(path.stat(), frames, meta.physics_id, list(meta.drawing.assets.values()))
     rows = () if slot.variant else retimed(slot, attempts, _seconds(tried, attempts))
     return SlotRecord(_keys(meta), True, file_hash(path), rows, file=file)
 
 
 def _keys(meta: EpisodeMeta) -> SlotKeys:
-    """The keys that an episode names. Raises ValueError if they are not those of its other
-    attributes."""
-    if not meta.keys:
-        return SlotKeys(Key({}), Key({}), Key({}))  # of another version: everything has changed
+    """The keys that an episode states. Raises ValueError if they are not those of their parts."""
+    if not meta.keys:  # of another version
+        return SlotKeys(Key({}), Key({}), Key({}))
     keys = SlotKeys.from_json(meta.keys)
     if (meta.physics_key, meta.render_key) != (keys.physics.digest, keys.render.digest):
         raise ValueError("its keys are not those of their parts")
     return keys
 
 
-def _speeds(meta: EpisodeMeta) -> dict[str, float]:
-    return {
-        name: getattr(meta, name)
-        for name in ("average_speed", "maximum_speed", "end_speed", "displacement")
-    }
-
-
-def _read_given_up(
-    dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]
-) -> SlotRecord:
-    """The record of a slot that was given up. Raises what _NOT_OURS names for a file that is no
-    note of it."""
+def _read_given_up(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
+    """Raises what _NOT_OURS names for what is no note on the slot."""
     path = dataset.file(slot, False)
     keys, attempts = read_given_up(path, slot.path)
     rows = retimed(slot, attempts, _seconds(tried, attempts))
@@ -243,7 +205,7 @@ def _read_given_up(
 
 
 def _measured(dataset: Paths) -> Attempts:
-    """The rows of attempts.parquet; nothing if it is missing or damaged."""
+    """The rows of attempts.parquet, none if it is missing or damaged."""
     try:
         check_regular(dataset.attempts)
         with pq.ParquetFile(dataset.attempts) as file:
@@ -261,38 +223,10 @@ def _measured(dataset: Paths) -> Attempts:
 def _seconds(
     tried: Sequence[Mapping[str, Any]], attempts: Sequence[Mapping[str, Any]]
 ) -> dict[int, float]:
-    """What the clock measured of those attempts that attempts.parquet has with the same seed, by
-    number."""
+    """Seconds by number of those attempts that attempts.parquet has with the same seed."""
     seeds = {row["attempt"]: row["seed"] for row in attempts}
     return {
         row["attempt"]: row[TIMED]
         for row in tried
         if seeds.get(row["attempt"]) == row["seed"] and row[TIMED] is not None
     }
-
-
-def _given_up_before(
-    dataset: Paths, recipe: Recipe, index: Index
-) -> Iterable[tuple[Slot, SlotRecord]]:
-    """Slots that version 0.1 gave up, which only its table of attempts says; with the keys of
-    another slot of their cell."""
-    rows, tried = index.rows(recipe), _measured(dataset)
-    known = set(rows.slots)
-    texts = {
-        slot.cell: rows.texts[key]
-        for slot, key in zip(rows.slots, rows.keys.tolist(), strict=True)
-        if not slot.variant
-    }
-    found = list[tuple[Slot, SlotRecord]]()
-    for slot in recipe.physical_slots():
-        attempts = tried.get((*vars(slot.cell).values(), slot.index), ())
-        if (
-            attempts
-            and slot.cell in texts
-            and slot not in known
-            and not any(row["outcome"] == "accepted" for row in attempts)
-        ):
-            found.append(
-                (slot, write_given_up(dataset, slot, unpack_keys(slot, texts[slot.cell]), attempts))
-            )
-    return found

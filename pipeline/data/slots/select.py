@@ -1,10 +1,10 @@
 """`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over COLUMNS.
 
 Comparisons (= == != < <= > >=, in, not in) joined by and, or, not and brackets. Values need quotes
-only if they hold other characters than letters, digits and `_ . + -`, or are named like a column.
+if they hold other characters than letters, digits and `_ . + -`, or are named like a column.
 
-Python's parser reads the structure, with every value replaced by a placeholder; the tree is
-translated to a pyarrow expression. Nothing of the text is evaluated."""
+Python parses it with placeholders for values, and the tree becomes a pyarrow expression. Nothing of
+the text is evaluated."""
 
 import ast
 import hashlib
@@ -28,8 +28,7 @@ from pipeline.data.parsing import ParseError, real, show_value, whole
 from pipeline.data.slots.records import PLACE
 from pipeline.data.spec import EpisodeSpec
 
-LONGEST = 4000
-"""Characters of an expression; deeper trees than these can make would exhaust the stack."""
+LONGEST = 4000  # characters; trees of more could exhaust the stack
 
 MOST_WHOLE = 2**63 - 1
 
@@ -39,7 +38,7 @@ _TIMED = {"sim_steps": int, "seconds": float}
 
 
 def _kinds_of(record: type) -> dict[str, type]:
-    """The fields of a record that are a text or a number, or may be None."""
+    """The fields that are, or may be, a text or a number."""
     kinds = dict[str, type]()
     for name, hint in get_type_hints(record).items():
         hint = getattr(hint, "__value__", hint)  # of an alias
@@ -57,8 +56,8 @@ COLUMNS: dict[str, type] = {
     **_TIMED,
     **_kinds_of(EpisodeMeta),
 }
-"""Column -> type: the spec of an episode, its meeting (s), split and frames, its attempt, and what
-its file records."""
+"""Types of columns: the spec of an episode, its meeting (s), split and frames, its attempt, and
+what its file states."""
 
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()])
 _COMPARE = {
@@ -75,39 +74,37 @@ _TOKEN = re.compile(
 )
 _PLACEHOLDER = re.compile(r"value_\d+")
 
-type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]
-"""Place and seed of an attempt -> its other columns."""
-
-type Values = Mapping[str, str]
-"""Placeholder -> the value that the user wrote."""
+type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]  # other columns by place and seed
+type Values = Mapping[str, str]  # what the user wrote by placeholder
 
 
 class WhereError(DominoError):
-    """An expression that cannot be read; the message names the mistake and the columns."""
+    """An expression that cannot be read."""
 
 
 class _Unreadable(ValueError):
-    """What is wrong with an expression, without its text."""
+    """What is wrong with it, without its text."""
 
 
 VALIDATION, TEST = 0.1, 0.1
-"""Shares of physics episodes in these splits, dealt out in this order from position 0."""
+"""Shares of physics episodes in these splits."""
 
 
 def position_of(physics_id: str) -> float:
-    """A number in [0, 1): the first 8 bytes of the SHA-256 of the id, big-endian, over 2**64."""
+    """In [0, 1): the first 8 bytes of the SHA-256 of the id, big-endian, over 2**64."""
     return int.from_bytes(hashlib.sha256(physics_id.encode()).digest()[:8]) / 2**64
 
 
 def split_of(physics_id: str, validation: float = VALIDATION) -> str:
-    """ "train", "validation" or "test", the same for all looks. `validation` is that share."""
+    """ "validation" up to that share of positions, then "test", then "train"; the same for all
+    looks."""
     ends = {"validation": validation, "test": validation + TEST}
     position = position_of(physics_id)
     return next((name for name, end in ends.items() if position < end), "train")
 
 
 def attempts_of(attempt_rows: Callable[..., list[dict[str, Any]]]) -> Attempts:
-    """The attempts of a dataset, read by its `attempt_rows`, by place and seed."""
+    """A dataset's attempts from its `attempt_rows`, by place and seed."""
     key = (*PLACE, "seed")
     rows = attempt_rows(*key, *_RECORDED, *_TIMED)
     return {tuple(row[name] for name in key): row for row in rows}
@@ -116,8 +113,8 @@ def attempts_of(attempt_rows: Callable[..., list[dict[str, Any]]]) -> Attempts:
 def columns_of(
     file: EpisodeFile, attempts: Attempts, validation: float = VALIDATION
 ) -> dict[str, Any]:
-    """COLUMNS of an episode, those of its attempt if it is one of `attempts`; `validation` is the
-    share of the split of that name."""
+    """COLUMNS of an episode, with those of its attempt if it is one of `attempts`; `validation` as
+    in `split_of`."""
     spec, meta = file.spec, file.meta
     place = tuple(getattr(spec, name) for name in (*PLACE, "seed"))
     failure = meta.failure.model_dump() if meta.failure else {}
@@ -134,7 +131,7 @@ def columns_of(
 
 
 def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDArray[np.bool_]:
-    """Which (N,) of the episodes, given by their columns, an expression selects."""
+    """Which (N,) of the episodes with these columns an expression selects."""
     table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column(
         "row", pa.array(range(len(rows)))
     )
@@ -144,14 +141,14 @@ def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDAr
 
 
 def values_in(rows: Sequence[Mapping[str, Any]], where: str) -> str:
-    """What the columns of texts that an expression names hold: "embodiment is aloha-agilex"."""
+    """What the text columns in an expression hold: "embodiment is aloha-agilex"."""
     named = [n for n, kind in COLUMNS.items() if kind is str and re.search(rf"\b{n}\b", where)]
     found = {name: sorted({str(row.get(name)) for row in rows}) for name in named}
     return "; ".join(f"{n} is {' or '.join(v[:8])}" for n, v in found.items())
 
 
 def parse_where(text: str) -> pc.Expression:
-    """The pyarrow expression of a `--where` text. Raises WhereError."""
+    """The pyarrow expression of a text. Raises WhereError."""
     try:
         if not text.strip():
             raise _Unreadable("is empty: leave it out to take all episodes")
@@ -170,7 +167,7 @@ def parse_where(text: str) -> pc.Expression:
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:
-    """One expression from `--where` and `--embodiment`. Raises WhereError."""
+    """One text from `--where` and `--embodiment`. Raises WhereError."""
     given = "" if where is None else where.strip()
     if where is not None:
         parse_where(where)
@@ -180,8 +177,7 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
 
 
 def _as_python(text: str) -> tuple[str, Values]:
-    """The text with `=` as `==`, the list of an `in` in square brackets, and placeholders for its
-    values."""
+    """The text with `==` for `=`, square brackets after `in`, and placeholders for values."""
     words: list[str] = []
     values: dict[str, str] = {}
     place, in_list = 0, False
@@ -206,7 +202,6 @@ def _as_python(text: str) -> tuple[str, Values]:
 
 
 def _mistake(python: str, values: Values, error: SyntaxError) -> str:
-    """Why Python's parser refused, in the user's words."""
     if "never closed" in error.msg:
         return "wants ')' at the end"
     last = python.split()[-1]
@@ -217,7 +212,6 @@ def _mistake(python: str, values: Values, error: SyntaxError) -> str:
 
 
 def _restore_values(python: str, values: Values) -> str:
-    """A piece of the Python text with the user's values put back."""
     return _PLACEHOLDER.sub(lambda m: values[m[0]], python).replace("[", "(").replace("]", ")")
 
 
@@ -232,10 +226,8 @@ def _translate(node: ast.expr, values: Values) -> pc.Expression:
         case ast.Compare(left=left, ops=ops, comparators=rights):
             pairs = zip([left, *rights], ops, rights, strict=False)
             return reduce(operator.and_, [_comparison(a, op, b, values) for a, op, b in pairs])
-    raise _Unreadable(
-        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a column with a value,"
-        " for example level=1"
-    )
+    word = _restore_values(ast.unparse(node), values)
+    raise _Unreadable(f"{word!r} is no test: compare a column with a value, such as level=1")
 
 
 def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) -> pc.Expression:
@@ -264,20 +256,13 @@ def _field(node: ast.expr, values: Values) -> str:
 
 
 def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
-    """The value of a placeholder as the type of a field."""
     if not isinstance(node, ast.Name) or node.id not in values:
-        raise _Unreadable(
-            f"{_restore_values(ast.unparse(node), values)!r} is no value for {field}; quote it if"
-            " it is meant as one"
-        )
+        shown = _restore_values(ast.unparse(node), values)
+        raise _Unreadable(f"{shown!r} is no value for {field}; quote it if it is meant as one")
     word, kind = values[node.id], COLUMNS[field]
     try:
-        return (
-            word
-            if kind is str
-            else whole(re.sub(r"\.0*$", "", word), -MOST_WHOLE, MOST_WHOLE)
-            if kind is int
-            else real(word)
-        )
+        if kind is int:
+            return whole(re.sub(r"\.0*$", "", word), -MOST_WHOLE, MOST_WHOLE)
+        return word if kind is str else real(word)
     except ParseError as error:
         raise _Unreadable(f"{field} {show_value(word)} {error}") from None

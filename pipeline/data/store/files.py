@@ -1,5 +1,4 @@
-"""Objects below a URL of a store that fsspec knows, by names relative to it. Every request ends,
-with its answer or in one line."""
+"""Objects below a URL that fsspec knows. Every request ends, with its answer or in one line."""
 
 import json
 import os
@@ -20,10 +19,9 @@ from pipeline.data.atomic import Busy
 from pipeline.data.errors import DominoError
 
 CONDITIONAL = ("s3", "s3a", "gs", "gcs", "memory")
-"""Stores that can write an object only if it is not there; all others are read only."""
+"""Stores that can write an object only if it is not there; others are read only."""
 
-LEASE = ".writing.json"
-"""The object that tells who writes. It is no file of the dataset."""
+LEASE = ".writing.json"  # the object that tells who writes
 
 ANSWER, SLOWEST = 30.0, 50_000
 """Seconds that a request may take, and bytes a second of one that carries a file."""
@@ -35,7 +33,7 @@ FIX = (
 
 
 class StoreError(DominoError):
-    """An object store that does not do what is asked: one line with the URL and the fix."""
+    """An object store that fails: one line with the URL and the fix."""
 
 
 SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "memory")  # of stores
@@ -45,8 +43,8 @@ _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(/.*)?|(s3|gs|hf):.*", re.DOTAL
 
 
 def url_of(text: str | Path) -> str | None:
-    """The URL that a text is, also one that was taken for a path, None for a path. Raises
-    StoreError for what looks like a URL and is none that a store can have."""
+    """The URL that a text is, also as a path; None for a path. Raises StoreError for what looks
+    like a URL and cannot be one."""
     match = _URL.fullmatch(str(text).rstrip("/"))
     if match and not set("?#*[]") & {*match[2]} and ".." not in match[2].split("/"):
         return f"{match[1]}://{match[2]}"
@@ -61,7 +59,7 @@ def url_of(text: str | Path) -> str | None:
 
 @dataclass(frozen=True)
 class Listed:
-    """An object: its length in bytes, and the MD5 of its bytes (hex) if the store states it."""
+    """Length in bytes of an object, and the MD5 of its bytes (hex) if the store states it."""
 
     size: int
     md5: str
@@ -81,14 +79,12 @@ class Store:
         try:
             fs, path = fsspec.url_to_fs(self.url, **options)
         except (ImportError, ValueError) as error:
-            raise StoreError(
-                f"{self.url}: {_line(error)}: install the package, with `uv sync --extra s3` or"
-                " `--extra gcs` for these two"
-            ) from error
+            fix = "install the package (`uv sync --extra s3` or `--extra gcs` for these two)"
+            raise StoreError(f"{self.url}: {_line(error)}: {fix}") from error
         return fs, path.rstrip("/")
 
     def list(self) -> dict[str, Listed]:
-        """All objects, by name."""
+        """All objects by name."""
 
         def find(fs: Any, root: str) -> dict[str, Listed]:
             return {
@@ -109,7 +105,7 @@ class Store:
         return self._do("read", name, cat)
 
     def get(self, name: str, path: Path, size: int = 10**7) -> bool:
-        """Write the bytes of an object, about `size`, to a file; whether there is one."""
+        """Write an object of about `size` bytes to a file; whether there is one."""
 
         def fetch(fs: Any, root: str) -> bool:
             with suppress(FileNotFoundError):
@@ -119,12 +115,12 @@ class Store:
         return self._do("read", name, fetch, ANSWER + size / SLOWEST)
 
     def put(self, path: Path, name: str) -> None:
-        """Write a file of this machine as an object, replacing one of that name."""
+        """Write a file as an object, replacing one of that name."""
         seconds = ANSWER + path.stat().st_size / SLOWEST
         self._do("write", name, lambda fs, root: fs.put_file(str(path), f"{root}/{name}"), seconds)
 
     def write_new(self, name: str, data: bytes) -> bool:
-        """Write a small object if there is none of that name; whether it was written."""
+        """Write a small object; whether there was none of that name."""
 
         def send(fs: Any, root: str) -> bool:
             try:
@@ -138,7 +134,7 @@ class Store:
         return self._do("write", name, send)
 
     def delete(self, names: Sequence[str]) -> None:
-        """Delete objects, as far as they are there."""
+        """Delete objects that may be gone."""
 
         def remove(fs: Any, root: str) -> None:
             for name in names:
@@ -150,20 +146,15 @@ class Store:
 
     @contextmanager
     def hold(self) -> Iterator[None]:
-        """Hold the lease of the store within. One that a dead process of this machine left is
-        taken over.
-
-        Raises Busy if another process holds it, StoreError also for a store that cannot keep two
-        commands apart.
-        """
+        """Hold the store's lease within; one that a dead process of this machine left is taken
+        over. Raises Busy if another process holds it, StoreError for a store that is read only."""
         if self.url.partition(":")[0] not in CONDITIONAL:
             raise StoreError(
-                f"{self.url}: can be read, not written, because two commands could write it at"
-                " once: give a directory, s3:// or gs://; `domino-data publish` uploads an export"
-                " to the hub"
+                f"{self.url}: can only be read: give a directory, s3:// or gs:// to write;"
+                " `domino-data publish` uploads an export to the hub"
             )
         host = socket.gethostname()
-        # asked first, because some servers write over an object whatever the condition
+        # some servers write over an object whatever the condition
         if held := self.read(LEASE):
             try:
                 holder = json.loads(held)
@@ -188,7 +179,7 @@ class Store:
     def _do[T](
         self, what: str, name: str, request: Callable[[Any, str], T], seconds: float = ANSWER
     ) -> T:
-        """The result of a request, made in a thread that nobody waits for when the process ends."""
+        """The result of a request in a thread that nobody waits for when the process ends."""
         fs, root = self._at
         where, answer = f"cannot {what} {f'{self.url}/{name}'.rstrip('/')}", Future[T]()
 
@@ -211,8 +202,8 @@ def _line(error: BaseException) -> str:
 
 
 def _md5(info: dict[str, Any]) -> str:
-    """What S3 calls ETag and Google md5Hash, if it is the MD5 of the bytes."""
+    """S3's ETag or Google's md5Hash, if it is the MD5 of the bytes."""
     text = str(info.get("ETag") or "").strip('"')
     if hashed := info.get("md5Hash"):
         text = b64decode(hashed).hex()
-    return text if len(text) == 32 else ""  # of parts, S3 has another one
+    return text if len(text) == 32 else ""  # of parts, S3 has another ETag

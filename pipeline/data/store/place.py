@@ -1,10 +1,9 @@
 """A dataset on an object store: the directory in which a command works on it.
 
-    CACHE/places/s3%3A%2F%2Fbucket%2Fset~HOST.PROCESS.X/
+CACHE/places/s3%3A%2F%2Fbucket%2Fset~HOST.PROCESS.X/
 
-Files are pulled when they are read (data/reading.py), and put to the store by the process that made
-them. The name says what it stands for, so that any process of a cluster knows it from a path.
-"""
+Files are pulled when they are read (data/reading.py), and put by the process that made them. The
+name tells any process of a cluster what it stands for."""
 
 import hashlib
 import os
@@ -27,18 +26,18 @@ from pipeline.data.store.files import LEASE, Listed, Store, StoreError
 FOLDER = "places"
 
 SMALL = r"[^/]+|assets/robots/.*|report/failed/.*|annotations/[^/]+/stage\.json"
-"""What every command pulls when it begins: what is small, and what libraries read by themselves."""
+"""What every command pulls first: what is small, and what libraries read by themselves."""
 
 REPORT, ALL = rf"{SMALL}|report/.*", r"(?!exports/|logs/).*"
 
 _LAST = re.compile(r"[^/]+$|report/|exports/[^/]+/export\.json$")
-"""What is put after everything else: what names other files."""
+"""What names other files, and is put after them."""
 
-_THREADS, USUAL = 8, 10**7  # bytes of a file of which nothing is known
+_THREADS, USUAL = 8, 10**7  # bytes of a file of unknown size
 
 
 class Place:
-    """A directory in which a command works on what a store holds. Raises StoreError."""
+    """A directory for what a store holds. Raises StoreError."""
 
     def __init__(self, root: Path, url: str) -> None:
         self.root, self.store = root, Store(url)
@@ -46,11 +45,11 @@ class Place:
         self._same = dict[str, tuple[int, int]]()
 
     def name(self, path: Path) -> str:
-        """The object that a file stands for."""
+        """The name of a file's object."""
         return path.relative_to(self.root).as_posix()
 
     def sizes(self) -> Mapping[str, Mapping[str, int]]:
-        """The bytes of all objects, by directory and name, as the store was listed once."""
+        """The bytes of all objects, by directory and name, listed once."""
         if self._sizes is None:
             self._sizes = {}
             for name, each in _objects(self.store).items():
@@ -58,22 +57,22 @@ class Place:
         return self._sizes
 
     def note(self, path: Path, size: int | None) -> None:
-        """Take note of the bytes of a file that is on the store now, None for one that is not."""
+        """Note the bytes of a file that is on the store now, None for one that is not."""
         if self._sizes is not None:
             folder = self._sizes.setdefault(str(path.parent), {})
             folder.pop(path.name, None) if size is None else folder.update({path.name: size})
 
     def size(self, path: Path) -> int:
-        """The bytes of the object that a file stands for, -1 if there is none."""
+        """The bytes of a file's object, -1 if there is none."""
         return self.sizes().get(str(path.parent), {}).get(path.name, -1)
 
     def files(self, pattern: str = ALL) -> list[Path]:
-        """The files of all objects whose names match a pattern, sorted."""
+        """The files of all objects that match a pattern, sorted."""
         paths = (Path(folder, name) for folder, each in self.sizes().items() for name in each)
         return sorted(path for path in paths if re.fullmatch(pattern, self.name(path)))
 
     def pull(self, pattern: str) -> None:
-        """Fetch the objects whose names match and that are not here."""
+        """Fetch the matching objects that are not here."""
         _on_threads(self.fetch, (path for path in self.files(pattern) if not path.exists()))
 
     def fetch(self, path: Path) -> bool:
@@ -85,11 +84,11 @@ class Place:
         return True
 
     def has(self, path: Path) -> bool:
-        """Whether the store has a file as it is here."""
+        """Whether the store has the file as it is here."""
         return path.exists() and self._same.get(self.name(path)) == _state(path)
 
     def put(self, paths: Iterable[Path]) -> None:
-        """Put files to the store that it does not have from here."""
+        """Put files that the store does not have from here."""
         _on_threads(self._put, (path for path in paths if not self.has(path)))
 
     def _put(self, path: Path) -> None:
@@ -99,12 +98,10 @@ class Place:
         self.note(path, state[0])
 
     def put_new(self) -> None:
-        """Put every file that was written here."""
         for paths in _in_order(self.root):
             self.put(path for path in paths if not path.name.endswith(".tmp"))
 
     def delete(self, paths: Iterable[Path]) -> None:
-        """Delete the objects of files."""
         paths = list(paths)
         self.store.delete([self.name(path) for path in paths])
         for path in paths:
@@ -117,7 +114,7 @@ def _place(root: Path) -> Place:
 
 
 def place_of(path: Path) -> Place | None:
-    """The place in whose directory a path is, None for every other path."""
+    """The place in whose directory a path is, if any."""
     parts = Path(path).parts
     for number in range(1, len(parts)):
         if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number]:
@@ -127,11 +124,11 @@ def place_of(path: Path) -> Place | None:
 
 @contextmanager
 def open_place(url: str, pattern: str = SMALL, writes: bool = False) -> Iterator[Path]:
-    """A directory with what matches the pattern below a URL, for one command. What it writes there
-    is put to the store, unless a StoreError ends the block. Raises StoreError, Busy."""
+    """A directory with what matches below a URL, for one command. What it writes there is put to
+    the store, unless a StoreError ends the block. Raises StoreError, Busy."""
     place = _place(_new_root(url))
     try:
-        place.store.read(MANIFEST)  # a store that does not answer is known soon
+        place.store.read(MANIFEST)  # a silent store is known soon
         with place.store.hold() if writes else nullcontext():
             place.pull(pattern)
             try:
@@ -147,7 +144,7 @@ def open_place(url: str, pattern: str = SMALL, writes: bool = False) -> Iterator
 
 
 def _new_root(url: str) -> Path:
-    """A directory of this process; those that dead processes of this machine left are removed."""
+    """A directory of this process; what dead processes of this machine left is removed."""
     name, host, folder = quote(url, safe=""), socket.gethostname(), user_cache(FOLDER)
     if folder is None or len(name) > 180:
         raise StoreError(f"{url}: is too long: name a shorter one" if folder else f"set {CACHE}")
@@ -159,38 +156,38 @@ def _new_root(url: str) -> Path:
 
 
 def is_there(path: Path) -> bool:
-    """Whether a file is here, or on the store that holds its dataset."""
+    """Whether a file is here, or on its dataset's store."""
     return path.exists() or bool((place := place_of(path)) and place.size(path) >= 0)
 
 
 def put(*paths: Path) -> None:
-    """Put files to the store that holds their dataset, if any. Raises StoreError."""
+    """Put files to their dataset's store, if any. Raises StoreError."""
     if paths and (place := place_of(paths[0])):
         place.put(paths)
 
 
 def delete(*paths: Path) -> None:
-    """Delete files that are gone from the store that holds their dataset, if any."""
+    """Delete files that are gone from their dataset's store, if any."""
     if paths and (place := place_of(paths[0])):
         place.delete(paths)
 
 
 def drop(path: Path) -> None:
-    """Remove a file from this machine that its store has; any other file stays."""
+    """Remove a file from this machine if its store has it."""
     if (place := place_of(path)) and place.has(path):
         path.unlink()
 
 
 def fetch_below(folder: Path) -> None:
-    """Get all files below a directory from the store that holds it, if any. Raises StoreError."""
+    """Get all files below a directory from its store, if any. Raises StoreError."""
     if place := place_of(folder):
         place.pull(f"{re.escape(place.name(folder))}/.*")
 
 
 @contextmanager
 def replace_directory(folder: Path) -> Iterator[None]:
-    """Within, a directory is replaced by another; its objects on a store are, when the block ends
-    without an error. Raises StoreError."""
+    """Within, a directory is replaced; its objects on a store are, when the block ends without an
+    error. Raises StoreError."""
     place = place_of(folder)
     before = place.files(f"{re.escape(place.name(folder))}/.*") if place else []
     yield
@@ -200,8 +197,8 @@ def replace_directory(folder: Path) -> Iterator[None]:
 
 
 def pull(url: str, folder: Path) -> tuple[int, int]:
-    """Fetch what is below a URL into a directory, as far as it differs; the number of files, and of
-    those fetched. Raises StoreError."""
+    """Fetch what is below a URL into a directory, as far as it differs: how many files there are,
+    and how many were fetched. Raises StoreError."""
     store = Store(url)
     there = {folder / name: (name, each) for name, each in _objects(store).items()}
     if not there:
@@ -212,8 +209,8 @@ def pull(url: str, folder: Path) -> tuple[int, int]:
 
 
 def push(folder: Path, url: str) -> tuple[int, int]:
-    """Put the files of a directory below a URL, as far as they differ; the number of files, and of
-    those put. Raises StoreError, Busy."""
+    """Put the files of a directory below a URL, as far as they differ: how many there are, and how
+    many were put. Raises StoreError, Busy."""
     store, count = Store(url), [0, 0]
 
     def name(path: Path) -> str:
@@ -229,7 +226,7 @@ def push(folder: Path, url: str) -> tuple[int, int]:
 
 
 def _objects(store: Store) -> dict[str, Listed]:
-    """The objects that can be files below a directory, by name."""
+    """The objects that can be files below a directory."""
     names = store.list()
     for name in [*names]:
         plain = str(PurePosixPath("/", name)) == f"/{name}" and not {"..", "."} & {*name.split("/")}
@@ -239,7 +236,7 @@ def _objects(store: Store) -> dict[str, Listed]:
 
 
 def _in_order(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Every file below a directory, and after that those that name others."""
+    """Every file below a directory but those that name others, and these."""
     paths = [Path(where, name) for where, _, names in os.walk(folder) for name in names]
     last = [path for path in paths if _LAST.match(path.relative_to(folder).as_posix())]
     return [path for path in paths if path not in set(last)], last
@@ -268,7 +265,7 @@ def _get(store: Store, name: str, path: Path, size: int) -> bool:
 
 
 def _is_same(path: Path, there: Listed | None) -> bool:
-    """Whether a file has the length of an object, and its MD5 where the store states it."""
+    """Whether a file has the length of an object, and its MD5 if the store states it."""
     if there is None or not path.is_file() or path.stat().st_size != there.size:
         return False
     with open(path, "rb") as file:
@@ -281,7 +278,7 @@ def _state(path: Path) -> tuple[int, int]:
 
 
 def with_urls(text: str) -> str:
-    """A text in which the directories of places are the URLs that they stand for."""
+    """A text with the URLs of places for their directories."""
     folder = re.escape(str(user_cache(FOLDER)))
     pattern = rf"{folder}/(\w+%3A%2F%2F[^\s/~:;,'\"]+)~[\w.-]+\.\d+\.\w+"
     return re.sub(pattern, lambda match: unquote(match[1]), text)

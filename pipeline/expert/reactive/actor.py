@@ -1,5 +1,4 @@
-"""The reactive expert in one running simulation: it looks, plans for where the target will be,
-follows it, and tries again."""
+"""The reactive expert in one running simulation: looks, plans, follows the target, tries again."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -23,26 +22,21 @@ from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM
 from pipeline.poses import Floats, Pose, compose, inverse
 
-OBSERVED = 1 / CONTROL_HZ
-"""S for which it only looks, to see the target twice; longer by the sight's delay."""
+OBSERVED = 1 / CONTROL_HZ  # s for which it only looks, to see the target twice; plus the delay
 
 GUESSES = ((2.0, 0.0), (1.0, 0.0), (0.0, 0.0), (2.0, 0.5), (1.0, 0.9))
-"""Where it tries to plan to meet the target: seconds from now, and the share of the way from there
-to the place that suits the arm. The hand follows the target, so that a plan nearby will do."""
+"""Where it tries to meet the target: seconds from now, and the share of the way from there to the
+place that suits the arm. The hand follows the target, so a plan nearby will do."""
 
 ASIDE = 0.17  # m of the place that suits an arm from the middle of the workspace
 
 FAR = 0.03  # m between a plan's aim and the expected target, beyond which it plans again
+ELSEWHERE = 0.15  # the same for a hand on its way
 
 WAITING = 0.4  # s until it plans again where no plan was found
-
-KEPT = 2.0
-"""Time constant (s) with which a target is expected to lose its velocity: one that turns is not
-sought where it never goes."""
-
-ELSEWHERE = 0.15  # as FAR, for a hand on its way
-
 RENEWED = 0.5  # s between two plans of a hand on its way, at least
+
+KEPT = 2.0  # s, time constant with which a target, which may turn, is expected to slow down
 
 GAPS = (((0.0, 0.006), (0.0, 0.012)), ((0.008, 0.006), (0.012, 0.012)))
 """Pairs of gaps (m) to the table and bodies, and between the hands: the target does not lead the
@@ -50,20 +44,16 @@ arms below the first two where the plan keeps the last two. Commands overshoot b
 
 GONE = 0.05  # m from its workspace at which the target is given up
 
-
 ROUNDS = 8  # of planning, waiting in between, before it gives up
-
 TRIES = 5  # to touch the target
 
 
 class ReactiveActor(Actor):
-    """An expert that sees the target's poses up to now; call `attend` first. `track` is what it
-    makes of them. Of `believed` bodies it takes the pose (7,) given there: the target's while it
-    plans."""
+    """An expert that sees the target's poses up to now; call `attend` first. `track` is its filter.
+    It takes `believed` poses (7,) of bodies for measured ones: the target's while it plans."""
 
     def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
-        """Begin to look at the target, which keeps to `workspace`; `rng` draws the errors of
-        sight."""
+        """Begin to look at the target in its `workspace`; `rng` draws the errors of sight."""
         self.sight, self.workspace, self._sight_rng = sight, workspace, rng
         box = self.bodies[self.simulation.target].instance.shape().aabb()
         self.track, self.believed = TargetFilter(sight.noise, box.mean(axis=0)), dict[str, Pose]()
@@ -104,12 +94,10 @@ class ReactiveActor(Actor):
         """Seconds from the start after which it has seen the target twice."""
         return OBSERVED + self.sight.delay
 
-    # --- the first half of a script
-
     def meet(self, script: Script, *, rest: bool = False) -> None:
-        """Carry out the first half of a task's script until the target is touched; with `rest`, all
-        its skills but the last are done. Raises PlanFailure: early_meeting, step_limit, missed, or
-        why nothing could be planned."""
+        """Carry out the first half of a script until the target is touched; with `rest`, only its
+        last skill. Raises PlanFailure: early_meeting, step_limit, missed, or why no plan was
+        found."""
         self._hold(max(0.0, self.watched_for - self.simulation.time))
         plan = self.plan(script, rest=rest)
         expert: ReactiveExpert | None = None
@@ -152,7 +140,7 @@ class ReactiveActor(Actor):
 
     def plan(self, script: Script, *, rest: bool, rounds: int = ROUNDS) -> MeetingPlan:
         """A plan that meets the target where it is expected then; waits between two rounds. With
-        `rest`, all skills but the last are taken to be done. Raises PlanFailure."""
+        `rest`, all skills but the last are done. Raises PlanFailure."""
         why = ("missed", "nothing was planned")
         for n in range(rounds):
             if n:
@@ -180,10 +168,8 @@ class ReactiveActor(Actor):
         ahead = KEPT * (1.0 - np.exp(-seconds / KEPT))
         pose, space = self.track.predict(self.simulation.time + ahead), self.workspace
         inside = np.clip(pose[:2], space.lower, space.upper)
-        first = next(iter(self.arms.values()))
-        suits = 0.5 * (space.lower + space.upper) + np.array(
-            [-ASIDE if first == "left" else ASIDE, 0.0]
-        )
+        aside = -ASIDE if next(iter(self.arms.values())) == "left" else ASIDE
+        suits = 0.5 * (space.lower + space.upper) + np.array([aside, 0.0])
         pose[:2] = inside + share * (suits - inside)
         return pose
 
@@ -203,7 +189,7 @@ class ReactiveActor(Actor):
         self, expert: ReactiveExpert, plan: MeetingPlan, script: Script
     ) -> MeetingPlan | None:
         """Execute the last skill of a plan, or of a newer one if the target leaves the predicted
-        path. Returns the plan with which the target was touched, or None. Raises
+        path. Returns the plan with which it was touched, or None. Raises
         PlanFailure("early_meeting")."""
         bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
         expert.follow(plan, bars)
@@ -235,8 +221,8 @@ class ReactiveActor(Actor):
         return plan if met else None
 
     def _checker(self, margin: float, hands: float) -> IsFree:
-        """A test whether a command (A,) is free: hands `hands` (m) apart, both arms `margin` (m)
-        from the table and bodies but the target, and what is held."""
+        """A test whether commands (A,) keep the hands `hands` (m) apart, and the arms `margin` (m)
+        from all but the target."""
         now = self.planning_scene()
         moving = {self.simulation.target, *self._carried}
         others = {name: o for name, o in now.obstacles.items() if name not in moving}

@@ -1,5 +1,5 @@
-"""The reactive expert as a controller: a plan for a still target, carried along with the one that
-moves."""
+"""The reactive expert as a controller: a plan for a still target, carried along with a moving
+one."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -18,15 +18,12 @@ from pipeline.poses import Floats, Pose, compose, inverse, quat_about, quat_conj
 Command = tuple[Floats, Floats]  # drive targets (A,) of a physics step and their velocities
 
 CONTROL_HZ = 15  # how often it looks at the target and corrects its commands
-
 PERIOD = PHYSICS_HZ // CONTROL_HZ  # physics steps of one correction
 
 CLOSE, FUNNEL = 0.004, 0.02
-"""Distance (m) of the hand from where it should be, relative to the target, beyond which it goes no
-nearer: at the end of its way, and what is added at the beginning."""
-
+"""Distance (m) of the hand from its place relative to the target, beyond which it goes no nearer:
+at the end of its way, and what is added at the beginning."""
 EXPECTED = 0.004  # m of the target from where it was expected, beyond which the hand waits
-
 EASY = 0.7  # share of these distances up to which the hand keeps the plan's pace
 
 CHANGE, BACK = 0.5, 0.25
@@ -34,17 +31,12 @@ CHANGE, BACK = 0.5, 0.25
 plan's: a hand that turns at once overshoots."""
 
 STARTLED = 2.0  # times EXPECTED, from which a hand turns at once at the plan's pace
-
 UNSURE = 3.0  # standard deviations of the sight by which both may be larger
-
 AT_REST = 1e-4  # rad/s or m/s of commands that count as none
 
 PATIENCE, BEYOND = 1.6, 0.3
-"""Seconds near the target for which the hand may be kept from going nearer, and for which it may be
-unable to follow."""
-
-LINGER = 4
-"""Control periods at the end of the plan in which a hand that has touched nothing may catch up."""
+"""Seconds near the target for which the hand may go no nearer, and may be unable to follow."""
+LINGER = 4  # control periods at the plan's end in which a hand that touched nothing may catch up
 
 SAME_BRANCH = IkBudget(restarts=0)
 
@@ -52,23 +44,21 @@ SAME_BRANCH = IkBudget(restarts=0)
 class ReactiveExpert:
     """Commands for one control period after another, from what was seen of the target so far.
 
-    It goes through the last skill of a plan. On the first motion it turns from the plan to the
-    moving target. From `plan.near` on its hands move as the target is expected to, and go nearer
-    only while they are where they should be and the target does what was expected; the less so, the
-    slower; at last they draw back. Its state is `row`, its place in the plan, its pace, what the
-    joints are off the plan, and the limiter."""
+    On the first motion of a plan's last skill it turns from the plan to the moving target. From
+    `plan.near` on the hands move as the target is expected to. They go nearer only while they are
+    where they should be and the target does what was expected; else slower, at last back."""
 
     def __init__(self, planner: Planner, command: Floats) -> None:
         self._planner = planner
         self.limiter = Limiter(command, *planner.command_limits())
         self.stalled, self.beyond, self.ended = 0, 0, 0
-        """Control periods near the target in which the hand did not go nearer, the last ones in a
-        row in which it could not follow the target, and those at the end of the plan."""
+        """Control periods near the target without going nearer, the last ones in a row without
+        following it, and those at the end of the plan."""
 
     def follow(self, plan: MeetingPlan, bars: Sequence[tuple[IsFree, IsFree]] = ()) -> None:
         """Begin the last skill of a plan, made from the command as it is. `bars` are pairs of tests
-        of commands (A,): the hand waits where the target leads it to one that fails the first test
-        and the plan passes the second."""
+        of commands (A,): the hand waits if the target leads it to one that fails the first test and
+        the plan passes the second."""
         self._bars = bars
         self.plan, self.row = plan, float(plan.last)
         self.stalled, self.beyond, self.ended = 0, 0, 0
@@ -90,17 +80,15 @@ class ReactiveExpert:
         return self.row >= self.plan.near
 
     def act(self, track: TargetFilter, time: float, *, touched: bool = False) -> Iterator[Command]:
-        """Commands of a control period from `time` (s) on; not all need be taken. A target that was
-        `touched` is no longer followed."""
+        """Commands of a control period from `time` (s) on; not all need be taken. A `touched`
+        target is no longer followed."""
         if touched or not self.near:
             self._pace, self._startled = 1.0, False
         else:
             self._choose_pace(*self._excess(track))
-        first, last = (
-            (self.plan.near, len(self.plan.commands) - 1)
-            if self.near
-            else (self.row, self.plan.near)
-        )
+        first, last = self.row, self.plan.near
+        if self.near:
+            first, last = self.plan.near, len(self.plan.commands) - 1
         end = float(np.clip(self.row + PACE * self._pace * PERIOD, first, last))
         self.ended += end >= len(self.plan.commands) - 1
         if not touched:
@@ -114,22 +102,19 @@ class ReactiveExpert:
         self.stalled += excess >= 1.0
         self._startled = surprise >= STARTLED or (self._startled and astray >= 1.0)
         pace = float(np.clip((1.0 - excess) / (1.0 - EASY), -1.0 if self._startled else -BACK, 1.0))
-        at_once = surprise >= 1.0 or self._startled
-        self._pace = (
-            pace if at_once else float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
-        )
+        if surprise < 1.0 and not self._startled:
+            pace = float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
+        self._pace = pace
 
     def _excess(self, track: TargetFilter) -> tuple[float, float]:
-        """Errors of the hand's and of the target's place, in what is allowed of each."""
-        left, unsure = (
-            max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near),
-            UNSURE * track.noise,
-        )
+        """Errors of the hand's and of the target's place, as multiples of what is allowed."""
+        left = max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near)
+        unsure = UNSURE * track.noise
         astray = self._error / (CLOSE + FUNNEL * left + unsure)
         return max(astray, 1.0) if self.beyond else astray, track.surprise / (EXPECTED + unsure)
 
     def back(self, track: TargetFilter, time: float) -> Iterator[Command]:
-        """As `act`, the way back to where the hand was first near the target."""
+        """As `act`, back to where the hand was first near the target."""
         self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
         return self._move(max(self.row - PACE * PERIOD, min(self.row, self.plan.near)))
 
@@ -157,16 +142,12 @@ class ReactiveExpert:
             goal = self._goal(self.row, self._shift)
             command = self._command(goal, (goal - last) * PHYSICS_HZ)
             last = goal
-            self._error = (
-                max([0.0, *(self._off(side, goal) for side in after)])
-                if share == 1.0
-                else self._error
-            )
+            if share == 1.0:
+                self._error = max([0.0, *(self._off(side, goal) for side in after)])
             yield command
 
     def command_at(self, row: float, target: Pose) -> Floats:
-        """The command (A,) at a row of the plan for a target at `target` (7,), whatever the
-        limits."""
+        """The command (A,) at a row of the plan for a target at `target` (7,), without limits."""
         self._shift, _ = self._shifts(target, row)
         return self._goal(row, self._shift)
 
@@ -195,8 +176,8 @@ class ReactiveExpert:
         return float(np.linalg.norm(there[:3] - here[:3]))
 
     def _shifts(self, target: Pose, row: float) -> tuple[dict[str, Floats], bool]:
-        """Offsets of the joints (n,) by side from row `row` that move the hand as the target moved
-        from `plan.aim`. Also whether an arm does not reach that far, whose offset stays."""
+        """Joint offsets (n,) by side from row `row` that move the hand as the target moved from
+        `plan.aim`. Also whether an arm does not reach that far; its offset stays."""
         span = max(1.0, self.plan.near - self.plan.last)
         x = float(np.clip((row - self.plan.last) / span, 0.0, 1.0))
         moved = part_of(self.plan.aim, target, x * x * (3 - 2 * x))
@@ -214,8 +195,8 @@ class ReactiveExpert:
 
 
 def part_of(start: Pose, end: Pose, share: float) -> Pose:
-    """The displacement (7,), in the world, by `share` of the way from pose `start` to pose
-    `end`."""
+    """The displacement (7,), in the world, by `share` of the way from `start` (7,) to `end`
+    (7,)."""
     turn = quat_multiply(end[3:], quat_conjugate(start[3:]))
     turn = turn if turn[0] >= 0 else -turn
     sine = float(np.linalg.norm(turn[1:]))

@@ -17,7 +17,7 @@ SUBFRAMES = 8  # moments of an open shutter whose light is summed, the last the 
 
 @dataclass(frozen=True)
 class Lapses:
-    """What events do to the images of `fps` frames a second: a light goes out, a camera freezes."""
+    """What events do to images at `fps`: a light goes out, a camera freezes."""
 
     spans: Sequence[Span]
     fps: int
@@ -58,7 +58,7 @@ def photograph(
     lapses: Lapses,
     **wanted: bool,
 ) -> list[View]:
-    """As `exposed`, with what events do to the images. `wanted`: depth, segmentation."""
+    """As `exposed`, with what events do. `wanted`: depth, segmentation."""
     views = exposed(drawing, poses, frames, sensing, **wanted)
     lapses.apply(views, frames, lambda f: exposed(drawing, poses, f, sensing, **wanted))
     return views
@@ -73,8 +73,8 @@ def exposed(
     depth: bool = False,
     segmentation: bool = False,
 ) -> list[View]:
-    """Images of frames by every camera of a renderer, as the sensors take them: late, over an open
-    shutter, with noise. `poses` (T,7) by body are those at all frames up to the last."""
+    """Images of frames by every camera, as sensors take them: late, over an open shutter, with
+    noise. `poses` (T,7) by body are those at all frames up to the last."""
     if sensing is None:
         return drawing.render(poses, frames, depth=depth, segmentation=segmentation)
     closed = np.asarray(frames, float) - sensing.sensors.latency

@@ -1,5 +1,4 @@
-"""A stored episode drawn again from its file and its dataset's assets, whatever the code knows
-now."""
+"""A stored episode drawn again from its file and its dataset's assets."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,42 +14,35 @@ from pipeline.stages.drawing.render import Appearance, render, stored_appearance
 
 FILMED = CameraType(640, 480, 40.0)
 FACING, FREE = (-0.40, -0.70, -0.50), 0.10
-"""The way a film looks, from across the table at the robot, and the share of the image that stays
+"""The way a film looks, across the table at the robot, and the share of the image that stays
 free."""
 
 
 def redraw(path: Path, camera: str, bodies: Path) -> View:
     """One camera of a stored episode again, with depth and segmentation, by perfect sensors.
-    `bodies` is where its dataset keeps what bodies look like. Raises EpisodeError, naming the
-    file."""
+    `bodies` is where its dataset keeps what bodies look like. Raises EpisodeError."""
     episode, appearance = read_stored(path, bodies)
     appearance = appearance.seen_by(camera)
     if not appearance.cameras:
-        raise EpisodeError(
-            f"{path}: has no camera {camera}: it has {', '.join(episode.meta.drawing.cameras)}"
-        )
-    return render(
-        appearance, episode.log.late(episode.meta.drawing.latency), depth=True, segmentation=True
-    )[0]
+        names = ", ".join(episode.meta.drawing.cameras)
+        raise EpisodeError(f"{path}: has no camera {camera}: it has {names}")
+    log = episode.log.late(episode.meta.drawing.latency)
+    return render(appearance, log, depth=True, segmentation=True)[0]
 
 
 def redraw_smooth(path: Path, bodies: Path, *cameras: str) -> list[View]:
     """A stored episode in `raster-smooth` at 640x480: from a camera that frames both arms and the
-    path of the target, then from stored cameras. Raises as `redraw`."""
+    target's path, then from stored cameras. Raises as `redraw`."""
     episode, appearance = read_stored(path, bodies)
-    stored = [
-        replace(c, type=replace(c.type, width=FILMED.width, height=FILMED.height))
-        for c in appearance.seen_by(*cameras).cameras
-    ]
+    size = {"width": FILMED.width, "height": FILMED.height}
+    stored = appearance.seen_by(*cameras).cameras
     outside = facing(episode.log, episode.meta.target, episode.meta.manipulated)
-    return render(
-        replace(appearance, cameras=(outside, *stored), preset="raster-smooth"), episode.log
-    )
+    seen = (outside, *(replace(c, type=replace(c.type, **size)) for c in stored))
+    return render(replace(appearance, cameras=seen, preset="raster-smooth"), episode.log)
 
 
 def facing(log: StateLog, *bodies: str) -> Camera:
-    """The camera across the table that has the links of both arms and these bodies in its image at
-    every frame."""
+    """The camera across the table that sees both arms and these bodies at every frame."""
     arms = tuple(f"{side}_" for side in log.sides)
     acting = [name for name in log.bodies if name.startswith(arms) or name in bodies]
     points = np.concatenate([log.pose(name)[:, :3] for name in acting])
@@ -58,7 +50,7 @@ def facing(log: StateLog, *bodies: str) -> Camera:
 
 
 def read_stored(path: Path, bodies: Path) -> tuple[Episode, Appearance]:
-    """A stored episode, and what it was drawn from. Raises as `redraw`."""
+    """A stored episode, and what it was drawn from. Raises EpisodeError."""
     with EpisodeFile(path) as file:
         episode = file.read()
     try:

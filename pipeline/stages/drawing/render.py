@@ -1,5 +1,5 @@
-"""The last stage: images from a state log. A pure function of the log, what bodies look like,
-cameras, visuals and sensors."""
+"""Images from a state log: a pure function of it, what bodies look like, cameras, visuals and
+sensors."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,24 +35,22 @@ from pipeline.world.shapes import Material, Mesh, Parts
 def sensing_of(
     spec: EpisodeSpec, sensors: Sensors | None, fps: int, variant: int = 0
 ) -> Sensing | None:
-    """The sensors of one look of an episode, from a random stream of its own; None for none."""
+    """The sensors of one look of an episode, with a random stream of its own."""
     return sensors and Sensing(sensors, int(spec.rng(f"sensors/{variant}").integers(2**63)), fps)
 
 
 if TYPE_CHECKING:  # a stored episode is drawn without tasks and robots
     from pipeline.stages.scene import Scene
 
-FURNITURE = "furniture"  # asset name of what stands still around the robot
-
-SURFACE = "surface_"  # what the asset names of the room's textures begin with
+FURNITURE = "furniture"  # asset name of what is still around the robot
+SURFACE = "surface_"  # how asset names of the room's textures begin
 
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Everything that images are drawn from, besides the poses in a state log.
-
-    `bodies` maps names to parts in the order of `StateLog.bodies`, the table left out; `furniture`
-    stands still, `images` are the textures of the room that a user brought, by kind."""
+    """What images are drawn from, besides poses. `bodies` are parts in the order of
+    `StateLog.bodies` without the table; `furniture` is still; `images` are textures that a user
+    brought, by kind."""
 
     bodies: Mapping[str, Parts]
     furniture: Parts
@@ -70,10 +68,9 @@ class Appearance:
 def visuals_of(
     spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0, frozen: Visuals | None = None
 ) -> Visuals:
-    """The look of room and lights of an episode: of its domain, clean, or randomized, where every
-    seed and variant has a stream of its own. `frozen` is that of its domain with unseen textures,
-    if it is known. Textures and light of the setup replace those of every look. Raises BroughtError
-    if they are missing or have changed."""
+    """The look of an episode's room and lights: clean, or randomized, with a stream of its own for
+    every seed and variant. `frozen` is that of its domain with unseen textures, if known. Textures
+    and light of the setup replace those of every look. Raises BroughtError."""
     own = setup.visuals != "domain"
     if frozen and not own and (spec.domain == "clean" or setup.textures == "unseen"):
         visuals = frozen
@@ -93,10 +90,8 @@ def images_of(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
     """The textures of visuals that the setup brings, by kind."""
     if not isinstance(setup.textures, Brought):
         return {}
-    found, surfaces = (
-        textures_of(setup.textures),
-        {"table": visuals.table, "wall": visuals.wall, "floor": visuals.ground},
-    )
+    found = textures_of(setup.textures)
+    surfaces = {"table": visuals.table, "wall": visuals.wall, "floor": visuals.ground}
     return {
         kind: found[kind][surface.seed][0]
         for kind, surface in surfaces.items()
@@ -105,7 +100,7 @@ def images_of(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
 
 
 def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
-    """What the first look of the scene of a spec is drawn from, with a setup's cameras."""
+    """What the first look of a spec's scene is drawn from."""
     robot = scene.embodiment
     bodies: dict[str, Parts] = {
         name: body.instance.shape().visual for name, body in scene.bodies.items()
@@ -128,8 +123,8 @@ def with_setup(
     sides: Collection[str],
     sensing: Sensing | None,
 ) -> Appearance:
-    """The appearance with a setup's preset and cameras, for the arms of `sides`, and with these
-    looks and sensors. Raises CameraError."""
+    """The appearance with the preset and cameras of a setup, for the arms of `sides`, and with
+    these looks and sensors. Raises CameraError."""
     cameras = wanted_cameras(appearance.cameras, setup, sides)
     return replace(
         appearance, cameras=cameras, preset=setup.render, visuals=visuals, sensing=sensing
@@ -137,8 +132,7 @@ def with_setup(
 
 
 def keep(appearance: Appearance, store: AssetStore) -> Drawing:
-    """Keep what an episode is drawn from in the dataset's store; the record of it. Raises
-    OSError."""
+    """Keep what an episode is drawn from; the record of it. Raises OSError."""
     shown = {name: parts for name, parts in appearance.bodies.items() if parts} | {
         FURNITURE: appearance.furniture
     }
@@ -153,10 +147,9 @@ def keep(appearance: Appearance, store: AssetStore) -> Drawing:
 
 
 def keep_images(images: Mapping[str, Rgba], store: AssetStore) -> dict[str, str]:
-    """Keep textures of the room as parts without triangles; their hashes by asset name."""
-    empty = Mesh(
-        np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32), np.zeros((0, 3), np.float32)
-    )
+    """Keep textures as parts without triangles; their hashes by asset name."""
+    none = np.zeros((0, 3), np.float32)
+    empty = Mesh(none, np.zeros((0, 3), np.uint32), none)
     parts = {
         kind: [(empty, Material((1.0, 1.0, 1.0), 1.0, 0.0, image))]
         for kind, image in images.items()
@@ -167,8 +160,7 @@ def keep_images(images: Mapping[str, Rgba], store: AssetStore) -> dict[str, str]
 def stored_appearance(
     episode: Episode, store: AssetStore, load: Callable[[AssetStore, str], Parts] = load_parts
 ) -> Appearance:
-    """What a stored episode was drawn from; `load` brings the parts of an asset. Raises
-    AssetError."""
+    """What a stored episode was drawn from; `load` brings an asset's parts. Raises AssetError."""
     drawing = episode.meta.drawing
     if not drawing.assets:
         raise AssetError("the episode names no assets, so it cannot be drawn again")
@@ -196,13 +188,13 @@ def stored_appearance(
 
 
 def renderer(appearance: Appearance) -> Renderer:
-    """A renderer of the appearance, to be closed."""
+    """To be closed."""
     a = appearance
     return Renderer(a.bodies, a.furniture, a.cameras, a.visuals, a.preset, a.images)
 
 
 def body_poses(log: StateLog) -> dict[str, Floats]:
-    """Poses (T,7) of all bodies of a log by name."""
+    """Poses (T,7) of all bodies."""
     return {name: log.poses[:, i] for i, name in enumerate(log.bodies)}
 
 
@@ -214,15 +206,14 @@ def render(
     segmentation: bool = False,
     frames: Sequence[int] | None = None,
 ) -> list[View]:
-    """Images of every frame, or of the given ones, from every camera, by perfect sensors."""
+    """Images of every frame, or of some, from every camera, by perfect sensors."""
     with renderer(appearance) as drawing:
         return drawing.render(body_poses(log), frames, depth=depth, segmentation=segmentation)
 
 
 @dataclass(eq=False)
 class Capture:
-    """What the cameras of an episode captured, and the point clouds (T,N,6) where they are
-    wanted."""
+    """What cameras captured, and point clouds (T,N,6) if they are wanted."""
 
     views: list[View]
     pointcloud: NDArray[np.float32] | None = None
@@ -231,28 +222,19 @@ class Capture:
 def capture(
     appearance: Appearance, log: StateLog, setup: Setup, frames: Sequence[int] | None = None
 ) -> Capture:
-    """Everything that the sensors of a setup show of an episode at every frame, or at the given
-    ones. Raises CameraError for a camera on what is no body, or for a point cloud without a head
-    camera."""
+    """What the sensors of a setup show of an episode at every frame, or at some. Raises CameraError
+    for a camera on no body, or a point cloud without a head camera."""
     check_links(appearance.cameras, log.bodies)
     wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
     lapses = Lapses(spans(appearance.events, log.events), setup.fps)
     frames = frames or range(len(log))
     with renderer(appearance) as drawing:
-        views = photograph(
-            drawing,
-            body_poses(log),
-            frames or range(len(log)),
-            appearance.sensing,
-            lapses,
-            **wanted,
-        )
+        poses = body_poses(log)
+        views = photograph(drawing, poses, frames, appearance.sensing, lapses, **wanted)
     if not setup.pointcloud:
         return Capture(views)
     head = next((view for view in views if view.camera.name == HEAD), None)
     if head is None:
-        raise CameraError(
-            "a point cloud is made of the head camera's images: add head to the cameras"
-        )
+        raise CameraError("a point cloud needs the head camera: add head to the cameras")
     clouds = point_clouds(head)
     return Capture(views if setup.depth else [replace(view, depth=None) for view in views], clouds)

@@ -1,4 +1,4 @@
-"""Tracks of an episode's objects in its cameras, for the group `interception`, without drawing."""
+"""Tracks of an episode's objects in its cameras, without drawing."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,25 +20,23 @@ from pipeline.world.drawing.silhouettes import solids_of, track_bodies
 def track_arrays(
     appearance: Appearance, log: StateLog, objects: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays by key, "tracks/<camera>/box" and so on (silhouettes.BodyTracks), of the `objects`."""
+    """Arrays of `objects` by key, such as "tracks/<camera>/box" (silhouettes.BodyTracks)."""
     fixed = [*appearance.furniture, *table_legs(), *table_top(appearance.visuals)]
     solids, poses = solids_of(appearance.bodies, fixed), body_poses(log)
     found: dict[str, NDArray[Any]] = {}
     for camera in appearance.cameras:
-        track = track_bodies(
-            solids, poses, objects, camera.type, world_poses(camera, poses, len(log))
-        )
+        at = world_poses(camera, poses, len(log))
+        track = track_bodies(solids, poses, objects, camera.type, at)
         found |= {f"{TRACKS}{camera.name}/{name}": values for name, values in vars(track).items()}
     return found
 
 
 def require_view(rollout: Rollout, setup: Setup) -> None:
-    """Raise Failure("view", "occluded") unless the head camera sees the target in half of the
-    frames before the meeting. Geometry decides, whichever cameras are stored."""
+    """Raise Failure("view", "occluded") unless the head camera, stored or not, sees the target in
+    half of the frames before the meeting."""
     log, target = rollout.replay.log, rollout.scene.task.target
-    seen = appearance_of(
-        rollout.scene, setup.model_copy(update={"cameras": ("head",), "size": None})
-    )
+    head = setup.model_copy(update={"cameras": ("head",), "size": None})
+    seen = appearance_of(rollout.scene, head)
     share = track_arrays(seen, log, [target])[f"{TRACKS}{HEAD}/visible"][:, 0]
     last = before_meeting(log, share)
     if not is_unoccluded(last):
@@ -46,12 +44,11 @@ def require_view(rollout: Rollout, setup: Setup) -> None:
 
 
 def _occluded(rollout: Rollout, last: NDArray[Any]) -> Failure:
-    hidden, target = 100 * (last < LEAST).mean(), rollout.scene.task.target
     why = (
-        f"in {hidden:.0f} % of the last {SECONDS:g} s before the meeting less than"
-        f" {100 * LEAST:.0f} % of the {target} is visible"
+        f"in {100 * (last < LEAST).mean():.0f} % of the last {SECONDS:g} s before the meeting less"
+        f" than {100 * LEAST:.0f} % of the {rollout.scene.task.target} is visible"
     )
     features, log = rollout.motion.features(), rollout.replay.log
-    found = Failure("view", "occluded", why, steps=rollout.steps, drawn=features, log=log)
-    found.motion, found.meeting = rollout.motion, rollout.meeting
-    return found
+    failure = Failure("view", "occluded", why, steps=rollout.steps, drawn=features, log=log)
+    failure.motion, failure.meeting = rollout.motion, rollout.meeting
+    return failure

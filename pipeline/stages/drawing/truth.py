@@ -1,5 +1,4 @@
-"""What the simulator knows of a stored episode in one camera: meshes, masses, surfaces and boxes,
-from its file and its dataset's assets."""
+"""What the simulator knows of a stored episode in one camera: meshes, masses, surfaces, boxes."""
 
 from pathlib import Path
 
@@ -19,8 +18,7 @@ from pipeline.world.shapes import Collider, Shape, merge
 
 
 def truth(path: Path, camera: str, bodies: Path) -> WorldTruth:
-    """The truth of a camera, as its images show it: late, if they are. `bodies` as in `redraw`,
-    and raises as it does."""
+    """The truth of a camera, as its images show it: late, if they are. Raises as `redraw`."""
     episode, appearance = read_stored(path, bodies)
     if not (found := appearance.seen_by(camera).cameras):
         raise EpisodeError(f"{path}: has no camera {camera}")
@@ -30,26 +28,16 @@ def truth(path: Path, camera: str, bodies: Path) -> WorldTruth:
     room = [part for parts in shell(visuals).values() for part in parts]
     shown, poses = appearance.bodies, body_poses(log)
     objects = tuple(name for name in episode.meta.objects if shown.get(name))
-    track = track_bodies(
-        solids_of(shown, fixed),
-        poses,
-        objects,
-        found[0].type,
-        world_poses(found[0], poses, len(log)),
-    )
+    at = world_poses(found[0], poses, len(log))
+    track = track_bodies(solids_of(shown, fixed), poses, objects, found[0].type, at)
     facts = _facts(episode)
     meshes = {name: merge([mesh for mesh, _ in parts]) for name, parts in shown.items() if parts}
     known = {
         n: BodyFacts(m.vertices, m.triangles, *facts.get(n, (None, None)))
         for n, m in meshes.items()
     }
-    return WorldTruth(
-        known,
-        surfaces_of(solids_of(shown, [*fixed, *room]), poses, found[0]),
-        objects,
-        track.box,
-        track.visible,
-    )
+    surfaces = surfaces_of(solids_of(shown, [*fixed, *room]), poses, found[0])
+    return WorldTruth(known, surfaces, objects, track.box, track.visible)
 
 
 def _facts(episode: Episode) -> dict[str, tuple[float | None, float | None]]:
@@ -68,8 +56,8 @@ def _facts(episode: Episode) -> dict[str, tuple[float | None, float | None]]:
 
 
 def simulated_mass(shape: Shape) -> float:
-    """The mass (kg) that the simulation has: densities are those of stated volumes, and the volume
-    of a convex piece may be stated as that of its box (world/physics/scene_building.py)."""
+    """The mass (kg) in the simulation: densities are those of stated volumes, and a convex piece
+    may state that of its box (world/physics/scene_building.py)."""
     stated = sum(c.weight * c.volume() for c in shape.collision)
     return shape.mass * sum(c.weight * _volume(c) for c in shape.collision) / stated
 

@@ -79,7 +79,7 @@ def test_a_second_writer_is_refused_and_a_reader_is_not(url):
             pass
         with open_place(url):
             pass
-    with pytest.raises(StoreError, match=r"^hf://datasets/a/b: can be read, not written"):
+    with pytest.raises(StoreError, match=r"^hf://datasets/a/b: can only be read"):
         push(Path("/nowhere"), "hf://datasets/a/b")
 
 
