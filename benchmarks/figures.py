@@ -4,11 +4,13 @@ python -m benchmarks.figures robots docs/robots.jpg
 python -m benchmarks.figures hero STILL.hdf5 MOVING.hdf5 docs/hero.webp
 python -m benchmarks.figures stages docs/stages.png
 python -m benchmarks.figures beyond docs/beyond.webp
+python -m benchmarks.figures decide docs/decide.webp
 python -m benchmarks.figures domino docs/domino.webp
 python -m benchmarks.figures variants EPISODE.hdf5 docs/variants.jpg
 """
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -159,19 +161,31 @@ def hero(still: Path, moving: Path, out: Path) -> None:
     )
 
 
-SHOWN = range(-34, 16, 2)  # frames of an animation, counted from the meeting
+def around_meeting(rollout: Rollout) -> list[int]:
+    """Every second frame from 34 before the meeting to 14 after it."""
+    met, last = round(rollout.meeting * 15), len(rollout.replay.log) - 1
+    return [min(max(met + step, 0), last) for step in range(-34, 16, 2)]
 
 
-def animate(suite: str, out: Path, across: int, width: int, quality: int) -> None:
-    """Tasks of a suite around their meetings, the robots taking turns, as an animated WebP of
-    so many columns of a width in pixels."""
+def whole(rollout: Rollout) -> list[int]:
+    """Forty frames of the whole episode, evenly in time."""
+    return np.linspace(0, len(rollout.replay.log) - 1, 40).round().astype(int).tolist()
+
+
+def animate(
+    suite: str,
+    out: Path,
+    across: int,
+    width: int,
+    quality: int,
+    shown: Callable[[Rollout], list[int]] = around_meeting,
+) -> None:
+    """The frames `shown` of tasks of a suite, the robots taking turns, as an animated WebP of so
+    many columns of a width in pixels."""
     names, robots, panels = expand_tasks([suite]), [*MODELS], list[NDArray[np.uint8]]()
     for k, name in enumerate(names[: len(names) // across * across]):
         rollout = accepted(name, robots[k % len(robots)], 1 + k % 3, first=20)
-        met = round(rollout.meeting * 15)
-        rgb = from_the_side(
-            rollout, [int(np.clip(met + step, 0, len(rollout.replay.log) - 1)) for step in SHOWN]
-        )
+        rgb = from_the_side(rollout, shown(rollout))
         small = [labelled(scaled(image, width), name.replace("_", " ")) for image in rgb]
         panels.append(np.array(small))
         print(name, flush=True)
@@ -192,6 +206,11 @@ def animate(suite: str, out: Path, across: int, width: int, quality: int) -> Non
 def beyond(out: Path) -> None:
     """Twenty tasks of the suite `beyond`."""
     animate("beyond", out, 4, 320, 62)
+
+
+def decide(out: Path) -> None:
+    """The twelve tasks of the suite `decide`, from beginning to end."""
+    animate("decide", out, 4, 320, 55, whole)
 
 
 def domino(out: Path) -> None:
@@ -305,6 +324,7 @@ FIGURES = {
     "hero": hero,
     "stages": stages,
     "beyond": beyond,
+    "decide": decide,
     "domino": domino,
     "variants": variants,
 }
