@@ -55,7 +55,7 @@ class TunnelModel(ClosedFormModel[Tunnel]):
             )
 
 
-LANES = (0.03, 0.045)  # m, half the distance of the two lanes
+LANES = (0.025, 0.035)  # m, half the distance of the two lanes
 FASTER, TURNED = 1.6, 0.66  # speed of the second pass over the first, time share of the first
 HALF = 0.45  # share of the way that the second pass takes
 

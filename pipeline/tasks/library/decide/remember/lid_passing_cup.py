@@ -1,6 +1,6 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
+from pipeline.expert.skills import ROUND, pause
 from pipeline.tasks.contract import (
     Bodies,
     Draw,
@@ -12,6 +12,8 @@ from pipeline.tasks.contract import (
     register,
 )
 from pipeline.tasks.outcome import Outcome, within
+
+WATCHED = 1.5  # s for which the arm stays at home: the cup passes the first time
 
 
 @register
@@ -36,7 +38,8 @@ class LidPassingCup(Task):
         yield Placement("cup", draw.one_of("cup"), cup, distances={"lid": 0.16})
 
     def meet(self, a: Actor) -> Skills:
-        return set_down_on(a, a.arms["arm"], "lid", a.frame("cup", "top"), ROUND)
+        yield pause(a.arms["arm"], WATCHED)
+        yield from set_down_on(a, a.arms["arm"], "lid", a.frame("cup", "top"), ROUND)
 
     def finish(self, a: Actor) -> Skills:
         return let_go(a.arms["arm"])
