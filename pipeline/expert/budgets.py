@@ -1,6 +1,6 @@
-"""Search budgets, cost weights, margins and speeds of the expert, each in one place.
+"""Search budgets, cost weights, margins and speeds of the expert.
 
-Costs are joint distances: norms in rad (m for a prismatic joint) between the arm's command and
+Costs are norms of joint distances in rad (m for a prismatic joint) between the arm's command and
 where a motion begins. A weight is what one unit of another quantity counts in these."""
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Speeds:
-    """Speeds of the tcp along straight lines in m/s, unless a skill is given another."""
+    """Speeds of the tcp along straight lines, m/s."""
 
     approach: float = 0.30
     lift: float = 0.25
@@ -17,25 +17,23 @@ class Speeds:
     place: float = 0.20
     press: float = 0.10
     creep: float = 0.003
-    """Of fingertips just before they touch what they press: at 5 mm/s one step pushed a stapler
-    with 38 N."""
+    """Of fingertips just before they touch: at 5 mm/s one step pushed a stapler with 38 N."""
     swing: float = 10.0  # so high that only the joints limit the motion
     swing_scale: float = 2.0  # times the planned joint speeds, for shaking, rocking and turning
 
 
 @dataclass(frozen=True)
 class HandTiming:
-    """Durations of what the jaws do, s."""
+    """What the jaws do, s."""
 
     squeeze: float = 0.15  # after the jaws have closed or opened
     press: float = 0.40
-    """Of fingertips on what they press: 6 images. A policy that imitates a press of 0.1 s turns
-    back about 1 cm above it."""
+    """Of fingertips on what they press. A policy that imitates 0.1 s turns back 1 cm above it."""
 
 
 @dataclass(frozen=True)
 class GraspSearch:
-    """How a grasp is chosen among the annotated ones of a body."""
+    """How a grasp is chosen."""
 
     tries: int = 12  # free motions to a standoff that are searched at most
     standoff: float = 0.08  # m, straight line on which the open hand comes in
@@ -46,13 +44,12 @@ class GraspSearch:
     passing: float = 0.005  # m to other bodies on the line: room for an arm that lags behind
     open: float = 0.99  # gripper value from which on the jaws count as open
     openings: tuple[float, ...] = (1.0, 0.65, 0.4)
-    """Gripper values tried in turn: jaws opened all the way do not fit into a small bowl."""
+    """Tried in turn: jaws opened all the way do not fit into a small bowl."""
     spare_opening: float = 0.008  # m by which the jaws open wider than the object
     pitch: float = 0.9  # preferred approach, rad below the horizontal
     pitch_weight: float = 1.0  # per rad off it
     lever_weight: float = 15.0
-    """Per m between tcp and the body's origin, seen from above: a body held off its middle
-    droops."""
+    """Per m between tcp and the body's origin, seen from above: held off its middle it droops."""
     limit_weight: float = 1.5  # gain per unit of `kinematics.limit_margin`, up to `limit_margin`
     limit_margin: float = 0.3
     goal_batch: int = 12  # goal poses solved at a time
@@ -62,8 +59,7 @@ class GraspSearch:
 
 @dataclass(frozen=True)
 class SeatSearch:
-    """Where a body is set down between two grasps when no one grasp leads from where it stands to
-    where it is to go."""
+    """Where a body is set down between two grasps when no one grasp leads to its goal."""
 
     xs: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24, 0.30)  # m from the middle, on the arm's side
     ys: tuple[float, ...] = (-0.20, -0.12, -0.04, 0.04, 0.12)  # m
@@ -78,8 +74,7 @@ class SeatSearch:
 
 @dataclass(frozen=True)
 class MoveSearch:
-    """How far a hand moves where it cannot move all the way, as shares tried in turn, and how many
-    goals are tried."""
+    """How far a hand moves if it cannot move all the way, as shares in turn."""
 
     tries: int = 8  # free motions that are searched at most
     lift_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -87,9 +82,9 @@ class MoveSearch:
     shift_shares: tuple[float, ...] = (1.0, 0.9, 0.8)
     retreat_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
     rise_shares: tuple[float, ...] = (1.0, 0.6)
-    """Of a retreat, straight up, where the hand cannot draw back."""
+    """Of a retreat, straight up, if the hand cannot draw back."""
     steps_off: tuple[float, ...] = (0.01, 0.02, 0.04)
-    """M by which an arm too near to something moves off before it goes home."""
+    """m by which an arm too near to something moves off before it goes home."""
     rises: tuple[float, ...] = (0.08, 0.16)  # m by which it rises instead
 
 
@@ -108,13 +103,13 @@ class PlaceSearch:
     settling: float = 0.01  # m over the goal down to which the body should touch nothing
     touch_penalty: int = 8  # the arm touches something
     near_penalty: int = 3
-    """The arm comes nearer than MARGINS.obstacles, or the body touches something on its way; where
-    open jaws would touch something, or there is no way back, it is 1."""
+    """Nearer than MARGINS.obstacles, or the body touches something on its way; 1 if open jaws would
+    touch something, or there is no way back."""
 
 
 @dataclass(frozen=True)
 class HandOverSearch:
-    """How the place is chosen where a body changes hands."""
+    """Where a body changes hands."""
 
     judged: int = 24  # places for which a grasp of the receiver is searched, about
     tries: int = 3  # free motions of the giver to a place
@@ -133,12 +128,12 @@ class PressSearch:
     pitches: tuple[float, ...] = (1.55, 1.25, 1.4, 1.0, 0.8)  # rad below the horizontal
     azimuths: int = 16  # directions tried for each pitch
     steep: float = 1.55
-    """Preferred approach, rad: a slanting finger pushes the body away, and bars one that comes
-    under it."""
+    """Preferred approach, rad: a slanting finger pushes the body away, and bars one from under
+    it."""
     steep_weight: float = 2.0  # per rad off it
     tries: int = 24  # cheapest approaches tried
     clear_share: tuple[int, int] = (3, 4)
-    """Of the way down, as a fraction, on which nothing may be touched."""
+    """Of the way down, on which nothing may be touched."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +145,7 @@ class PourSearch:
     tries: int = 80  # pairs with a free end that are checked along the motion
     rows: int = 16  # joint rows checked along the motion
     stream: tuple[float, float] = (-0.02, 0.08)
-    """M from the rim, outwards along the axis, between which the stream is seen."""
+    """m from the rim, outwards along the axis, between which the stream is seen."""
     stream_points: int = 6
     rim: float = 0.012  # m of the middle of the stream from the outer edge of the rim
     fall: float = 9.0  # 1/m, of the parabola by which the stream falls
@@ -172,7 +167,7 @@ class SwingSearch:
     quarter_turns: tuple[int, ...] = (0, 1, -1, 2)
     """Headings of the axis, in 45 degrees from the hand's approach."""
     near_heights: tuple[float, ...] = (0.0, 0.06)
-    """M upwards, of places nearby for a hand without room."""
+    """m upwards, of places nearby for a hand without room."""
     near_offsets: tuple[float, ...] = (0.0, 0.09, -0.09)  # m along x and along y
     near_turns: tuple[float, ...] = (0.0, 0.6, -0.6)  # rad about the vertical
     rock_tries: int = 12  # free motions to where the body is rocked

@@ -9,15 +9,11 @@ from pipeline.planning.budgets import LIMITS
 from pipeline.poses import Floats
 
 WINDOW = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
-"""Rows that are averaged, as in trajectory.smoothed: this turns the limit of acceleration into one
-of jerk."""
-
-LAG = (WINDOW - 1) / 2 / PHYSICS_HZ  # s by which the commands follow later than what is averaged
-
+"""Rows that are averaged, as in trajectory.smoothed: the limit of acceleration becomes one of
+jerk."""
+LAG = (WINDOW - 1) / 2 / PHYSICS_HZ  # s by which commands follow later than what is averaged
 STIFFNESS = 40.0  # 1/s, how fast a small remaining distance is closed
-
 BRAKING = 0.35  # share of the acceleration limit that is counted on for coming to rest
-
 TINY = 1e-12
 
 

@@ -1,4 +1,4 @@
-"""Set a body down in between and grasp it again, if no single grasp leads to its goal."""
+"""Set a body down and grasp it again, if no single grasp leads to its goal."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ Goals = Sequence[Sequence[Pose]]  # those of GraspOptions
 
 def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Skills:
     """Skills that set body `name` down where a grasp leads to the goals. None if it is held, if a
-    grasp of the body as it stands leads there, or if there is no such place."""
+    grasp leads there already, or if there is no such place."""
     if a.held.get(side) == name or promising(a, a.arm_planner(side), name, a.pose(name), goals):
         return
     seats = find_seats(a, side, name, goals)
@@ -41,8 +41,7 @@ def place_or_regrasp(
     above: float = PLACE.above,
     opening: float | None = None,
 ) -> Skill:
-    """Like `place`; if the actual grasp does not allow that, the body is first set down and grasped
-    again, once."""
+    """Like `place`; if that fails, the body is set down and grasped again, once."""
     placing = place(side, point, onto, yaws=yaws, above=above, opening=opening)
 
     def act(a: Actor) -> Steps:
@@ -61,15 +60,14 @@ def place_or_regrasp(
 
 
 def _seat(a: Actor, side: str, name: str, seats: Floats) -> Skills:
-    """Skills that set the held body down on one of `seats` (N,7) and let go of it."""
+    """Set the held body down on one of `seats` (N,7) and let go."""
     yield place(side, "base", compose(seats, a.frames(name)["base"][None]), above=SEAT.above)
     yield open_(side)
     yield retreat(side, SEAT.retreat)
 
 
 def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> bool:
-    """Whether a grasp of body `name` at the world pose `at` leads to the goals, touching
-    nothing."""
+    """Whether a grasp of body `name` at world pose `at` leads to the goals, touching nothing."""
     try:
         return search_of(a, arm, name, at, GraspOptions(goals=goals)).promising()
     except PlanFailure:
@@ -105,13 +103,13 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
 
 
 def _at_hand(a: Actor, arm: ArmPlanner, name: str) -> Floats:
-    """Tcp poses (N,7), in its own frame, in which the body can be grasped as it stands."""
+    """Tcp poses (N,7), in its own frame, in which the body can be grasped as it is."""
     found = search_of(a, arm, name, a.pose(name), GraspOptions()).found
     return found.local[found.order]
 
 
 def _free_places(a: Actor, side: str, name: str) -> Floats:
-    """Upright poses (N,7) on the table, on the side of the arm, at which body `name` has room."""
+    """Upright poses (N,7) on the table, on the arm's side, at which the body has room."""
     sign = 1 if side == "right" else -1
     turns = 2 * np.pi / SEAT.turns * np.arange(SEAT.turns)
     box = a.bodies[name].instance.shape().aabb()
@@ -129,7 +127,7 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
 
 
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
-    """How many of the tcp poses `local` (N,7), of SEAT.grasps evenly chosen, are in reach, for each
+    """How many of the tcp poses `local` (N,7), of SEAT.grasps evenly chosen, are in reach for each
     body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
     return np.array(

@@ -20,8 +20,7 @@ def set_down_on(
     above: float = 0.10,
 ) -> Skills:
     """Grasp body `name`, lift it by `up` m, and set it down with its frame `point` on `onto` (7,),
-    turned by one of `yaws`. If no single grasp can do it, the body is set down in between and
-    grasped again."""
+    turned by one of `yaws`. If no single grasp can do it, it is set down in between."""
     goals = [list(resting_poses(a.frames(name)[point], onto, yaws))]
     yield from regrasp(a, side, name, goals)
     yield grasp(side, name, goals=goals)

@@ -1,5 +1,4 @@
-"""Let a planned hand move with a target whose motion is known: the last approach of a plan, carried
-along at matched velocity."""
+"""Let a planned hand move with a target whose motion is known, at matched velocity."""
 
 from collections.abc import Callable
 
@@ -20,13 +19,9 @@ from pipeline.poses import Floats, Pose, inverse, transform
 TRACK = "track"
 
 KNOTS = 16  # physics steps between two poses that are solved; joints follow a cubic spline
-
 AT_REST = 1e-3  # rad/s or m/s; an arm whose joints are all slower rests
-
 STOPPING = 0.06  # s, time constant with which a hand comes to rest after the meeting
-
 STOPPED = 1e-6  # rad/s or m/s; commands that are slower may end
-
 AHEAD = WINDOW // 2  # physics steps of the limiter's lag
 
 
@@ -37,14 +32,13 @@ def carried_along(
     target: Callable[[Floats], Pose],
     met: int,
 ) -> tuple[Floats, Floats]:
-    """Commands (M,A) and velocities of a plan (N,A) of both, whose arms of `run` move as the target
-    does; M >= N.
+    """Commands (M,A) and velocities of a plan (N,A) whose arms of `run` move as the target; M >= N.
 
-    The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last
-    approach begins the hand is displaced, not turned, as the point of `target(t)` (7,) is at which
-    the tcp will be then; before that by a growing part of it. After the meeting it comes to rest.
-    Raises PlanFailure: track_unreachable if an arm does not reach that far, or its hand is late by
-    more than CLOSE at the meeting; arms_collide."""
+    The plan meets a target at `target(T)` in row `met`. From the run's last approach on the hand is
+    displaced, not turned, as the point of `target(t)` (7,) is at which the tcp will be then; before
+    by a growing part of it. After the meeting it comes to rest. Raises PlanFailure:
+    track_unreachable if an arm does not reach that far, or its hand is more than CLOSE late at the
+    meeting; arms_collide."""
     commands, velocities = plan
     goals, column, arms = commands.copy(), 0, dict[str, slice]()
     for side in planner.embodiment.sides:
@@ -61,12 +55,10 @@ def carried_along(
     for side in run.arms:
         joints = arms[side]
         off = planner.fk(side, moved[met, joints])[:3] - planner.fk(side, goals[met, joints])[:3]
-        if np.linalg.norm(off) > CLOSE:
-            late = (
-                f"the {side} hand is {1e3 * float(np.linalg.norm(off)):.0f} mm late at the meeting"
-            )
+        if (miss := float(np.linalg.norm(off))) > CLOSE:
             raise PlanFailure(
-                "track_unreachable", f"{late}: the target turns too sharply before it"
+                "track_unreachable",
+                f"the {side} hand is {1e3 * miss:.0f} mm late: the target turns too sharply",
             )
         found[:, joints], found_speeds[:, joints] = moved[:, joints], speeds[:, joints]
     rows = found[run.start :: LIMITS.checked_every]
@@ -83,8 +75,8 @@ def _shifts(
     rows: tuple[int, int, int],
     target: Callable[[Floats], Pose],
 ) -> Floats:
-    """Offsets (M,n) of the joints `q` (N,n) of an arm, from row `start` to the end, that carry its
-    hand along with the target. The share of the displacement grows from row `start` to `near`."""
+    """Offsets (M,n) of an arm's joints `q` (N,n), from row `start` to the end, that carry its hand
+    along. Their share grows from row `start` to `near`."""
     start, near, met = rows
     knots = np.unique([*range(start, len(q), KNOTS), met, len(q) - 1])
     times, meeting = (knots + 1) / PHYSICS_HZ, (met + 1) / PHYSICS_HZ
@@ -109,7 +101,7 @@ def _shifts(
 
 
 def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Floats]:
-    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, and their
+    """Commands (M,A) within the limits that follow `goals` (N,A) from row `start` on, and their
     velocities, at rest at both ends."""
     ahead = np.concatenate([goals, np.repeat(goals[-1:], AHEAD, axis=0)])[AHEAD:]
     speeds = np.diff(ahead, axis=0, prepend=ahead[:1]) * PHYSICS_HZ
@@ -118,9 +110,8 @@ def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Float
     while np.abs(followed[-1][1]).max() > STOPPED:
         followed.append(limiter.follow(ahead[-1], np.zeros_like(ahead[-1])))
     rows, rates = (np.array(column) for column in zip(*followed, strict=True))
-    return np.concatenate([goals[:start], rows]), np.concatenate(
-        [np.zeros((start, goals.shape[1])), rates]
-    )
+    still = np.zeros((start, goals.shape[1]))
+    return np.concatenate([goals[:start], rows]), np.concatenate([still, rates])
 
 
 def _approach_begins(velocities: Floats, start: int, met: int) -> int:

@@ -81,7 +81,7 @@ def test_a_target_out_of_reach_is_refused(plan):
 
 def test_a_target_that_turns_just_before_the_meeting_is_refused(plan):
     planner, commands, velocities, _ = plan
-    with pytest.raises(PlanFailure, match="late at the meeting"):
+    with pytest.raises(PlanFailure, match="mm late"):
         carried_along(planner, (commands, velocities), RUN, target(0.4, -0.4), 250)
 
 

@@ -1,5 +1,4 @@
-"""What the reactive expert would do while another one acts: labels for imitation, and how far the
-hand is off its path."""
+"""What the reactive expert would do while another one acts: labels for imitation."""
 
 import numpy as np
 
@@ -11,19 +10,15 @@ from pipeline.planning.kinematics import fk_batch
 from pipeline.poses import Floats
 
 EVERY = 4  # physics rows of the plan between two places of the hand
-
 BEHIND, AHEAD = 0.5, 1.5  # s of the plan, from where the hand was, in which it is looked for
-
 SAME = 0.001  # m by which places are as near as the nearest; the latest is taken
-
-JAW = 0.1  # m that stands for the whole travel of a gripper
+JAW = 0.1  # m that equal the whole travel of a gripper
 
 
 class Adviser:
-    """The expert's plan, made from what it has seen of the target until now. `action` finds the
-    place on the plan, carried along with the target, that is nearest to the hands, and returns the
-    command one control period later; `off` (m) is the distance from that place. Raises PlanFailure
-    if no plan is found."""
+    """The expert's plan from what it has seen until now. `action` finds the place on the plan,
+    carried along with the target, that is nearest to the hands, `off` m away, and returns the
+    command one control period later. Raises PlanFailure if there is no plan."""
 
     def __init__(self, actor: ReactiveActor, script: Script, fps: int) -> None:
         self._actor, self._period = actor, PHYSICS_HZ // fps
@@ -35,20 +30,15 @@ class Adviser:
         self._row, self.off = 0.0, 0.0
 
     def action(self) -> Floats:
-        """What the expert commands (A,) for the control period that begins, within its limits of
+        """The expert's command (A,) for the control period that begins, within its limits of
         speed."""
         time, command = self._actor.simulation.time, self._actor.simulation.command
         self._row = self._nearest(time)
-        seconds, later = (
-            self._period / PHYSICS_HZ,
-            min(self._row + self._period, len(self.plan.commands) - 1),
-        )
+        seconds = self._period / PHYSICS_HZ
+        later = min(self._row + self._period, len(self.plan.commands) - 1)
+        goal = self._expert.command_at(later, self._actor.track.predict(time + seconds))
         reach = self._expert.limiter.speed * seconds
-        return command + np.clip(
-            self._expert.command_at(later, self._actor.track.predict(time + seconds)) - command,
-            -reach,
-            reach,
-        )
+        return command + np.clip(goal - command, -reach, reach)
 
     def _nearest(self, time: float) -> float:
         moved = self._actor.track.predict(time)[:3] - self.plan.aim[:3]
@@ -63,14 +53,13 @@ class Adviser:
             places = [place[side] for place in self._places[first:last]]
             follows = carried if side in self.plan.sides else 0.0
             off = np.linalg.norm(np.array([at for at, _ in places]) + follows - tool, axis=1)
-            found = np.maximum(
-                found, np.hypot(off, JAW * (np.array([value for _, value in places]) - jaw))
-            )
+            jaws = JAW * (np.array([value for _, value in places]) - jaw)
+            found = np.maximum(found, np.hypot(off, jaws))
         self.off = float(found.min())
         return float(self._rows[first:last][np.flatnonzero(found <= self.off + SAME)[-1]])
 
     def _place(self, command: Floats) -> dict[str, tuple[Floats, float]]:
-        """By side, where (3,) the tool is at a command (A,), and the gripper's value."""
+        """Where (3,) the tools are at a command (A,), and grippers' values, by side."""
         planner = self._actor.planner
         split = planner.split(command)
         return {

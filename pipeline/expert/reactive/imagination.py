@@ -1,5 +1,4 @@
-"""A script planned in a still copy of what is seen, whose arms are where they are commanded to
-be."""
+"""A script planned in a still copy of what is seen, whose arms are where they are commanded."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,21 +19,20 @@ from pipeline.world.physics.simulation import Simulation
 Script = Callable[[Actor], Iterator[Skill]]
 
 PACE = 0.8
-"""Share of the plan's speed in its last skill: 64 % of its acceleration, so that the limiter has
-another 35 % to catch up. At full pace hands overshot by 15 mm."""
+"""Share of the plan's speed in its last skill: the limiter has 36 % of the acceleration to catch
+up. At full pace hands overshot by 15 mm."""
 
-STIRS = 1e-3  # rad or m; an arm whose joints all move less stands still
+STIRS = 1e-3  # rad or m; an arm whose joints all move less is still
 
 
 @dataclass(frozen=True, eq=False)
 class MeetingPlan:
-    """Commands (N,A) at the physics rate, and their velocities, that meet a target which stands at
-    `aim` (7,).
+    """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,).
 
-    `last` is the row in which the last skill begins, `near` that in which its first motion of an
-    arm has ended, `met` that in which its last one ends; `sides` are the arms that move in it.
-    `runs` are the runs of skills on the clock of the rows, `held` and `approaches` what the actor
-    knows at the end, `holding` what is in which hand when the last skill begins."""
+    The last skill begins in row `last`, its first motion of an arm ends in `near`, its last one in
+    `met`; `sides` are the arms that move in it, `holding` what is in which hand when it begins.
+    `runs` of skills are on the clock of the rows; `held` and `approaches` are the actor's at the
+    end."""
 
     aim: Pose
     commands: Floats
@@ -50,12 +48,12 @@ class MeetingPlan:
 
     @property
     def seconds(self) -> float:
-        """How long the last skill takes (s) until the hand is at the target."""
+        """Duration (s) of the last skill until the hand is at the target."""
         return (self.met - self.last) / (PACE * PHYSICS_HZ)
 
 
 class _Still:
-    """Stands in for a simulation: commands are reached at once, held bodies move with the hand."""
+    """In place of a simulation: commands are reached at once, held bodies move with the hand."""
 
     def __init__(self, actor: Actor, planner: Planner) -> None:
         real = actor.simulation
@@ -106,8 +104,7 @@ class _Silent:
 
 
 class _Move(NamedTuple):
-    """A motion step: the rows in which it begins and ends, the arms that move in it, and what they
-    held before."""
+    """Rows of a motion step, the arms that move in it, and what they held before."""
 
     start: int
     end: int
@@ -139,8 +136,8 @@ class _Imagined(Actor):
 
 
 def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> MeetingPlan:
-    """Plan a script that meets a target at `aim` (7,), which is where `actor` believes it to be.
-    With `rest`, all skills but the last are taken to be done. Raises PlanFailure."""
+    """Plan a script that meets a target at `aim` (7,), where `actor` believes it to be; with
+    `rest`, only the last skill. Raises PlanFailure."""
     mind = _Imagined(actor)
     if rest:
         *_, meeting = script(mind)
@@ -148,30 +145,14 @@ def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> M
     else:
         for skill in script(mind):
             mind.perform(skill)
-    runs, rows, speeds = (
-        tuple(mind.skills),
-        np.array(mind.stream.commands),
-        np.array(mind.stream.velocities),
-    )
+    runs, stream = tuple(mind.skills), mind.stream
+    rows, speeds = np.array(stream.commands), np.array(stream.velocities)
     moving = [move for move in mind.moves if move.sides]
-    last = max(
-        (run.start for run in runs if any(run.start <= move.start < run.end for move in moving)),
-        default=0,
-    )
+    stirring = (r.start for r in runs if any(r.start <= move.start < r.end for move in moving))
+    last = max(stirring, default=0)
     after = [move for move in moving if move.start >= last]
     near, met = (after[0].end, after[-1].end) if after else (len(rows), len(rows))
     sides = tuple(side for side in SIDES if any(side in move.sides for move in after))
     holding = next(move.held for move in mind.moves if move.end > last)
-    return MeetingPlan(
-        aim,
-        rows,
-        speeds,
-        last,
-        near,
-        met,
-        sides,
-        runs,
-        dict(mind.held),
-        dict(mind.approaches),
-        holding,
-    )
+    known = dict(mind.held), dict(mind.approaches), holding
+    return MeetingPlan(aim, rows, speeds, last, near, met, sides, runs, *known)

@@ -1,5 +1,5 @@
-"""Where a target is and will be, from what was seen of it: a Kalman filter of constant velocity;
-turning by difference."""
+"""Where a target is and will be, from what was seen: a Kalman filter of constant velocity; turning
+by difference."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,23 +16,18 @@ from pipeline.poses import (
 )
 
 UNSTEADY = np.array([0.15, 0.15, 0.015])
-"""Standard deviations (m/s2) of the acceleration that is expected of a target along x, y and z.
-With exact sightings the filter follows the last two, with an error of 5 mm about the last ten."""
+"""Standard deviations (m/s2) of a target's acceleration along x, y, z. With exact sightings the
+filter follows the last two, with an error of 5 mm about the last ten."""
 
 EXACT = 1e-4  # m, standard deviation of a position seen without error
-
 SLOW = np.array([0.1, 0.1, 0.01])  # m/s, of the velocity before the target was seen twice
-
-ROLLING = 1.5  # rad/s about a level axis, from which a target rolls: the hand need not turn with it
+ROLLING = 1.5  # rad/s about a level axis, from which a target rolls: no hand turns with it
 
 
 class TargetFilter:
-    """The target's motion as it was seen so far: `see` takes one sighting after another, `predict`
-    continues at constant velocity.
-
-    `noise` (m) is the standard deviation of each coordinate; `surprise` (m) the distance of the
-    last sighting from where it was expected. What moves evenly is the point `centre` (3,) of the
-    body."""
+    """A target's motion as seen so far. `noise` (m) is the standard deviation of each coordinate;
+    `surprise` (m) the distance of the last sighting from where it was expected. What moves evenly
+    is the point `centre` (3,) of the body."""
 
     def __init__(self, noise: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         self.noise, self._variance = noise, EXACT**2 + noise**2
@@ -44,20 +39,16 @@ class TargetFilter:
         self._axis, self._rate = np.array([0.0, 0.0, 1.0]), 0.0
 
     def see(self, time: float, pose: Pose) -> None:
-        """Take in that the target was at `pose` (7,) at `time` (s), later than before."""
+        """The target was at `pose` (7,) at `time` (s), later than before."""
         at = transform(pose, self._centre)
         if not np.isfinite(self.time):
             self._state[0], self._cov[:, 0, 0], self._cov[:, 1, 1] = (at, self._variance, SLOW**2)
         else:
             dt = time - self.time
-            ahead, spread = (
-                np.array([[1.0, dt], [0.0, 1.0]]),
-                UNSTEADY[:, None] * np.array([dt**2 / 2, dt]),
-            )
-            self._state, self._cov = (
-                ahead @ self._state,
-                ahead @ self._cov @ ahead.T + spread[:, :, None] * spread[:, None],
-            )
+            ahead = np.array([[1.0, dt], [0.0, 1.0]])
+            spread = UNSTEADY[:, None] * np.array([dt**2 / 2, dt])
+            self._state = ahead @ self._state
+            self._cov = ahead @ self._cov @ ahead.T + spread[:, :, None] * spread[:, None]
             error = at - self._state[0]
             gain = self._cov[:, :, 0] / (self._cov[:, :1, 0] + self._variance)
             self._state = self._state + gain.T * error
@@ -79,16 +70,14 @@ class TargetFilter:
 
     @property
     def velocity(self) -> Floats:
-        """Estimated linear velocity (3,), m/s."""
+        """Estimated (3,), m/s."""
         return self._state[1]
 
     def predict(self, time: float) -> Pose:
-        """The pose (7,) that is expected at `time` (s)."""
+        """The expected pose (7,) at `time` (s)."""
         ahead = time - self.time
-        turned = (
-            quat_multiply(quat_about(self._axis, self._rate * ahead), self._turned)
-            if self._rate
-            else self._turned
-        )
+        turned = self._turned
+        if self._rate:
+            turned = quat_multiply(quat_about(self._axis, self._rate * ahead), turned)
         centre = self._state[0] + ahead * self._state[1]
         return np.concatenate([centre - quat_rotate(turned, self._centre), turned])

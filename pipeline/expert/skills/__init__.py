@@ -1,5 +1,5 @@
-"""What an arm can do: functions that return a generator of motion steps; tasks yield them.
-Distances in m, speeds in m/s of the tcp; sides are "left" and "right"."""
+"""What an arm can do: functions that return a generator of motion steps. Distances in m, speeds in
+m/s of the tcp; sides are "left" and "right"."""
 
 from pipeline.expert.skills.choice import first_of, in_turn
 from pipeline.expert.skills.facing import face

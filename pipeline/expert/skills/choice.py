@@ -7,8 +7,8 @@ from pipeline.planning.failure import PlanFailure
 
 
 def first_of(*skills: Skill) -> Skill:
-    """The first of the skills that can be planned from the present state; none replaces one that
-    fails after its first motion step. Raises the last one's PlanFailure."""
+    """The first of the skills that can be planned now; none replaces one that fails after its first
+    motion step. Raises the last one's PlanFailure."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         for skill in skills[:-1]:
@@ -26,8 +26,7 @@ def first_of(*skills: Skill) -> Skill:
 
 
 def in_turn(*skills: Skill) -> Skill:
-    """The skills one after the other as one skill, so that the meeting may fall into any of
-    them."""
+    """The skills one after another as one, so that the meeting may be in any of them."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         for skill in skills:

@@ -38,7 +38,5 @@ def _shown(a: Actor, side: str, poses: Floats, other: str, towards: Towards) -> 
         except PlanFailure:
             continue
         return first
-    raise PlanFailure(
-        "facing_blocked",
-        f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses",
-    )
+    why = f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses"
+    raise PlanFailure("facing_blocked", why)

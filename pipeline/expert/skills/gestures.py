@@ -33,13 +33,13 @@ def pour(
     speed: float = 1.0,
 ) -> Steps:
     """Bring the held body to one of the poses `upright` (N,7), then tip it to one of `tipped`
-    (M,7). While it tips, its origin stays within `sway` m of where it begins or ends; what runs out
-    should pass the hand. `speed` multiplies the joint speed limits."""
+    (M,7). Its origin stays within `sway` m of where tipping begins or ends; what runs out should
+    pass the hand. `speed` multiplies the joint speed limits."""
     arm, hold = a.arm_planner(side), inverse(a.in_hand(side))
     free = arm.checker()
 
     def reached(bodies: ArrayLike) -> tuple[Floats, Floats]:
-        """Body poses that can be had without touching anything, with their joints."""
+        """Body poses that touch nothing, with their joints."""
         bodies = np.atleast_2d(np.asarray(bodies, float))
         q, ok = arm.solve(compose(bodies, hold[None]))
         found = [i for i in np.flatnonzero(ok) if free(q[i])]
@@ -47,15 +47,9 @@ def pour(
 
     (_, over), (ends, down) = reached(upright), reached(tipped)
     if not len(over) or not len(down):
-        wanted = compose(
-            np.atleast_2d(np.asarray(tipped if len(over) else upright, float)), hold[None]
-        )
-        raise PlanFailure(
-            "pour_unreachable",
-            f"the {side} arm cannot hold it there, upright and tipped",
-            arm,
-            wanted,
-        )
+        bodies = np.atleast_2d(np.asarray(tipped if len(over) else upright, float))
+        why = f"the {side} arm cannot hold it there, upright and tipped"
+        raise PlanFailure("pour_unreachable", why, arm, compose(bodies, hold[None]))
     cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(a, side, hold, ends)
     paths = (
         (k // len(down), _tipping(over, down, k))
@@ -78,23 +72,21 @@ def pour(
 
 
 def _tipping(over: Floats, down: Floats, pair: int) -> Floats:
-    """Joint rows from one of `over` (N,n) to one of `down` (M,n), counted pair by pair."""
+    """Joint rows from one of `over` (N,n) to one of `down` (M,n), by pair."""
     start, end = over[pair // len(down)], down[pair % len(down)]
     return start + np.linspace(0, 1, POUR.rows)[:, None] * (end - start)
 
 
 def _swayed(arm: ArmPlanner, hold: Pose, path: Floats) -> float:
-    """Largest distance (m) of the held body's origin along joint rows (K,n) from the nearer of both
-    ends."""
+    """Largest distance (m) of the held body's origin along joint rows (K,n) from the nearer end."""
     at = np.stack([compose(arm.fk(row), inverse(hold))[:3] for row in path])
-    return float(
-        np.minimum(np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - at[-1], axis=1)).max()
-    )
+    ends = [np.linalg.norm(at - end, axis=1) for end in (at[0], at[-1])]
+    return float(np.minimum(*ends).max())
 
 
 def _pour_costs(a: Actor, side: str, hold: Pose, bodies: Floats) -> Floats:
-    """Costs (M,) in rad of joint motion of pouring at the poses `bodies` (M,7); `hold` (7,) is the
-    tcp in the body frame.
+    """Costs (M,) in rad of pouring at the poses `bodies` (M,7); `hold` (7,) is the tcp in the body
+    frame.
 
     They count how much nearer than `POUR.room` the stream over the lowest edge passes the hand, how
     far the weight pulls off the axis of the jaws, and how far the opening is from pointing down.
@@ -129,7 +121,7 @@ def turn(
     rise: float = 0.0,
     speed: float = SPEEDS.swing_scale,
 ) -> Steps:
-    """Turn the hand about an axis of its own tcp frame by `angle` rad while it rises by `rise` m.
+    """Turn the hand about an axis of its tcp frame by `angle` rad while it rises by `rise` m.
     `speed` multiplies the joint speed limits."""
     arm, start = a.arm_planner(side), a.tcp(side)
     goal = np.concatenate(
@@ -137,7 +129,6 @@ def turn(
     )
     path = arm.line(arm.q, goal)
     if path is None or not arm.apart()(path):
-        raise PlanFailure(
-            "turn_unreachable", f"the {side} wrist cannot turn that far", arm, goal[None]
-        )
+        why = f"the {side} wrist cannot turn that far"
+        raise PlanFailure("turn_unreachable", why, arm, goal[None])
     yield {side: arm.timed(path, speed_scale=speed)}

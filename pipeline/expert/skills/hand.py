@@ -1,4 +1,4 @@
-"""The gripper: its dimensions, close, open, grasp. Opening lets go of whatever was held."""
+"""The gripper: close, open, grasp. Opening lets go of what was held."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -18,13 +18,12 @@ from pipeline.world.robots.contract import Arm, arm_poses
 
 
 def jaws(a: Actor, side: str, value: float, hold: float = TIMING.squeeze) -> MotionStep:
-    """The jaws travel to `value` at their own speed, then wait `hold` s; the arm stands still."""
+    """The jaws travel to `value` at their own speed, then wait `hold` s."""
     gripper = a.planner.embodiment.arms[side].gripper
     travel = abs(gripper.opened[0] - gripper.closed[0])
     ends = np.array([[a.gripper(side)], [value]])
-    moving = time_parameterise(ends, [gripper.speed / travel], [LIMITS.acceleration / travel]).q[
-        1:, 0
-    ]
+    limits = [gripper.speed / travel], [LIMITS.acceleration / travel]
+    moving = time_parameterise(ends, *limits).q[1:, 0]
     values = np.concatenate([moving, np.full(max(round(hold * PHYSICS_HZ), 1), value)])
     q = np.repeat(a.q(side)[None], len(values), 0)
     return {side: ArmTrajectory(q, np.zeros_like(q), values)}
@@ -39,14 +38,12 @@ def wider(a: Actor, side: str, by: float) -> float:
 
 @skill()
 def close(a: Actor, side: str) -> Steps:
-    """Close the gripper."""
     yield jaws(a, side, 0.0)
 
 
 @skill()
 def open_(a: Actor, side: str, by: float | None = None) -> Steps:
-    """Open the gripper, all the way or only `by` m wider than measured, and let go of what it
-    held."""
+    """Open the gripper, all the way or `by` m wider than measured, and let go."""
     a.held.pop(side, None)
     yield jaws(a, side, 1.0 if by is None else wider(a, side, by))
 
@@ -62,9 +59,7 @@ def grasp(
     standoff: float = GRASP.standoff,
     pitch: float = GRASP.pitch,
 ) -> Steps:
-    """Go to the standoff, in on a straight line, and close on body `name`. See
-    GraspOptions for the arguments."""
-
+    """Go to the standoff, in on a straight line, and close on body `name` (GraspOptions)."""
     return take(a, side, name, GraspOptions(kinds, goals, standoff, pitch))
 
 
@@ -88,24 +83,19 @@ def pause(a: Actor, side: str, seconds: float) -> Steps:
 
 @lru_cache(maxsize=16)
 def fingertip_reach(arm: Arm) -> float:
-    """How far (m) the closed fingertips stand out of the tcp along the approach axis."""
+    """How far (m) the closed fingertips are ahead of the tcp along the approach axis."""
     return float(max(points[:, 0].max() for points in _pieces(arm, arm.gripper.fingers)))
 
 
 @lru_cache(maxsize=16)
 def hand_boxes(arm: Arm) -> Floats:
-    """Bounds (N,2,3) of the collision pieces of the closed hand in the tcp frame (m)."""
-    return np.array(
-        [
-            (points.min(0), points.max(0))
-            for points in _pieces(arm, (arm.hand, *arm.gripper.fingers))
-        ]
-    )
+    """Bounds (N,2,3) of the closed hand's collision pieces in the tcp frame (m)."""
+    pieces = _pieces(arm, (arm.hand, *arm.gripper.fingers))
+    return np.array([(points.min(0), points.max(0)) for points in pieces])
 
 
 def _pieces(arm: Arm, names: Iterable[str]) -> list[Floats]:
-    """Points (K,3) in the tcp frame around each collision piece of the named links, the jaws
-    closed."""
+    """Points (K,3) in the tcp frame around each collision piece of links, the jaws closed."""
     links = {link.name: link for link in arm.links}
     at = arm_poses(arm, arm.home, 0.0)
     tcp = inverse(compose(at[arm.hand], arm.tcp))

@@ -28,12 +28,10 @@ def hand_over(
     leading: int = 0,
 ) -> Steps:
     """Carry the body that `giver` holds to one of the poses `places` (N,7), where `receiver` takes
-    it too; the giver holds on. `kinds`, `goals` and `leading` are those of the receiver's grasp."""
+    it too; the giver holds on. `kinds`, `goals` and `leading` are of the receiver's grasp."""
     options = GraspOptions(kinds, goals, pitch=HAND_OVER.pitch, leading=leading)
-    name, there = (
-        a.held[giver],
-        _meeting_point(a, giver, receiver, np.atleast_2d(np.asarray(places, float)), options),
-    )
+    name, poses = a.held[giver], np.atleast_2d(np.asarray(places, float))
+    there = _meeting_point(a, giver, receiver, poses, options)
     yield {giver: there}
     with a.noting("grasp", (receiver,), name, "/".join(kinds or ())):
         yield from take(a, receiver, name, options)
@@ -47,12 +45,8 @@ def _meeting_point(
     arm, hands = a.arm_planner(giver), hand_poses(a, giver, places)
     q, ok = arm.solve(hands)
     if not ok.any():
-        raise PlanFailure(
-            "pose_unreachable",
-            f"no place of {len(places)} to hand over is in reach of the {giver} arm",
-            arm,
-            hands,
-        )
+        why = f"no place of {len(places)} to hand over is in reach of the {giver} arm"
+        raise PlanFailure("pose_unreachable", why, arm, hands)
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     some = found[:: max(1, len(found) // HAND_OVER.judged)]

@@ -1,4 +1,4 @@
-"""Moves of the hand, free or along a straight line, with or without a body in it."""
+"""Moves of the hand, free or straight, with or without a body in it."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -28,8 +28,7 @@ def move(a: Actor, side: str, poses: ArrayLike, *, speed: float = 1.0) -> Steps:
 
 @skill()
 def carry(a: Actor, side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Steps:
-    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached
-    without touching anything. `speed` multiplies the joint speed limits."""
+    """As `move`, for the held body."""
     hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
     yield {side: reach(a.arm_planner(side), hands, speed_scale=speed)}
 
@@ -39,12 +38,8 @@ def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTra
     pose_unreachable, path_blocked."""
     q, ok = arm.solve(poses)
     if not ok.any():
-        raise PlanFailure(
-            "pose_unreachable",
-            f"none of {len(poses)} poses is in reach of the {arm.side} arm",
-            arm,
-            poses,
-        )
+        why = f"none of {len(poses)} poses is in reach of the {arm.side} arm"
+        raise PlanFailure("pose_unreachable", why, arm, poses)
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     for i in found[: MOVE.tries]:
@@ -52,9 +47,8 @@ def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTra
             return arm.free_trajectory(q[i], free, speed_scale=speed_scale)
         except PlanFailure:
             continue
-    raise PlanFailure(
-        "path_blocked", f"the {arm.side} arm finds no free path to {len(poses)} poses", arm, poses
-    )
+    why = f"the {arm.side} arm finds no free path to {len(poses)} poses"
+    raise PlanFailure("path_blocked", why, arm, poses)
 
 
 @skill()
@@ -66,15 +60,15 @@ def lift(
     least: float = MOVE.least_lift,
     speed: float = SPEEDS.lift,
 ) -> Steps:
-    """Move the tcp straight up without turning it, by less (the share `least` at least) where the
-    arm cannot go higher."""
+    """Move the tcp straight up, by less (the share `least` at least) if the arm cannot go
+    higher."""
     line, share = next(_lifts(a.arm_planner(side), a.tcp(side), height, least))
     yield {side: a.arm_planner(side).timed(line, minimum=abs(height) * share / speed)}
 
 
 @skill()
 def lift_clear(a: Actor, side: str, height: float, *, speed: float = SPEEDS.lift) -> Steps:
-    """As `lift`, up to where arm and held body touch nothing, so that a free motion can begin."""
+    """As `lift`, up to where arm and held body touch nothing."""
     arm = a.arm_planner(side)
     free, start = arm.checker(), a.tcp(side)
     clear = ((line, share) for line, share in _lifts(arm, start, height) if free(line[-1]))
@@ -85,7 +79,7 @@ def lift_clear(a: Actor, side: str, height: float, *, speed: float = SPEEDS.lift
 def _lifts(
     arm: ArmPlanner, start: Pose, height: float, least: float = 0.0
 ) -> Iterator[tuple[Floats, float]]:
-    """Straight ways up from the tcp pose `start` on which the arms keep apart: joints (K,n) and the
+    """Straight ways up from tcp pose `start` on which the arms keep apart: joints (K,n) and the
     share of the height, highest first. Raises PlanFailure("line_unreachable")."""
     found, apart = False, arm.apart()
     for share in (s for s in MOVE.lift_shares if s >= least):
@@ -94,17 +88,13 @@ def _lifts(
             found = True
             yield line, share
     if not found:
-        raise PlanFailure(
-            "line_unreachable",
-            f"the {arm.side} arm cannot lift by {height} m",
-            arm,
-            lifted(start, height)[None],
-        )
+        why = f"the {arm.side} arm cannot lift by {height} m"
+        raise PlanFailure("line_unreachable", why, arm, lifted(start, height)[None])
 
 
 @skill()
 def shift(a: Actor, side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Steps:
-    """Move the hand straight by a vector (3,) of the world without turning it, by 80 % at least."""
+    """Move the hand straight by a vector (3,) of the world, by 80 % at least."""
     arm, start = a.arm_planner(side), a.tcp(side)
     apart = arm.apart()
     offset = np.concatenate([np.asarray(by, float), np.zeros(4)])
@@ -113,45 +103,40 @@ def shift(a: Actor, side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) ->
         if path is not None and apart(path):
             yield {side: arm.timed(path, minimum=share * float(np.linalg.norm(offset)) / speed)}
             return
-    wanted = (start + offset)[None]
-    raise PlanFailure(
-        "line_unreachable",
-        f"the {side} arm cannot move its hand by {np.round(offset[:3], 3)} m",
-        arm,
-        wanted,
-    )
+    why = f"the {side} arm cannot move its hand by {np.round(offset[:3], 3)} m"
+    raise PlanFailure("line_unreachable", why, arm, (start + offset)[None])
 
 
 @skill()
 def retreat(a: Actor, side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Steps:
-    """Draw the hand straight back along its approach axis, by less (20 % at least) or straight up
-    where the arm cannot reach."""
+    """Draw the hand straight back along its approach axis, by less (20 % at least), or straight
+    up."""
     arm, start = a.arm_planner(side), a.tcp(side)
     apart = arm.apart()
     back = [backed_off(start, distance * share) for share in MOVE.retreat_shares]
     for goal in (*back, *(lifted(start, share * distance) for share in MOVE.rise_shares)):
         path = arm.line(arm.q, goal)
         if path is not None and apart(path):
-            yield {
-                side: arm.timed(path, minimum=float(np.linalg.norm(goal[:3] - start[:3])) / speed)
-            }
+            metres = float(np.linalg.norm(goal[:3] - start[:3]))
+            yield {side: arm.timed(path, minimum=metres / speed)}
             return
-    raise PlanFailure(
-        "line_unreachable", f"the {side} arm cannot draw back by {distance} m", arm, back[0][None]
-    )
+    why = f"the {side} arm cannot draw back by {distance} m"
+    raise PlanFailure("line_unreachable", why, arm, back[0][None])
 
 
 @skill()
 def home(a: Actor, side: str) -> Steps:
-    """Return the arm to its home joints; where it finds no path, it first steps off, or rises, and
-    stays there as a last resort."""
+    """Return the arm to its home joints; if it finds no path, it first steps off, or rises, else
+    stays."""
     arm = a.arm_planner(side)
     free = arm.checker()
     if free(arm.q):
         with suppress(PlanFailure):
             yield {side: arm.free_trajectory(arm.home, free)}
             return
-    lines = (arm.line(arm.q, goal) for goal in (*_steps_off(a.tcp(side)), *_rises(a.tcp(side))))
+    tcp = a.tcp(side)
+    rises = (lifted(tcp, height) for height in MOVE.rises)
+    lines = (arm.line(arm.q, goal) for goal in (*_steps_off(tcp), *rises))
     apart = arm.apart()
     for off in (line for line in lines if line is not None and free(line[-1]) and apart(line)):
         there = arm.within(arm.scene.commanding(side, off[-1]))
@@ -162,19 +147,9 @@ def home(a: Actor, side: str) -> Steps:
             return
 
 
-def _rises(tcp: Pose) -> list[Pose]:
-    return [lifted(tcp, height) for height in MOVE.rises]
-
-
 def _steps_off(tcp: Pose) -> list[Pose]:
-    return [
-        p
-        for distance in MOVE.steps_off
-        for p in (
-            backed_off(tcp, distance),
-            *(
-                tcp + distance * np.array([*direction, 0, 0, 0, 0])
-                for direction in _STEP_OFF_DIRECTIONS
-            ),
-        )
-    ]
+    poses = []
+    for distance in MOVE.steps_off:
+        steps = [np.array([*direction, 0, 0, 0, 0]) for direction in _STEP_OFF_DIRECTIONS]
+        poses += [backed_off(tcp, distance), *(tcp + distance * step for step in steps)]
+    return poses

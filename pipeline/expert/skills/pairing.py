@@ -15,8 +15,8 @@ CHECKED_EVERY = 4  # physics steps between two checks of the arms (17 ms)
 
 
 def together(*skills: Skill) -> Skill:
-    """Skills of different arms, motion step by motion step at the same time. Where two trajectories
-    would collide, the arms take turns for that step; where that collides too,
+    """Skills of different arms, motion step by motion step at the same time. Arms whose
+    trajectories would collide take turns for that step; if these collide too,
     PlanFailure("arms_collide") is raised."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
@@ -65,28 +65,23 @@ def _end_of(t: ArmTrajectory) -> ArmTrajectory:
 
 
 def stretched(t: ArmTrajectory, rows: int, q0: Floats, value: float) -> ArmTrajectory:
-    """The trajectory from joints q0 (n,) and gripper `value` at a slower pace, filling `rows`
-    steps; jaw motions keep their pace."""
+    """The trajectory from joints q0 (n,) and gripper `value`, slower, in `rows` steps; jaw motions
+    keep their pace."""
     n = len(t.q)
     if n == rows:
         return t
     if np.ptp(np.vstack([q0, t.q]), axis=0).max() < 1e-9:
         pad = rows - n
-        held = np.pad(t.q, ((0, pad), (0, 0)), mode="edge")
-        return ArmTrajectory(
-            held, np.zeros((rows, t.q.shape[1])), np.pad(t.gripper, (0, pad), mode="edge")
-        )
+        q = np.pad(t.q, ((0, pad), (0, 0)), mode="edge")
+        return ArmTrajectory(q, np.zeros_like(q), np.pad(t.gripper, (0, pad), mode="edge"))
     at = np.arange(1, rows + 1) * (n / rows)
     old = np.arange(n + 1)
     q = np.vstack([q0, t.q])
     qd = np.vstack([np.zeros_like(q0), t.qd])
     joints = [np.interp(at, old, column) for column in q.T]
     speeds = [np.interp(at, old, column) * (n / rows) for column in qd.T]
-    return ArmTrajectory(
-        np.stack(joints, 1),
-        np.stack(speeds, 1),
-        np.interp(at, old, np.concatenate([[value], t.gripper])),
-    )
+    jaws = np.interp(at, old, np.concatenate([[value], t.gripper]))
+    return ArmTrajectory(np.stack(joints, 1), np.stack(speeds, 1), jaws)
 
 
 def _arms_apart(a: Actor, apart: Apart, step: MotionStep) -> bool:

@@ -16,27 +16,25 @@ from pipeline.planning.path import between, ending_clear, first_touch
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Floats, Pose, compose, frame, inverse, pose, yawed
 
-ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6).tolist())
-"""Yaw angles for a body that may be set down in any direction."""
+ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6).tolist())  # yaws of a body for any direction
 
 
 class Approach(NamedTuple):
-    """Joints (K,n) that carry the hand straight down to a goal, and the height (m) of their
-    start."""
+    """Joints (K,n) that carry the hand straight down from a height (m)."""
 
     line: Floats
     height: float
 
 
 def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> Floats:
-    """Poses (N,7) of a body whose frame `local` coincides with `goal` up to a turn about the goal's
-    z axis by each of `yaws`."""
+    """Poses (N,7) of a body whose frame `local` is at `goal`, turned by each of `yaws` about its z
+    axis."""
     turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
     return compose(turned, inverse(local)[None])
 
 
 def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
-    """Pose at a position (3,) with z up."""
+    """At a position (3,), z up."""
     return yawed(position, yaw)
 
 
@@ -44,9 +42,7 @@ def _approaches(
     arm: ArmPlanner, down: Floats, back: Floats, above: float, press: float
 ) -> list[Approach]:
     """Straight approaches of the hand to the poses `down` (N,7), cheapest first; `back` (7,) is the
-    unit offset away from the goal.
-
-    They are searched from `above` downwards and else from the goal upwards: the arm may hover in a
+    unit offset away. They are searched from `above` downwards, else upwards: an arm may hover in a
     posture from which it cannot come down."""
     found = list[Approach]()
     low, deep = arm.solve(down - press * back)
@@ -60,12 +56,12 @@ def _approaches(
                 line = None if upwards is None else upwards[::-1]
             if line is not None:
                 found.append(Approach(line, height))
-    return sorted(
-        found,
-        key=lambda x: (
-            float(np.linalg.norm(x.line[0] - arm.q)) + PLACE.height_weight * (1 - x.height / above)
-        ),
-    )
+
+    def cost(x: Approach) -> float:
+        away = float(np.linalg.norm(x.line[0] - arm.q))
+        return away + PLACE.height_weight * (1 - x.height / above)
+
+    return sorted(found, key=cost)
 
 
 @skill(part="point")
@@ -85,9 +81,9 @@ def place(
     """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or (7,),
     turned by one of `yaws`.
 
-    It comes from `above` m, or half or a quarter of that, straight down and `press` m beyond. `out`
-    (3,) is the direction away from the goal in the world: a mug comes onto its peg along the peg.
-    Approaches on which jaws opened (by `opening` m, or all the way) touch nothing are preferred."""
+    It comes from `above` m, or half or a quarter of that, straight down and `press` m beyond; `out`
+    (3,) is the world direction away: a mug comes onto its peg along the peg. Approaches on which
+    jaws opened (by `opening` m, or all the way) touch nothing are preferred."""
     arm, name = a.arm_planner(side), a.held.get(side, "")
     back = np.concatenate([np.asarray(out, float), np.zeros(4)])
     local = a.frames(name)[point] if name else pose()
@@ -95,11 +91,8 @@ def place(
     hands = hand_poses(a, side, bodies)
     approaches = _approaches(arm, hands, back, above, press)
     free = arm.checker()
-    touching = [
-        (name, other)
-        for other in (*arm.scene.obstacles, *arm.scene.carried, "table")
-        if other != name
-    ]
+    others = (*arm.scene.obstacles, *arm.scene.carried, "table")
+    touching = [(name, other) for other in others if other != name]
     clear, roomy = arm.checker(touching, margin=MARGINS.contact), arm.checker(touching)
     fingers = [(f"{side}_fingers", other) for other in (*arm.scene.obstacles, *arm.scene.carried)]
     palm, bare = arm.checker([*touching, *fingers], margin=MARGINS.contact), arm.bare()
@@ -108,14 +101,11 @@ def place(
     clear_opened = arm.checker(touching, jaws=opened, margin=MARGINS.contact)
 
     def penalty(approach: Approach) -> int:
-        """Count what is wrong: an arm that touches something or nearly does, a body that
-        touches something before it is nearly down.
-
-        Opened jaws that would touch count too, and a hand that could not draw back."""
+        """Counts an arm that touches something or nearly does, and a body that does before it is
+        nearly down. Also opened jaws that would, and a hand that could not draw back."""
         line = approach.line
-        down = between(
-            line, 0.0, max(0.0, (approach.height - PLACE.settling) / (approach.height + press))
-        )
+        height = max(0.0, (approach.height - PLACE.settling) / (approach.height + press))
+        down = between(line, 0.0, height)
         away = backed_off(arm.fk(line[-1]), PLACE.draw_back)
         touches = not clear(line)
         return (
@@ -126,8 +116,8 @@ def place(
         )
 
     def down_to_table(approach: Approach) -> Floats | None:
-        """The line, up to where fingers come near to the table if it ends less than PLACE.drop
-        m over the goal there."""
+        """The line, up to where fingers come near to the table if that is less than PLACE.drop m
+        over the goal."""
         least = (approach.height - PLACE.drop) / (approach.height + press)
         ends = (ending_clear(approach.line, clear_of_table, least) for clear_of_table in table)
         return next((line for line in ends if line is not None), None)
@@ -169,18 +159,13 @@ def press(
     touch, `depth` m beyond the spot at most. `body` and `part` name what is pressed, by default the
     target.
 
-    They creep from shortly before the touch to shortly behind: an arm that is driven on throws what
-    stands under it over."""
+    They creep around the touch: an arm that is driven on throws what is under it over."""
     arm, pressed = a.arm_planner(side), body or a.simulation.target
     down = _fingertip_poses(spot, pitches, fingertip_reach(a.planner.embodiment.arms[side]))
     q, ok = arm.solve(lifted(down, above))
     if not ok.any():
-        raise PlanFailure(
-            "press_unreachable",
-            f"the {side} arm cannot hover over the spot",
-            arm,
-            lifted(down, above),
-        )
+        why = f"the {side} arm cannot hover over the spot"
+        raise PlanFailure("press_unreachable", why, arm, lifted(down, above))
     free = arm.checker()
     off_steep = np.repeat(np.abs(np.array(pitches) - PRESS.steep), len(down) // len(pitches))
     cost = np.linalg.norm(q - arm.q, axis=1) + PRESS.steep_weight * off_steep
@@ -211,8 +196,7 @@ def press(
 
 
 def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> Floats:
-    """Tcp poses (N,7) with the fingertips, `tip` m before the tcp, on the spot: by pitch, direction
-    and sense of the jaws."""
+    """Tcp poses (N,7) with the fingertips, `tip` m before the tcp, on the spot."""
     poses = []
     for pitch in pitches:
         for azimuth in np.arange(0, 2 * np.pi, 2 * np.pi / PRESS.azimuths):

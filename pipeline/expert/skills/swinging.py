@@ -1,4 +1,4 @@
-"""Swing a held body repeatedly: shake it, rock it."""
+"""Shake or rock a held body."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
 
 @dataclass(frozen=True, eq=False)
 class _Swing:
-    """A swing about its middle: joints q (n,), tcp pose `middle` (7,), the tcp poses of both ends.
-    Joint lines (K,n) lead from the middle to the first end (`out`) and from there to the second
+    """A swing from joints q (n,) about tcp pose `middle` (7,) between the tcp poses `ends`. Joint
+    lines (K,n) lead from the middle to the first end (`out`) and from there to the second
     (`across`)."""
 
     q: Floats
@@ -31,17 +31,14 @@ class _Swing:
 
 @skill()
 def shake(a: Actor, side: str, times: int, *, rise: float = 0.03) -> Steps:
-    """Swing the hand `times` times from side to side about a level or nearly level axis: the first
-    with room on both sides, with the widest swing that fits; else from a place nearby."""
+    """Swing the hand `times` times from side to side about a nearly level axis: the first with
+    room, with the widest swing that fits; else from a place nearby."""
     arm = a.arm_planner(side)
     free, tries = arm.checker(), SWING.shake_tries
-    for (goal, q), angle in product(
-        ((a.tcp(side), a.q(side)), *_nearby(arm, a.tcp(side))), SWING.shake_angles
-    ):
+    places = ((a.tcp(side), a.q(side)), *_nearby(arm, a.tcp(side)))
+    for (goal, q), angle in product(places, SWING.shake_angles):
         for axis in _shake_axes(goal, angle):
-            ends = [
-                _turned(lifted(goal, up), axis, by) for up, by in ((rise, angle), (0.0, -angle))
-            ]
+            ends = [_turned(lifted(goal, rise), axis, angle), _turned(goal, axis, -angle)]
             swing = _swing(arm, q, goal, ends)
             if swing is None or not (free(swing.out) and free(swing.across)):
                 continue
@@ -70,21 +67,18 @@ def rock(
     speed: float = SPEEDS.swing_scale,
 ) -> Steps:
     """Carry the held body to one of the poses `bodies` (N,7), rock it to either side about the
-    world axes `about` (N,3), and come back. The first pose that leaves room for the widest of
-    `angles` (rad) is taken. `speed` multiplies the joint speed limits."""
-    arm, hands = (
-        a.arm_planner(side),
-        hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float))),
-    )
+    world axes `about` (N,3), and come back. The first pose with room for the widest of `angles`
+    (rad) is taken. `speed` multiplies the joint speed limits."""
+    arm = a.arm_planner(side)
+    hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
     axes = np.atleast_2d(np.asarray(about, float))
     q, ok = arm.solve(hands)
     free: IsFree = arm.checker()
     tries = SWING.rock_tries
     for angle in angles:
         for i in np.flatnonzero(ok):
-            swing = _swing(
-                arm, q[i], hands[i], [_turned(hands[i], axes[i], by) for by in (angle, -angle)]
-            )
+            ends = [_turned(hands[i], axes[i], by) for by in (angle, -angle)]
+            swing = _swing(arm, q[i], hands[i], ends)
             if swing is None or not (free(q[i]) and free(swing.out) and free(swing.across)):
                 continue
             tries -= 1
@@ -97,13 +91,12 @@ def rock(
             yield {side: trajectory}
             yield from _swung(a, side, swing, times, speed)
             return
-    raise PlanFailure(
-        "rock_unreachable", f"the {side} arm finds no room to rock what it holds", arm, hands
-    )
+    why = f"the {side} arm finds no room to rock what it holds"
+    raise PlanFailure("rock_unreachable", why, arm, hands)
 
 
 def _swing(arm: ArmPlanner, q: Floats, middle: Pose, ends: list[Pose]) -> _Swing | None:
-    """The straight lines of a swing from joints q (n,), or None if the arm cannot reach."""
+    """The lines of a swing from joints q (n,), if the arm can reach."""
     out = arm.line(q, ends[0])
     across = None if out is None else arm.line(out[-1], ends[1])
     return None if out is None or across is None else _Swing(q, middle, ends, out, across)
@@ -135,15 +128,12 @@ def _turned(hand: Pose, axis: ArrayLike, angle: float) -> Pose:
 
 
 def _nearby(arm: ArmPlanner, start: Pose) -> list[tuple[Pose, Floats]]:
-    """Hand poses near the present one (7,), as upright as it is, with the joints that reach
-    them."""
-    offsets = list(
-        product(SWING.near_heights, SWING.near_offsets, SWING.near_offsets, SWING.near_turns)
-    )[1:]
+    """Hand poses near (7,), as upright as it is, with joints that reach them."""
+    heights, offsets = SWING.near_heights, SWING.near_offsets
     poses = np.array(
         [
             _turned(start + np.array([dx, dy, dz, 0, 0, 0, 0]), (0, 0, 1), yaw)
-            for dz, dx, dy, yaw in offsets
+            for dz, dx, dy, yaw in [*product(heights, offsets, offsets, SWING.near_turns)][1:]
         ]
     )
     q, ok = arm.solve(poses)
