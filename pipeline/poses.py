@@ -88,13 +88,12 @@ def quat_from_matrix(m: ArrayLike) -> Floats:
     if i == 0:
         q = np.array([1 + t[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     else:
-        a, b, c = [(1, 2, 3), (2, 3, 1), (3, 1, 2)][i - 1]
-        a0, b0, c0 = a - 1, b - 1, c - 1
+        a, b, c = i - 1, i % 3, (i + 1) % 3
         q = np.empty(4)
-        q[0] = m[c0, b0] - m[b0, c0]
-        q[a] = 1 + m[a0, a0] - m[b0, b0] - m[c0, c0]
-        q[b] = m[b0, a0] + m[a0, b0]
-        q[c] = m[c0, a0] + m[a0, c0]
+        q[0] = m[c, b] - m[b, c]
+        q[a + 1] = 1 + m[a, a] - m[b, b] - m[c, c]
+        q[b + 1] = m[b, a] + m[a, b]
+        q[c + 1] = m[c, a] + m[a, c]
     q /= np.linalg.norm(q)
     return -q if q[0] < 0 else q
 
@@ -104,21 +103,13 @@ def quat_to_matrix(q: ArrayLike) -> Floats:
     q = np.asarray(q, float)
     w, x, y, z = _parts(q)
     out = np.empty((*q.shape[:-1], 3, 3))
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = (
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - w * z),
-        2 * (x * z + w * y),
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = (
-        2 * (x * y + w * z),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - w * x),
-    )
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = (
-        2 * (x * z - w * y),
-        2 * (y * z + w * x),
-        1 - 2 * (x * x + y * y),
-    )
+    for i, j in np.ndindex(3, 3):
+        out[..., i, j] = rows[i][j]
     return out
 
 

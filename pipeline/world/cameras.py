@@ -26,9 +26,8 @@ class CameraError(DominoError):
 def cameras_of(embodiment: "Embodiment", camera_type: str = "D435") -> tuple[Camera, ...]:
     """Head and wrist cameras of an embodiment. Raises KeyError for an unknown camera type."""
     if camera_type not in CAMERA_TYPES:
-        raise KeyError(
-            f"camera type {camera_type!r} is unknown: types are {', '.join(CAMERA_TYPES)}"
-        )
+        types = ", ".join(CAMERA_TYPES)
+        raise KeyError(f"camera type {camera_type!r} is unknown: types are {types}")
     kind = CAMERA_TYPES[camera_type]
     wrists = [
         Camera(CAMERAS[side], kind, f"{side}_{arm.camera.link}", arm.camera.pose)
@@ -62,9 +61,8 @@ def wanted_cameras(
         elif camera_name(each) in known:
             cameras.append(known[camera_name(each)])
         else:
-            raise CameraError(
-                f"there is no camera {each} to draw from: there are {', '.join(sorted(known))}"
-            )
+            names = ", ".join(sorted(known))
+            raise CameraError(f"there is no camera {each} to draw from: there are {names}")
     if setup.size is None:
         return tuple(cameras)
     width, height = setup.size
@@ -75,7 +73,5 @@ def check_links(cameras: Sequence[Camera], bodies: Sequence[str]) -> None:
     """Raise CameraError for a camera on a link that an episode does not have."""
     for camera in cameras:
         if camera.link is not None and camera.link not in bodies:
-            raise CameraError(
-                f"camera {camera.name} is mounted on {camera.link!r}: the bodies are"
-                f" {', '.join(bodies)}"
-            )
+            where = f"camera {camera.name} is mounted on {camera.link!r}"
+            raise CameraError(f"{where}: the bodies are {', '.join(bodies)}")

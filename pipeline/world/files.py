@@ -32,13 +32,9 @@ def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> 
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])[:80]
-        raise wrong(
-            f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got"
-            f" {show_value(first['input'])})"
-        ) from error
-    except RecursionError as error:
-        raise wrong(f"{file}: is nested too deeply") from error
-    except (OSError, ValueError) as error:
+        fault = first["msg"].removeprefix("Value error, ")
+        raise wrong(f"{file}: {key}: {fault} (got {show_value(first['input'])})") from error
+    except (OSError, ValueError, RecursionError) as error:
         raise wrong(f"{file}: not readable ({' '.join(str(error).split())})") from error
 
 
@@ -171,19 +167,9 @@ def read_glb(path: Path) -> Parts:
             raise ValueError("written by another program")
         primitives = document["meshes"][0]["primitives"]
         return tuple(_part(document, data[28 + length :], each) for each in primitives)
-    except (
-        OSError,
-        struct.error,
-        ValueError,
-        KeyError,
-        IndexError,
-        TypeError,
-        AttributeError,
-        RecursionError,
-    ) as error:
-        raise GlbError(
-            f"{path}: not readable as a GLB of this project ({' '.join(str(error).split())})"
-        ) from error
+    except Exception as error:  # whatever a damaged file leads to
+        why = " ".join(str(error).split())
+        raise GlbError(f"{path}: not readable as a GLB of this project ({why})") from error
 
 
 def _part(

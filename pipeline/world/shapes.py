@@ -4,6 +4,7 @@ the base for objects). Colours are sRGB 0-1."""
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -87,11 +88,10 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
     textured = any(m.uvs is not None for m in meshes)
     uvs = [np.zeros((len(m.vertices), 2), np.float32) if m.uvs is None else m.uvs for m in meshes]
+    triangles = [m.triangles + offset for m, offset in zip(meshes, offsets, strict=True)]
     return Mesh(
         np.concatenate([m.vertices for m in meshes]).astype(np.float32),
-        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(
-            np.uint32
-        ),
+        np.concatenate(triangles).astype(np.uint32),
         np.concatenate([m.normals for m in meshes]).astype(np.float32),
         np.concatenate(uvs).astype(np.float32) if textured else None,
     )
@@ -122,12 +122,8 @@ def seen_along(mesh: Mesh, axes: Floats, tile: ArrayLike) -> Mesh:
     """The mesh with uvs projected along one direction, from its smallest corner: `axes` (2,3) are
     the directions of u and v, `tile` the size (m) of an image, or of its two sides."""
     across = mesh.vertices @ np.asarray(axes, np.float32).T
-    return Mesh(
-        mesh.vertices,
-        mesh.triangles,
-        mesh.normals,
-        ((across - across.min(0)) / np.asarray(tile)).astype(np.float32),
-    )
+    uvs = ((across - across.min(0)) / np.asarray(tile)).astype(np.float32)
+    return Mesh(mesh.vertices, mesh.triangles, mesh.normals, uvs)
 
 
 type Parts = Sequence[tuple[Mesh, Material]]
@@ -163,19 +159,15 @@ class Collider:
 
     def support_points(self) -> Floats:
         """Points (N,3) in the body frame whose hull contains the piece."""
-        if self.kind == "convex":
-            assert self.vertices is not None
-            local = self.vertices
-        else:
-            if self.kind == "box":
-                half = np.array(self.size)
-            elif self.kind == "sphere":
-                half = np.full(3, self.size[0])
-            else:
-                r, h = self.size
-                half = np.array([r, r, h + (r if self.kind == "capsule" else 0.0)])
-            local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-        return transform(self.pose, local)
+        if self.vertices is not None:
+            return transform(self.pose, self.vertices)
+        half = np.array(self.size)
+        if self.kind == "sphere":
+            half = np.full(3, self.size[0])
+        elif self.kind != "box":
+            r, h = self.size
+            half = np.array([r, r, h + (r if self.kind == "capsule" else 0.0)])
+        return transform(self.pose, np.array(list(product((-1, 1), repeat=3))) * half)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ python -m scripts.robot_looks --check    # exit code 1 where a file is not what 
 import sys
 
 from pipeline.data.atomic import write_atomic
-from pipeline.intake.robots.urdf_text import mesh_file
+from pipeline.intake.robots.write import mesh_file
 from pipeline.world.files import write_glb
 from pipeline.world.robots import MODELS
 from pipeline.world.robots.contract import Arm

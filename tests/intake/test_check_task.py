@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.skills import lift
 from pipeline.intake.check_task import check_task
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import planner_for
 from pipeline.poses import quat_about, quat_multiply
-from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS, Task
-from pipeline.world.objects.words import describe
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
 
@@ -146,21 +143,6 @@ def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monk
         findings["level 0"].detail,
     )
     assert "the unknown slot {hand}" in findings["language"].detail
-    monkeypatch.setattr(
-        type(
-            build_scene(EpisodeSpec(documented_task, "aloha-agilex", 0, 0.1, "clean", 0, 0))
-            .bodies["can"]
-            .instance
-        ),
-        "words",
-        lambda self: describe("red can", "can"),
-    )
-    findings = {f.name: f for f in check_task(documented_task, levels=())}
-    assert (
-        findings["language"].detail
-        == "describe('red can', 'can'): 'can' is the family, which comes first, then the noun: swap"
-        " them"
-    )
 
 
 def test_one_complaint_is_made_once_and_words_can_wait(documented_task, monkeypatch):

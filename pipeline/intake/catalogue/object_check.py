@@ -8,8 +8,7 @@ import sapien
 
 from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.intake.objects.draft import TRIANGLES as OF_A_FILE
-from pipeline.intake.objects.solid import inside
-from pipeline.intake.objects.standing import first_of
+from pipeline.intake.objects.standing import first_of, inside
 from pipeline.poses import Pose, pose, quat_rotate
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, stands_for
 from pipeline.world.objects.words import SEEN, UNSEEN

@@ -18,7 +18,7 @@ from pipeline.world.objects.from_files import ObjectError, add_directory
 from .draft import ObjectDraft, ObjectOptions, draft_of, write_object
 from .holding import WIDEST
 from .robotwin import drafts_of_directory, is_robotwin
-from .solid import bounds
+from .standing import bounds
 
 
 class AddedObject(NamedTuple):

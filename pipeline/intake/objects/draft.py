@@ -19,8 +19,7 @@ from pipeline.world.objects.from_files import ObjectError, ObjectToml, piece
 from pipeline.world.shapes import Collider, Parts
 
 from .holding import two_finger_grasps
-from .solid import solid_of
-from .standing import frames_like, kinds_like, stand_up
+from .standing import frames_like, kinds_like, solid_of, stand_up
 
 DENSITY = 400.0  # kg/m3: a box of cereal, a mug, a toy
 SMALLEST, LARGEST = 0.008, 1.0  # m, the longest edge of an object

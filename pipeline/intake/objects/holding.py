@@ -16,7 +16,7 @@ from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, pinches
 from pipeline.world.shapes import Collider
 
-from .solid import bounds, inside, planes
+from .standing import bounds, inside, planes
 
 OPENINGS = 16  # directions in the half circle
 PITCHES = np.radians([0, 15, 30, 45, 60, 75, 90])

@@ -23,8 +23,7 @@ from pipeline.world.shapes import Collider
 
 from .draft import ObjectDraft, ObjectOptions, check_size, looks_of, moved, settings_of
 from .holding import pinch_at, two_finger_grasps
-from .solid import solid_of
-from .standing import first_of, kinds_like, stand_up
+from .standing import first_of, kinds_like, solid_of, stand_up
 
 # raise it when the same files give other objects: those in the user's cache are made again then
 VERSION = 2

@@ -36,11 +36,8 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
     v = 1 - length / length[-1]
     angle = 2 * np.pi * np.arange(sides) / sides
-    points = np.stack(
-        [np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius), np.tile(z, (sides, 1))],
-        -1,
-    )
-    k = len(profile)
+    x, y = np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius)
+    points, k = np.stack([x, y, np.tile(z, (sides, 1))], -1), len(profile)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(sides), np.arange(k - 1), indexing="ij"))
     n = (i + 1) % sides
     faces = quads(i * k + j, n * k + j, n * k + j + 1, i * k + j + 1)
@@ -66,14 +63,11 @@ def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int
     """A label round a cylinder: `prints` images, the middle of one facing -y."""
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-    points = np.concatenate(
-        [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
-    )
-    i = np.arange(sides)
+    rings = [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
+    points, i = np.concatenate(rings), np.arange(sides)
     faces = quads(i, i + 1, i + sides + 2, i + sides + 1)
-    uv = np.column_stack(
-        [np.tile(np.linspace(0, prints, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)]
-    )
+    u = np.linspace(0, prints, sides + 1)
+    uv = np.column_stack([np.tile(u, 2), np.repeat([1.0, 0.0], sides + 1)])
     return finish(points, faces, uv[faces], 60.0)
 
 
@@ -136,27 +130,20 @@ def arc(
 ) -> list[tuple[float, float]]:
     """`n` + 1 points of a circle between two angles in degrees."""
     angle = np.radians(np.linspace(start, end, n + 1))
-    return [
-        (float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a)))
-        for a in angle
-    ]
+    x, y = centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)
+    return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
-@deferred
 def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
-    angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
-    profile = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-    profile[[0, -1], 0] = 0
-    return revolve(profile, sides, 60.0)
+    return capsule(radius, 0.0, rings, sides)
 
 
 @deferred
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
     """Along z: a cylinder of half length `half` with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
-    profile = np.column_stack(
-        [radius * np.cos(angle), radius * np.sin(angle) + half * np.sign(np.round(angle, 9))]
-    )
+    z = radius * np.sin(angle) + half * np.sign(np.round(angle, 9))
+    profile = np.column_stack([radius * np.cos(angle), z])
     profile[[0, -1], 0] = 0
     return revolve(profile, sides, 60.0)
 
@@ -176,9 +163,8 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
         ring = np.arange(k)
         for index, reverse in ((0, True), (s - 1, False)):
             points = np.concatenate([points, sections[index].mean(0, keepdims=True)])
-            fan = np.stack(
-                [np.full(k, len(points) - 1), index * k + ring, index * k + (ring + 1) % k], 1
-            )
+            middle, first = np.full(k, len(points) - 1), index * k
+            fan = np.stack([middle, first + ring, first + (ring + 1) % k], 1)
             faces.append(fan[:, ::-1] if reverse else fan)
             turn = 2 * np.pi * np.stack([np.zeros(k), ring, ring + 1], 1) / k
             disc = 0.5 + 0.5 * np.stack([np.cos(turn), np.sin(turn)], -1)
@@ -204,11 +190,9 @@ def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = Fal
     if closed:
         path, radius, tangent = (np.concatenate([a, a[:1]]) for a in (path, radius, tangent))
         side = np.concatenate([side, side[:1]])
-    angle = 2 * np.pi * np.arange(sides) / sides
-    ring = (
-        np.cos(angle)[:, None] * side[:, None]
-        + np.sin(angle)[:, None] * np.cross(tangent, side)[:, None]
-    )
+    angle = 2 * np.pi * np.arange(sides)[:, None] / sides
+    up = np.cross(tangent, side)
+    ring = np.cos(angle) * side[:, None] + np.sin(angle) * up[:, None]
     return loft(path[:, None] + radius[:, None, None] * ring, caps=not closed, crease=60.0)
 
 
@@ -235,9 +219,8 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
     points = np.concatenate([np.column_stack([ring, np.full(k, z)]) for ring, z in rings])
     j = np.arange(k)
     n = (j + 1) % k
-    walls = [
-        quads(s * k + j, s * k + n, s * k + k + n, s * k + k + j) for s in range(len(rings) - 1)
-    ]
+    starts = k * np.arange(len(rings) - 1)
+    walls = [quads(s + j, s + n, s + k + n, s + k + j) for s in starts]
     lid = np.asarray(triangulate([rings[0][0].tolist()]), int)
     faces = np.concatenate([*walls, lid[:, ::-1], lid + (len(rings) - 1) * k])
     return finish(points, faces, box_uv(points, faces), crease)
@@ -281,9 +264,8 @@ def stacked(outline: ArrayLike, levels: ArrayLike) -> Floats:
     """Rings (L,K,3): the outline (K,2) at each level (z, scale x, scale y)."""
     outline, levels = np.asarray(outline, float), np.asarray(levels, float)
     rings = outline[None] * levels[:, None, 1:]
-    return np.concatenate(
-        [rings, np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))], axis=-1
-    )
+    z = np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))
+    return np.concatenate([rings, z], axis=-1)
 
 
 @deferred

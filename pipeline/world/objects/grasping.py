@@ -4,6 +4,7 @@ would be inside the object."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -75,28 +76,19 @@ def side_pinches(
 ) -> Grasps:
     """Pinches across an upright round body from all around. `outline` (K,2) of (radius, z), heights
     ascending, leaves out approaches whose palm would hit it."""
-    limits = None if outline is None else np.asarray(outline, float)
+    limits = np.array([(-1.0, 0.0)]) if outline is None else np.asarray(outline, float)
 
     def hits(r: np.ndarray, z: np.ndarray) -> bool:
-        if limits is None:
-            return False
-        return bool(
-            np.any(
-                np.abs(r) < np.interp(z, limits[:, 1], limits[:, 0], left=-1.0, right=-1.0) + 0.001
-            )
-        )
+        wide = np.interp(z, limits[:, 1], limits[:, 0], left=-1.0, right=-1.0)
+        return bool(np.any(np.abs(r) < wide + 0.001))
 
     tcps = []
-    for height in np.atleast_1d(np.asarray(heights, float)):
-        for p in np.radians(pitches):
-            retreat = _retreat(hits, height, p)
-            if retreat is None:
-                continue
+    for height, p in product(np.atleast_1d(np.asarray(heights, float)), np.radians(pitches)):
+        retreat = _retreat(hits, height, p)
+        if retreat is not None:
             for a in 2 * np.pi * np.arange(azimuths) / azimuths:
-                out, across = (
-                    np.array([np.cos(a), np.sin(a), 0.0]),
-                    np.array([-np.sin(a), np.cos(a), 0.0]),
-                )
+                out = np.array([np.cos(a), np.sin(a), 0.0])
+                across = np.array([-np.sin(a), np.cos(a), 0.0])
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
                 position = out * retreat * np.cos(p) + [0, 0, height + retreat * np.sin(p)]
                 tcps.append((position, approach, across))
@@ -109,15 +101,10 @@ def _retreat(
     pitch: float,
     retreats: Sequence[float] = RETREATS,
 ) -> float | None:
-    t = np.linspace(-HALF_PALM, HALF_PALM, 7)
-    for retreat in retreats:
-        back = PALM + retreat
-        if not hits(
-            back * np.cos(pitch) - t * np.sin(pitch),
-            height + back * np.sin(pitch) + t * np.cos(pitch),
-        ):
-            return retreat
-    return None
+    t, c, s = np.linspace(-HALF_PALM, HALF_PALM, 7), np.cos(pitch), np.sin(pitch)
+    backs = ((retreat, PALM + retreat) for retreat in retreats)
+    free = (r for r, back in backs if not hits(back * c - t * s, height + back * s + t * c))
+    return next(free, None)
 
 
 def rim_pinches(

@@ -143,9 +143,8 @@ class Parametric(Family):
         """What phrases may state: the parameters that are text, and the size."""
         facts = {name: value for name, value in vars(self).items() if isinstance(value, str)}
         if material := facts.get("material"):
-            facts |= (
-                {"material": "wooden", "plain": ""} if material == "wood" else {"plain": material}
-            )
+            wooden = material == "wood"
+            facts |= {"material": "wooden", "plain": ""} if wooden else {"plain": material}
         for parameter in fields(self):  # pyright: ignore[reportArgumentType]
             notes, value = parameter.metadata, getattr(self, parameter.name)
             if words := notes.get("size"):

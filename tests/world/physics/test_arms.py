@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sapien
 
-from pipeline.intake.robots.urdf_text import arm_urdf
+from pipeline.intake.robots.write import arm_urdf
 from pipeline.poses import pose, quat_from_rpy
 from pipeline.world.physics.arms import arm_builder
 from pipeline.world.robots import MODELS, get_embodiment

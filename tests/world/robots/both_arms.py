@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 
 from numpy.typing import ArrayLike
 
-from pipeline.intake.robots.urdf_text import arm_urdf, rpy_from_quat
+from pipeline.intake.robots.write import arm_urdf, rpy_from_quat
 from pipeline.poses import Pose, compose
 from pipeline.world.robots.contract import Arm, Embodiment, arm_poses, root_link
 

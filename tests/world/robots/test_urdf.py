@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.data.names import SIDES
-from pipeline.intake.robots.urdf_text import arm_urdf, rpy_from_quat
+from pipeline.intake.robots.write import arm_urdf, rpy_from_quat
 from pipeline.poses import matrix, quat_from_rpy, quat_to_matrix
 from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm, arm_limits, arm_poses

@@ -17,7 +17,7 @@ from pipeline.world.objects.geometry import (
     sweep,
     tapered,
 )
-from pipeline.world.objects.grasping import bar_pinches, box_pinches, rim_pinches, turned
+from pipeline.world.objects.grasping import TILTED, bar_pinches, box_pinches, rim_pinches, turned
 from pipeline.world.objects.kit import (
     COLOURS,
     LARGE,
@@ -29,7 +29,6 @@ from pipeline.world.objects.kit import (
     listed,
     mark,
     one_of,
-    standing,
     texture,
 )
 from pipeline.world.shapes import Mesh, Shape, deferred, seen_along
@@ -108,28 +107,20 @@ class Basket(Parametric):
                 (corded_rim(rim, self.height, 0.0045), band),
                 (wound(sweep(path, self.grip, 8), path), band),
             ),
-            (
-                *tray(self.hx, self.hy, WALL, self.height),
-                *(replace(c, weight=0.3) for c in arc_of_capsules(path, self.grip)),
-            ),
+            tray(self.hx, self.hy, WALL, self.height)
+            + tuple(replace(c, weight=0.3) for c in arc_of_capsules(path, self.grip)),
             mass=0.3 * (self.hx * self.hy) / (0.095 * 0.07),
         )
 
     def frames(self) -> NamedFrames:
-        floor, bar = mark(0, 0, WALL), self.arch - self.grip
-        handle = bar_pinches(
-            [-0.012, 0.0, 0.012],
-            self.grip,
-            bar,
-            rolls=(-45, -30, -15, 0, 15, 30, 45),
-            kind="handle",
-        )
-        return standing(
+        bar, places = self.arch - self.grip, [-0.012, 0.0, 0.012]
+        rolls = (-45, -30, -15, 0, 15, 30, 45)
+        handle = bar_pinches(places, self.grip, bar, rolls=rolls, kind="handle")
+        return hollow(
             self.arch,
+            WALL,
             turned(handle, np.pi / 2),
             handle=mark(0, 0, bar),
-            inside=floor,
-            centre=floor,
             left=mark(-0.56 * self.hx, 0, WALL),
             right=mark(0.56 * self.hx, 0, WALL),
             rim=mark(0, 0, self.height),
@@ -158,7 +149,7 @@ class BreadBasket(Parametric):
                 (corded_rim(rim, self.height - 0.002, 0.004), band),
                 (cloth, fabric(self.cloth, self.seed + 1)),
             ),
-            (*tray(self.hx, self.hy, WALL, self.height),),
+            tray(self.hx, self.hy, WALL, self.height),
             mass=0.22 * self.hx * self.hy / 0.007,
             friction=0.7,
         )
@@ -202,14 +193,10 @@ class TableBin(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        flare = lean(self.radius - self.foot, self.height)
-        return hollow(
-            self.height,
-            0.004,
-            rim_pinches(
-                self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)
-            ),
-        )
+        r, h = self.radius, self.height
+        flare = lean(r - self.foot, h)
+        rim = rim_pinches(r, 0.004, h, 0.015, flare=flare, pitches=TILTED)
+        return hollow(h, 0.004, rim)
 
 
 @register("dustbin")
@@ -225,19 +212,10 @@ class Dustbin(Parametric):
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, 0.008
         outside, inside = tapered(f, r, h, wall, 32)
-        rim = revolve(
-            [(r - 0.002, h - 0.03), (r + 0.004, h - 0.03), (r + 0.004, h), (r - wall, h + 0.001)],
-            32,
-        )
-        return Shape(
-            (
-                (outside, plastic(self.colour)),
-                (inside, plastic("charcoal")),
-                (rim, plastic(self.rim)),
-            ),
-            vessel(f, wall, h, 20, r),
-            mass=2.5,
-        )
+        lip = [(r - 0.002, h - 0.03), (r + 0.004, h - 0.03), (r + 0.004, h), (r - wall, h + 0.001)]
+        body, rim = (outside, plastic(self.colour)), (revolve(lip, 32), plastic(self.rim))
+        pieces = vessel(f, wall, h, 20, r)
+        return Shape((body, (inside, plastic("charcoal")), rim), pieces, mass=2.5)
 
     def frames(self) -> NamedFrames:
         return hollow(self.height, 0.008)

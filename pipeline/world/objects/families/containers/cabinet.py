@@ -1,6 +1,7 @@
 """A small cabinet with one drawer, as two bodies."""
 
 from dataclasses import asdict
+from itertools import product
 from typing import Self
 
 import numpy as np
@@ -63,10 +64,10 @@ class Drawer(Family):
         hx, hy, h = self.hx, self.hy, self.height
         board = (self.front_hx, BOARD / 2, self.front_height / 2)
         place = (0, -self.hy - BOARD / 2, self.front_height / 2)
+        side = box(0.003, hy, h / 2)
         walls = [
             at(box(hx, hy, 0.003), (0, 0, 0.003)),
-            at(box(0.003, hy, h / 2), (hx - 0.003, 0, h / 2)),
-            at(box(0.003, hy, h / 2), (0.003 - hx, 0, h / 2)),
+            *(at(side, (x, 0, h / 2)) for x in (hx - 0.003, 0.003 - hx)),
             at(box(hx, 0.003, h / 2), (0, hy - 0.003, h / 2)),
         ]
         ends = [np.array([0, y, z + side * self.bar]) for side in (-1, 1)]
@@ -90,12 +91,10 @@ class Drawer(Family):
 
     def frames(self) -> NamedFrames:
         _, y, z = self.handle_at
-        grips = []
-        for dz in (-0.01, 0.005, 0.02):
-            for turn in (0.0, 0.2, -0.2):
-                out = (np.sin(turn), -np.cos(turn), 0)
-                leans = (0, -15, -30, -45, -60)
-                grips += handle_pinches((0, y, z + dz), (0, 0, 1), out, 0.012, leans)
+        grips, leans = [], (0, -15, -30, -45, -60)
+        for dz, turn in product((-0.01, 0.005, 0.02), (0.0, 0.2, -0.2)):
+            out = (np.sin(turn), -np.cos(turn), 0)
+            grips += handle_pinches((0, y, z + dz), (0, 0, 1), out, 0.012, leans)
         handle = mark(*self.handle_at, normal=(0, -1, 0))
         return hollow(self.front_height, 0.006, grips, handle=handle)
 
@@ -135,14 +134,12 @@ class Cabinet(Parametric):
 
     def boards(self) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
         """Half extents and centre of every board."""
-        h, f, t = self.height, self.foot, BOARD / 2
+        hx, hy, h, f, t = self.hx, self.hy, self.height, self.foot, BOARD / 2
         return [
-            ((t, self.hy, h / 2), (self.hx - t, 0, h / 2)),
-            ((t, self.hy, h / 2), (t - self.hx, 0, h / 2)),
-            ((self.hx - BOARD, t, h / 2), (0, self.hy - t, h / 2)),
-            ((self.hx - BOARD, self.hy, t), (0, 0, h - t)),
-            ((self.hx - BOARD, self.hy, t), (0, 0, f + t)),
-            ((self.hx - BOARD, t, f / 2), (0, t - self.hy, f / 2)),
+            *(((t, hy, h / 2), (x, 0, h / 2)) for x in (hx - t, t - hx)),
+            ((hx - BOARD, t, h / 2), (0, hy - t, h / 2)),
+            *(((hx - BOARD, hy, t), (0, 0, z)) for z in (h - t, f + t)),
+            ((hx - BOARD, t, f / 2), (0, t - hy, f / 2)),
         ]
 
     def shape(self) -> Shape:

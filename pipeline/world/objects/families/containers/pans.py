@@ -1,6 +1,7 @@
 """A pot with two handles and a frying pan."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from pipeline.world.objects.kit import (
     listed,
     mark,
     one_of,
-    standing,
 )
 from pipeline.world.shapes import Shape
 
@@ -130,17 +130,10 @@ class Skillet(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        floor, axis = mark(0, 0, WALL), self.along(1) - self.along(0)
-        grips = []
-        for kind, roll, leans in GRIPS:
+        axis, grips = self.along(1) - self.along(0), []
+        for (kind, roll, leans), share in product(GRIPS, (0.4, 0.5, 0.62)):
             out, width = (np.sin(roll), 0, np.cos(roll)), 2 * self.grip / np.cos(roll)
-            for share in (0.4, 0.5, 0.62):
-                grips += handle_pinches(self.along(share), axis, out, width, leans, kind)
-        return standing(
-            self.height,
-            grips,
-            top=mark(*np.add(self.along(1), (0, 0, HALF_DEEP))),
-            inside=floor,
-            centre=floor,
-            handle=mark(*self.along(0.68), heading=-axis),
-        )
+            grips += handle_pinches(self.along(share), axis, out, width, leans, kind)
+        top = mark(*np.add(self.along(1), (0, 0, HALF_DEEP)))
+        handle = mark(*self.along(0.68), heading=-axis)
+        return hollow(self.height, WALL, grips, top=top, handle=handle)

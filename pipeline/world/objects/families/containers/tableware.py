@@ -142,11 +142,10 @@ class Cup(Parametric):
 
     def frames(self) -> NamedFrames:
         r, f, h = self.radius, self.foot, self.height
-        sides = [
+        low, high = (
             side_pinches(f + (r - f) * s, s * h, outline=[(f, 0.0), (r, h)]) for s in (0.5, 0.72)
-        ]
-        rim = rim_pinches(r, CUP_WALL, h, flare=lean(r - f, h))
-        return hollow(h, CUP_WALL, (*sides[0], *sides[1], *rim))
+        )
+        return hollow(h, CUP_WALL, low + high + rim_pinches(r, CUP_WALL, h, flare=lean(r - f, h)))
 
 
 MUG_WALL = 0.004

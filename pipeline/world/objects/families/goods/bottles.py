@@ -60,13 +60,8 @@ class Bottle(Parametric):
         rise = (top - 0.006 - b) * share
         fall = 1 - share**1.4 if self.form == "sloping" else np.sqrt(np.maximum(0, 1 - share**2))
         shoulder = n + (r - n) * fall
-        return [
-            (0.9 * r, 0.0),
-            (r, 0.004),
-            (r, b),
-            *zip(shoulder.tolist(), (b + rise).tolist(), strict=True),
-            (n, top),
-        ]
+        curve = zip(shoulder.tolist(), (b + rise).tolist(), strict=True)
+        return [(0.9 * r, 0.0), (r, 0.004), (r, b), *curve, (n, top)]
 
     def shape(self) -> Shape:
         r, top = self.radius, self.height - self.cap
@@ -116,20 +111,15 @@ class LyingBottle(Bottle):
 
     def shape(self) -> Shape:
         upright = super().shape()
-        return replace(
-            upright,
-            visual=tuple((mesh.moved(self._laid), skin) for mesh, skin in upright.visual),
-            collision=tuple(
-                replace(c, pose=compose(self._laid, c.pose)) for c in upright.collision
-            ),
-        )
+        visual = tuple((mesh.moved(self._laid), skin) for mesh, skin in upright.visual)
+        pieces = (replace(c, pose=compose(self._laid, c.pose)) for c in upright.collision)
+        return replace(upright, visual=visual, collision=tuple(pieces))
 
     def frames(self) -> NamedFrames:
         r, end = self.radius, self.height / 2
         along = [share * self.body - end for share in (0.3, 0.45, 0.6, 0.75)]
-        return standing(
-            2 * r, bar_pinches(along, r, r, kind="body"), cap=mark(end, 0, r, (1, 0, 0), (0, 0, -1))
-        )
+        cap = mark(end, 0, r, (1, 0, 0), (0, 0, -1))
+        return standing(2 * r, bar_pinches(along, r, r, kind="body"), cap=cap)
 
 
 @register("pill_bottle")
@@ -146,9 +136,8 @@ class PillBottle(Parametric):
 
     def shape(self) -> Shape:
         r, top = self.radius, self.height - self.cap
-        body = revolve(
-            [(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)], 24
-        )
+        side = [(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)]
+        body = revolve(side, 24)
         cap = at(cylinder(self.cap_radius, self.cap, 20, 0.0015), (0, 0, top))
         label = band(r + 0.0004, 0.14 * top, 0.74 * top, 24)
         image = print_texture("white", self.ink, "product", self.brand, self.seed)
@@ -205,9 +194,8 @@ class Can(Parametric):
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
         outline = [(0.8 * r, 0.0), (r, 0.008), (r, h - 0.01), (0.84 * r, h)]
-        return standing(
-            h, side_pinches(r, (0.5 * h, h - 0.026), outline=outline), middle=mark(0, 0, h / 2)
-        )
+        grasps = side_pinches(r, (0.5 * h, h - 0.026), outline=outline)
+        return standing(h, grasps, middle=mark(0, 0, h / 2))
 
 
 CONTENTS = ("TOMATO", "BEANS", "SOUP", "CORN", "PEAS", "CURRY", "PESTO", "CHILI")
@@ -239,13 +227,9 @@ class SauceCan(Parametric):
 
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
-        return standing(
-            h,
-            side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]),
-            middle=mark(0, 0, h / 2),
-        )
+        grasps = side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)])
+        return standing(h, grasps, middle=mark(0, 0, h / 2))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {
-            "content": "tomatoes" if self.content == "TOMATO" else self.content.lower()
-        }
+        content = "tomatoes" if self.content == "TOMATO" else self.content.lower()
+        return super().facts() | {"content": content}

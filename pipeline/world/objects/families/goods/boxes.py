@@ -1,5 +1,7 @@
 """Printed boxes (playing cards, tea, coffee) and a bar of soap."""
 
+from typing import Any
+
 import numpy as np
 
 from pipeline.world.looks.materials import print_texture, printed, srgb
@@ -35,20 +37,9 @@ TEA = (0.08, 0.11)
 COFFEE = (0.105, 0.145)
 
 
-def carton(
-    hx: float,
-    hy: float,
-    hz: float,
-    colour: str,
-    ink: str,
-    style: str,
-    text: str,
-    texture: int,
-    bevel: float = 0.0008,
-) -> tuple:
-    return at(box(hx, hy, hz, bevel), (0, 0, hz)), printed(
-        print_texture(colour, ink, style, text, texture), 0.55
-    )
+def carton(half: tuple[float, float, float], *design: Any, bevel: float = 0.0008) -> tuple:
+    image = printed(print_texture(*design), 0.55)
+    return at(box(*half, bevel), (0, 0, half[2])), image
 
 
 @register("playing_cards")
@@ -68,13 +59,13 @@ class PlayingCards(Parametric):
 
     def shape(self) -> Shape:
         hx, hy, hz = self.hx, self.length / 2, self.height / 2
-        body = carton(hx, hy, hz, self.colour, self.ink, self.style, self.brand, self.seed)
+        design = self.colour, self.ink, self.style, self.brand, self.seed
+        body = carton((hx, hy, hz), *design)
         return Shape((body,), box_collider(hx, hy, hz, (0, 0, hz)), mass=0.1, friction=0.5)
 
     def frames(self) -> NamedFrames:
-        return standing(
-            self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x")
-        )
+        half = self.hx, self.length / 2, self.height / 2
+        return standing(self.height, box_pinches(*half, axes="x"))
 
 
 @register("tea_box")
@@ -98,7 +89,7 @@ class TeaBox(Parametric):
             (decal(size, size, (x, y, self.code_height), upright(k)), code)
             for k, (x, y) in enumerate(places)
         ]
-        body = carton(hx, hy, hz, self.colour, self.ink, self.style, "TEA", self.seed)
+        body = carton((hx, hy, hz), self.colour, self.ink, self.style, "TEA", self.seed)
         pieces = box_collider(hx, hy, hz, (0, 0, hz))
         return Shape((body, *codes), pieces, mass=0.12, friction=0.5)
 
@@ -134,7 +125,7 @@ class CoffeeBox(Parametric):
         fold = at(box(0.98 * hx, 0.004, 0.0035), (0, 0, 2 * hz - 0.0035))
         design = (self.colour, self.ink, self.style, self.brand, seed)
         stripes = printed(print_texture(self.ink, self.colour, "stripes", "", seed))
-        body = carton(hx, hy, hz - 0.0025, *design, 0.002)
+        body = carton((hx, hy, hz - 0.0025), *design, bevel=0.002)
         pieces = box_collider(hx, hy, hz, (0, 0, hz))
         return Shape((body, (fold, stripes)), pieces, mass=0.28, friction=0.5)
 

@@ -77,31 +77,21 @@ class Bread(Parametric):
     def rings(self) -> np.ndarray:
         """Horizontal rings (L,K,3) of the body, from the base up."""
         a, b, h = self.length / 2, self.width / 2, self.height
-        if self.form == "loaf":
-            outline = rounded_rectangle(a, b, 0.012, 4)
-        else:
-            outline = (
-                ellipse(a, b, 20) if self.form != "roll" else rounded_rectangle(a, b, 0.6 * b, 4)
-            )
+        outline = ellipse(a, b, 20)
+        if self.form in ("loaf", "roll"):
+            corner = 0.012 if self.form == "loaf" else 0.6 * b
+            outline = rounded_rectangle(a, b, corner, 4)
         return stacked(outline, [(z * h, x, y) for z, x, y in LEVELS[self.form == "loaf"]])
 
     def shape(self) -> Shape:
         rings = self.rings()
         crust = _times(CRUSTS[self.crust], self.shade)
         light = _times(crust, 1.12)
-        body = stack(
-            rings[0, :, :2],
-            [
-                (r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(rings[0, :, :2], axis=0)))
-                for r in rings
-            ],
-            60,
-        )
-        body = seen_along(body, OBLIQUE, 0.07)
-        marks = [
-            (mesh, Material(light, 0.95))
-            for mesh in (self._seeds() if self.form == "bun" else self._slashes())
-        ]
+        base = rings[0, :, :2]
+        levels = [(r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(base, axis=0))) for r in rings]
+        body = seen_along(stack(base, levels, 60), OBLIQUE, 0.07)
+        meshes = self._seeds() if self.form == "bun" else self._slashes()
+        marks = [(mesh, Material(light, 0.95)) for mesh in meshes]
         return Shape(
             ((body, wrapped("crust", crust, self.seed, 0.95)), *marks),
             convex_collider(rings.reshape(-1, 3)),
@@ -111,15 +101,12 @@ class Bread(Parametric):
 
     def _slashes(self) -> list[Mesh]:
         count = {"baguette": 5, "loaf": 1, "roll": 2}[self.form]
-        size = (
-            (0.28 * self.length, 0.006, 0.0035)
-            if self.form == "loaf"
-            else (0.0045, 0.3 * self.width, 0.0035)
-        )
-        cut = scaled(sphere(1.0, 4, 10), *size)
+        is_loaf = self.form == "loaf"
+        size = (0.28 * self.length, 0.006) if is_loaf else (0.0045, 0.3 * self.width)
+        cut = scaled(sphere(1.0, 4, 10), *size, 0.0035)
         turn = quat_about((0, 0, 1), 0.5 if self.form == "baguette" else 0.0)
         places = [(k - (count - 1) / 2) * 0.72 * self.length / count for k in range(count)]
-        sag = 0.0 if self.form == "loaf" else 0.35
+        sag = 0.0 if is_loaf else 0.35
         return [
             at(cut, (x, 0, self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025), turn)
             for x in places
@@ -134,20 +121,14 @@ class Bread(Parametric):
         return [at(seedlet, p) for p in zip(x, y, z, strict=True)]
 
     def frames(self) -> NamedFrames:
-        a, b = self.length / 2, self.width / 2
-        offsets = (
-            (0.0,)
-            if self.form in ("bun", "roll")
-            else (-0.3, 0.0, 0.3)
-            if self.form == "loaf"
-            else (0.0,)
+        half, heights = (
+            (self.length / 2, self.width / 2, self.height / 2),
+            (0.4 * self.height, 0.022),
         )
         grasps = box_pinches(
-            a,
-            b,
-            self.height / 2,
-            heights=(max(0.4 * self.height, 0.014), 0.022),
-            offsets=offsets,
+            *half,
+            heights=(max(heights[0], 0.014), 0.022),
+            offsets=(-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,),
             axes="xy" if self.form in ("bun", "roll") else "y",
         )
         return standing(self.height, grasps)
@@ -161,5 +142,5 @@ class Bread(Parametric):
 
 
 def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
-    r, g, b = colour
-    return min(1.0, factor * r), min(1.0, factor * g), min(1.0, factor * b)
+    r, g, b = (min(1.0, factor * channel) for channel in colour)
+    return r, g, b

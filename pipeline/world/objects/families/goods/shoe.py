@@ -89,16 +89,12 @@ class Shoe(Parametric):
                 quat_about((1, 0, 0), np.pi / 2),
             )
             parts.append((lace, "white" if self.colour not in ("white", "beige") else "charcoal"))
-        ankle, level = (float(self.x(0.21)), 0.0, self._top(0.21)), quat_about((0, 1, 0), 0.06)
-        hole = at(
-            extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004),
-            ankle - np.array([0, 0, 0.0018]),
-            level,
-        )
+        x, z, level = float(self.x(0.21)), self._top(0.21), quat_about((0, 1, 0), 0.06)
+        hole = extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004)
         collar = scaled(revolve(COLLAR, 14, 60), 0.174 * self.length, 0.64 * self.half, 0.015)
         parts += [
-            (hole, "black"),
-            (at(collar, ankle - np.array([0, 0, 0.0085]), level), self.colour),
+            (at(hole, (x, 0, z - 0.0018), level), "black"),
+            (at(collar, (x, 0, z - 0.0085), level), self.colour),
         ]
         tongue = at(
             scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004),
@@ -113,12 +109,10 @@ class Shoe(Parametric):
         flat = rings.reshape(len(rings), -1)
         stripes = []
         for share in (0.52, 0.58, 0.64):
-            ends = [
-                np.array([np.interp(s, STATIONS, column) for column in flat.T]).reshape(
-                    rings.shape[1:]
-                )
-                for s in (share - 0.014, share + 0.014)
+            columns = [
+                [np.interp(s, STATIONS, c) for c in flat.T] for s in (share - 0.014, share + 0.014)
             ]
+            ends = np.array(columns).reshape(2, *rings.shape[1:])
             for flank in (slice(0, 4), slice(8, 12)):
                 stripes.append(_ribbon(*(end[flank] * [1, 1.02, 1] for end in ends)))
         return stripes

@@ -36,24 +36,14 @@ class Block(Parametric):
     def shape(self) -> Shape:
         h = self.side / 2
         skin, density = SKINS[self.material]
-        return Shape(
-            (
-                (
-                    at(box(h, h, h, self.bevel), (0, 0, h)),
-                    worn(self.colour, round(self.side * 1e6), skin(self.colour).roughness),
-                ),
-            ),
-            box_collider(h, h, h, (0, 0, h)),
-            mass=density * self.side**3,
-        )
+        paint = worn(self.colour, round(self.side * 1e6), skin(self.colour).roughness)
+        cube = at(box(h, h, h, self.bevel), (0, 0, h)), paint
+        return Shape((cube,), box_collider(h, h, h, (0, 0, h)), mass=density * self.side**3)
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
-        return standing(
-            self.side,
-            box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,)),
-            centre=mark(0, 0, self.side),
-        )
+        grasps = box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,))
+        return standing(self.side, grasps, centre=mark(0, 0, self.side))
 
 
 SHORT_OF_THE_MIDDLE = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020)
@@ -76,15 +66,9 @@ class LongBlock(Parametric):
     def shape(self) -> Shape:
         w, h = HALF, HEIGHT / 2
         ring = box(w + 0.0004, w + 0.0004, self.band_width / 2)
-        return Shape(
-            (
-                (at(box(w, w, h, self.bevel), (0, 0, h)), worn(self.colour, 5)),
-                (at(ring, (0, 0, h)), painted(self.band)),
-            ),
-            box_collider(w, w, h, (0, 0, h)),
-            mass=400 * 8 * w * w * h,
-            friction=0.7,
-        )
+        bar = at(box(w, w, h, self.bevel), (0, 0, h)), worn(self.colour, 5)
+        visual, pieces = (bar, (at(ring, (0, 0, h)), painted(self.band))), slab(w, w, HEIGHT)
+        return Shape(visual, pieces, mass=400 * 8 * w * w * h, friction=0.7)
 
     def frames(self) -> NamedFrames:
         w, h = HALF, HEIGHT
@@ -127,10 +111,8 @@ class WoodenBlock(Parametric):
     def frames(self) -> NamedFrames:
         a, b = self.length / 2, self.half
         if self.form == "cylinder":
-            return standing(
-                self.length,
-                side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]),
-            )
+            h = self.length
+            return standing(h, side_pinches(b, 0.55 * h, outline=[(b, 0.0), (b, h)]))
         spread = (-0.2, 0.0, 0.2) if self.form == "brick" else (0.0,)
         return standing(self.height, box_pinches(a, b, self.height / 2, offsets=spread, axes="y"))
 

@@ -35,12 +35,9 @@ class Ball(Parametric):
 
     def shape(self) -> Shape:
         r = self.radius
-        skin = made_of(self.material, self.colour)
-        return Shape(
-            ((at(sphere(r, 8, 14), (0, 0, r)), skin),),
-            sphere_collider(r, (0, 0, r)),
-            mass=self.density * 4 / 3 * np.pi * r**3,
-        )
+        ball = at(sphere(r, 8, 14), (0, 0, r)), made_of(self.material, self.colour)
+        mass = self.density * 4 / 3 * np.pi * r**3
+        return Shape((ball,), sphere_collider(r, (0, 0, r)), mass)
 
     def frames(self) -> NamedFrames:
         return standing(2 * self.radius, middle=mark(0, 0, self.radius))
@@ -58,12 +55,9 @@ class PlayBall(Ball):
     def shape(self) -> Shape:
         r, plain = self.radius, super().shape()
         turn = np.radians(np.arange(-15, 16, 5))
-        stripe = revolve(
-            np.column_stack([1.004 * r * np.cos(turn), r + 1.004 * r * np.sin(turn)]), 24, 60.0
-        )
-        return replace(
-            plain, visual=(*plain.visual, (at(stripe, (0, -r, r), ALONG_Y), plastic("white")))
-        )
+        arc = np.column_stack([1.004 * r * np.cos(turn), r + 1.004 * r * np.sin(turn)])
+        stripe = at(revolve(arc, 24, 60.0), (0, -r, r), ALONG_Y), plastic("white")
+        return replace(plain, visual=(*plain.visual, stripe))
 
     def frames(self) -> NamedFrames:
         r, angle = self.radius, np.radians(np.arange(-80, 81, 20))
