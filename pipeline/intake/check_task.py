@@ -76,8 +76,7 @@ def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout]) -> I
     detail = f"none of {SEEDS_PER_LEVEL} seeds was accepted"
     if rollout:
         detail = f"seed {rollout.scene.spec.seed}"
-    detail += "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
-    yield Finding(f"level {spec.level}", rollout is not None, detail)
+    yield Finding(f"level {spec.level}", rollout is not None, detail + _why(failures))
     yield from _episode(spec.level, rollout) if rollout else _find_unreached(spec.level, failures)
 
 
@@ -97,8 +96,7 @@ def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
             scenes.append(build_scene(replace(spec, seed=seed)))
         except Failure as failure:
             failures.append(failure)
-    why = "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
-    detail = f"{len(scenes)} of {LAYOUTS} seeds could be laid out{why}"
+    detail = f"{len(scenes)} of {LAYOUTS} seeds could be laid out{_why(failures)}"
     yield Finding("layout", len(scenes) >= 0.9 * LAYOUTS, detail)
     outside = sum(not task.workspace.contains(s.bodies[task.target].pose) for s in scenes)
     detail = f"{outside} targets stand outside the task's workspace"
@@ -108,6 +106,10 @@ def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
     yield Finding("arms", both, f"roles seen: {[dict(roles) for roles in sorted(arms)]}")
     nothing = Finding("language", False, "no scene to say anything about")
     yield _language(scenes[-1]) if scenes else nothing
+
+
+def _why(failures: Sequence[Failure]) -> str:
+    return "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
 
 
 def _episode(level: int, rollout: Rollout) -> Iterator[Finding]:
@@ -129,25 +131,22 @@ def _conditions(level: int, rollout: Rollout) -> Iterator[Finding]:
     at_start = failed(per_frame[0])
     detail = f"fails at the start: {', '.join(at_start) or 'nothing'}"
     yield Finding(f"level {level} start", bool(at_start), detail)
-    names = list(per_frame[-1])
-    changing = [list(c) for c in per_frame if list(c) != names]
-    last = per_frame[-1].items()
+    names, last = list(per_frame[-1]), per_frame[-1].items()
+    changing = next((list(c) for c in per_frame if list(c) != names), None)
     malformed = [n for n, holds in last if not _NAME.fullmatch(n) or type(holds) is not bool]
     detail = ", ".join(names)
-    if changing:
-        detail = f"the names change: {changing[0]} and {names}"
+    if changing is not None:
+        detail = f"the names change: {changing} and {names}"
     elif malformed:
         detail = f"not snake case or no bool: {', '.join(malformed)}"
-    good = bool(names) and not changing and not malformed
+    good = bool(names) and changing is None and not malformed
     yield Finding(f"level {level} conditions", good, detail)
 
 
 def _language(scene: Scene) -> Finding:
     task = scene.task
-    counts = (
-        f"{len(task.seen)} seen, {len(task.unseen)} unseen; the contract asks for {task.least_seen}"
-        f" and {task.least_unseen}"
-    )
+    counts = f"{len(task.seen)} seen, {len(task.unseen)} unseen"
+    asked = f"the contract asks for {task.least_seen} and {task.least_unseen}"
     try:
         wording = scene.wording()
         check_templates(
@@ -156,7 +155,7 @@ def _language(scene: Scene) -> Finding:
     except ValueError as error:
         return Finding("language", False, str(error))
     enough = len(task.seen) >= task.least_seen and len(task.unseen) >= task.least_unseen
-    return Finding("language", enough, counts)
+    return Finding("language", enough, f"{counts}; {asked}")
 
 
 def _faulty_instruction(scene: Scene) -> str | None:
@@ -207,10 +206,8 @@ class Unreached:
             found = f"the nearest pose in reach and free is {place}"
             if apart < 1e-9:
                 found = "that pose is in reach and free, and no path leads there"
-        return (
-            f"{self.skill}: the {self.side} tcp is to be at {_place(self.wanted)}, {down:.0f}"
-            f" degrees below the horizontal; {found}"
-        )
+        where = f"{_place(self.wanted)}, {down:.0f} degrees below the horizontal"
+        return f"{self.skill}: the {self.side} tcp is to be at {where}; {found}"
 
 
 def find_unreached(failure: Failure) -> Unreached | None:

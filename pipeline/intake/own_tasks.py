@@ -66,10 +66,9 @@ def check_task(task: Task) -> None:
         raise RecipeError(f"{place}: task {task.name}: its layout {what}") from error
     for name in ("target", "manipulated"):
         if (body := getattr(task, name)) not in bodies:
-            raise RecipeError(
-                f"{line_of_class(cls, name)}: task {task.name}: {name} is {body!r}, which its"
-                f" layout does not place: there are {', '.join(sorted(bodies))}"
-            )
+            what = f"{name} is {body!r}, which its layout does not place"
+            place = f"{line_of_class(cls, name)}: task {task.name}"
+            raise RecipeError(f"{place}: {what}: there are {', '.join(sorted(bodies))}")
 
 
 def _find_wrong(task: Task) -> tuple[str, str] | None:
@@ -78,8 +77,7 @@ def _find_wrong(task: Task) -> tuple[str, str] | None:
         _Declared.model_validate(task)
     except ValidationError as error:
         first = error.errors()[0]
-        name = str(first["loc"][0])
-        fault = first["msg"].replace("Input should be", "must be")
+        name, fault = str(first["loc"][0]), first["msg"].replace("Input should be", "must be")
         return name, f"is {show_value(getattr(task, name, None))}: {fault}"
     if task.motion not in MODELS:
         return "motion", f"is {task.motion!r}: must be one of {', '.join(MODELS)}"

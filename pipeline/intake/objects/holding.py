@@ -55,25 +55,22 @@ def _along(
     `least` (rad) or more."""
     opening = np.array([np.cos(angle), np.sin(angle), 0.0])
     level = np.array([-np.sin(angle), np.cos(angle), 0.0])
-    box = bounds(pieces)
+    top = float(bounds(pieces)[1, 2])
     corners = np.concatenate([one.support_points() for one in pieces]) @ level
-    s = _steps(corners.min(), corners.max())
-    z = _steps(0.0, box[1, 2])
-    grid = np.stack(np.meshgrid(s, z, indexing="ij"), -1)
+    steps = _steps(corners.min(), corners.max()), _steps(0.0, top)
+    grid = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
     origins = grid[..., :1] * level + grid[..., 1:] * [0, 0, 1]
-    lower, upper, facing = spans(pieces, origins.reshape(-1, 3), opening)
-    shape = grid.shape[:2]
-    lower, upper, facing = lower.reshape(shape), upper.reshape(shape), facing.reshape(shape)
+    found = spans(pieces, origins.reshape(-1, 3), opening)
+    lower, upper, facing = (each.reshape(grid.shape[:2]) for each in found)
     width = upper - lower
     good = (width > 0.002) & (width <= WIDEST) & facing & _even(lower) & _even(upper)
     for i, k in np.argwhere(good):
-        at = origins[i, k] + opening * (lower[i, k] + upper[i, k]) / 2
-        for approach in _approaches(level, float(at[2]), float(box[1, 2])):
-            if -approach[2] < np.sin(least) - 1e-6:
-                continue
-            tcp = _room(pieces, at, approach, opening, float(width[i, k]))
-            if tcp is not None:
-                yield tcp, approach, opening, float(width[i, k])
+        at, wide = origins[i, k] + opening * (lower[i, k] + upper[i, k]) / 2, float(width[i, k])
+        for approach in _approaches(level, float(at[2]), top):
+            if -approach[2] >= np.sin(least) - 1e-6:
+                tcp = _room(pieces, at, approach, opening, wide)
+                if tcp is not None:
+                    yield tcp, approach, opening, wide
 
 
 def pinch_at(
@@ -162,18 +159,14 @@ def _room(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float
 ) -> Floats | None:
     """The tcp (3,) of a grasp at `at` whose fingers and palm have room, or None."""
-    across = np.cross(approach, opening)
-    low = at[2] < LOW
-    for retreat in sorted(RETREATS, reverse=low):
+    points, sides = _hand_at_rest()
+    turn = np.stack([approach, opening, np.cross(approach, opening)])
+    hand = (points + sides * width / 2) @ turn
+    for retreat in sorted(RETREATS, reverse=bool(at[2] < LOW)):
         tcp = at - retreat * approach
-        if not inside(pieces, _hand(width) @ np.stack([approach, opening, across]) + tcp).any():
+        if not inside(pieces, hand + tcp).any():
             return tcp
     return None
-
-
-def _hand(width: float) -> Floats:
-    points, sides = _hand_at_rest()
-    return points + sides * width / 2
 
 
 @cache

@@ -49,16 +49,15 @@ def check_robot(name: str, tasks: Sequence[str]) -> Iterator[Finding]:
 
 
 def _limits(robot: Embodiment) -> Finding:
+    joints = [(side, joint) for side, arm in robot.arms.items() for joint in arm.joints]
     odd = [
         f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})"
-        for side, arm in robot.arms.items()
-        for joint in arm.joints
+        for side, joint in joints
         if joint.kind != "fixed" and (joint.velocity > FASTEST or joint.effort > STRONGEST)
     ]
-    detail = "velocity and effort of every joint are plausible"
-    if odd:
-        detail = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
-    return Finding("limits", not odd, detail)
+    wrong = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
+    good = "velocity and effort of every joint are plausible"
+    return Finding("limits", not odd, wrong if odd else good)
 
 
 def _masses(robot: Embodiment) -> Finding:
@@ -81,17 +80,14 @@ def _home(robot: Embodiment) -> Finding:
     left, right = (robot.arms[side].home for side in SIDES)
     jaws = (0.0, 0.5, 1.0)
     touching = [v for v in jaws if free.first_blocked(left, right, (v, v)) is not None]
-    detail = "touches nothing with jaws closed, half open and open"
-    if touching:
-        detail = f"touches something with jaws at {touching}"
-    return Finding("home", not touching, detail)
+    good = "touches nothing with jaws closed, half open and open"
+    return Finding("home", not touching, f"touches with jaws at {touching}" if touching else good)
 
 
 def _reach(robot: Embodiment) -> Finding:
-    arm = robot.arms["left"]
-    if len(arm.arm_joints) < 6:
-        text = f"{len(arm.arm_joints)} joints: the hand cannot take every orientation"
-        return Finding("reach", False, text)
+    joints = len(robot.arms["left"].arm_joints)
+    if joints < 6:
+        return Finding("reach", False, f"{joints} joints: the hand cannot take every orientation")
     reach = measure(robot, COARSE)
     shares = zip(COARSE.pitches, reach.own[0], strict=True)
     detail = ", ".join(f"{100 * v:.0f} % at {p:.0f} degrees" for p, v in shares)
@@ -136,22 +132,16 @@ def _grip(robot: Embodiment) -> Finding:
 
 
 def _camera(robot: Embodiment) -> Finding:
-    camera = cameras_of(robot)[1]
-    arm = robot.arms["left"]
-    seen = []
+    camera, arm, seen = cameras_of(robot)[1], robot.arms["left"], True
     for value in (0.0, 1.0):
-        poses = arm_poses(arm, arm.home, value)
-        eye = compose(poses[arm.hand], camera.pose)
-        tool = compose(poses[arm.hand], arm.tcp)
+        hand = arm_poses(arm, arm.home, value)[arm.hand]
         half = value * arm.gripper.max_opening / 2
-        pads = transform(tool, np.array([[0, half, 0], [0, -half, 0]]))
-        pixels, depth = project(camera.type, eye, pads)
+        pads = transform(compose(hand, arm.tcp), np.array([[0, half, 0], [0, -half, 0]]))
+        pixels, depth = project(camera.type, compose(hand, camera.pose), pads)
         inside = (pixels >= 0) & (pixels < (camera.type.width, camera.type.height))
-        seen.append(bool(inside.all() and (depth > 0).all()))
-    detail = "the wrist camera sees both pads, open and closed"
-    if not all(seen):
-        detail = "the wrist camera misses a pad: move it under [camera]"
-    return Finding("camera", all(seen), detail)
+        seen &= bool(inside.all() and (depth > 0).all())
+    good = "the wrist camera sees both pads, open and closed"
+    return Finding("camera", seen, good if seen else "misses a pad: move it under [camera]")
 
 
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:

@@ -77,8 +77,6 @@ def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
     except ImportError:
         return one
     coacd.set_log_level("error")
-    points = np.asarray(mesh.vertices).reshape(-1, 3)
-    faces = np.asarray(mesh.faces).reshape(-1, 3)
     options: dict[str, Any] = {
         "threshold": how.threshold,
         "max_convex_hull": how.pieces,
@@ -88,7 +86,8 @@ def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
         "mcts_nodes": 8,
         "mcts_max_depth": 2,
     }
-    parts = coacd.run_coacd(coacd.Mesh(points, faces), seed=0, **options)
+    given = coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    parts = coacd.run_coacd(given, seed=0, **options)
     return [np.asarray(vertices, float) for vertices, _ in parts] or one
 
 
@@ -97,7 +96,6 @@ def _directions() -> Floats:
     """CORNERS directions: the six axes, then points spread over the sphere."""
     k = np.arange(CORNERS - 6) + 0.5
     polar, turn = np.arccos(1 - 2 * k / len(k)), np.pi * (1 + 5**0.5) * k
-    spread = np.stack(
-        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], 1
-    )
+    level = np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar)
+    spread = np.stack([*level, np.cos(polar)], 1)
     return np.concatenate([np.eye(3), -np.eye(3), spread])

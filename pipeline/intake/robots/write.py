@@ -1,6 +1,5 @@
 """Writes a robot's directory from an arm: `robot.urdf`, `meshes/` and `robot.toml`."""
 
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -42,10 +41,9 @@ def write_robot(draft: RobotDraft, directory: Path) -> None:
             write_atomic(directory / mesh_file(link.name), write_glb(link.visual))
         for i, piece in enumerate(link.collision):
             if piece.kind == "convex":
-                written = io.BytesIO()
                 hull = trimesh.convex.convex_hull(np.asarray(piece.vertices))
-                hull.export(written, file_type="stl")
-                write_atomic(directory / mesh_file(link.name, i), written.getvalue())
+                stl = hull.export(file_type="stl")
+                write_atomic(directory / mesh_file(link.name, i), stl)
     write_atomic(directory / URDF, (arm_urdf(arm, meshes=True) + "\n").encode())
     write_atomic(directory / TOML, _toml_of(draft).encode())
 
@@ -138,17 +136,16 @@ def _add_link(robot: ET.Element, link: Link, prefix: str, meshes: bool) -> None:
 
 
 def _geometry(c: Collider) -> list[tuple[Pose, str, dict[str, str]]]:
+    if c.kind == "convex":
+        return []
     if c.kind == "box":
         return [(c.pose, "box", {"size": _row(2 * np.array(c.size))})]
+    rounding, half = {"radius": _number(c.size[0])}, c.size[-1]
     if c.kind == "sphere":
-        return [(c.pose, "sphere", {"radius": _number(c.size[0])})]
-    if c.kind in ("cylinder", "capsule"):
-        radius, half = c.size
-        rounding = {"radius": _number(radius)}
-        tube = (c.pose, "cylinder", rounding | {"length": _number(2 * half)})
-        ends = [(compose(c.pose, pose((0, 0, z))), "sphere", rounding) for z in (-half, half)]
-        return [tube, *ends] if c.kind == "capsule" else [tube]
-    return []
+        return [(c.pose, "sphere", rounding)]
+    tube = (c.pose, "cylinder", rounding | {"length": _number(2 * half)})
+    ends = [(compose(c.pose, pose((0, 0, z))), "sphere", rounding) for z in (-half, half)]
+    return [tube, *ends] if c.kind == "capsule" else [tube]
 
 
 def _add_mesh(parent: ET.Element, name: str) -> None:
