@@ -60,8 +60,9 @@ def _along(
     steps = _steps(corners.min(), corners.max()), _steps(0.0, top)
     grid = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
     origins = grid[..., :1] * level + grid[..., 1:] * [0, 0, 1]
-    found = spans(pieces, origins.reshape(-1, 3), opening)
-    lower, upper, facing = (each.reshape(grid.shape[:2]) for each in found)
+    lower, upper, facing = spans(pieces, origins.reshape(-1, 3), opening)
+    shape = grid.shape[:2]
+    lower, upper, facing = lower.reshape(shape), upper.reshape(shape), facing.reshape(shape)
     width = upper - lower
     good = (width > 0.002) & (width <= WIDEST) & facing & _even(lower) & _even(upper)
     for i, k in np.argwhere(good):

@@ -80,8 +80,9 @@ def _home(robot: Embodiment) -> Finding:
     left, right = (robot.arms[side].home for side in SIDES)
     jaws = (0.0, 0.5, 1.0)
     touching = [v for v in jaws if free.first_blocked(left, right, (v, v)) is not None]
+    wrong = f"touches something with jaws at {touching}"
     good = "touches nothing with jaws closed, half open and open"
-    return Finding("home", not touching, f"touches with jaws at {touching}" if touching else good)
+    return Finding("home", not touching, wrong if touching else good)
 
 
 def _reach(robot: Embodiment) -> Finding:
@@ -141,7 +142,8 @@ def _camera(robot: Embodiment) -> Finding:
         inside = (pixels >= 0) & (pixels < (camera.type.width, camera.type.height))
         seen &= bool(inside.all() and (depth > 0).all())
     good = "the wrist camera sees both pads, open and closed"
-    return Finding("camera", seen, good if seen else "misses a pad: move it under [camera]")
+    wrong = "the wrist camera misses a pad: move it under [camera]"
+    return Finding("camera", seen, good if seen else wrong)
 
 
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:

@@ -86,7 +86,8 @@ def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
         "mcts_nodes": 8,
         "mcts_max_depth": 2,
     }
-    given = coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    given = coacd.Mesh(points.reshape(-1, 3), faces.reshape(-1, 3))
     parts = coacd.run_coacd(given, seed=0, **options)
     return [np.asarray(vertices, float) for vertices, _ in parts] or one
 
