@@ -54,18 +54,20 @@ class AlarmClock(Parametric):
 
     def _hands(self) -> list[tuple[Mesh, Material]]:
         y, z, r, black = -self.half - 0.0012, self.middle, self.radius, plastic("black")
-        parts = []
-        for turn, length, width in ((self.hour / 12, 0.5, 0.0028), (self.hour % 1, 0.75, 0.002)):
-            t, size = 2 * np.pi * turn, length * r
-            where = (0.5 * size * np.sin(t), y, z + 0.5 * size * np.cos(t))
-            hand = box(width / 2, 0.0004, size / 2)
-            parts.append((at(hand, where, quat_about((0, 1, 0), t)), black))
-        for k in range(12):
-            t = np.pi * k / 6
-            where = (0.82 * r * np.sin(t), y, z + 0.82 * r * np.cos(t))
-            tick = box(0.0012, 0.0003, 0.003)
-            parts.append((at(tick, where, quat_about((0, 1, 0), t)), black))
-        return parts
+
+        def placed(mesh: Mesh, out: float, t: float) -> tuple[Mesh, Material]:
+            where = (out * np.sin(t), y, z + out * np.cos(t))
+            return at(mesh, where, quat_about((0, 1, 0), t)), black
+
+        hands = ((self.hour / 12, 0.5 * r, 0.0028), (self.hour % 1, 0.75 * r, 0.002))
+        tick = box(0.0012, 0.0003, 0.003)
+        return [
+            *(
+                placed(box(width / 2, 0.0004, size / 2), 0.5 * size, 2 * np.pi * turn)
+                for turn, size, width in hands
+            ),
+            *(placed(tick, 0.82 * r, np.pi * k / 6) for k in range(12)),
+        ]
 
     def _twin_bell(self) -> Shape:
         r, w, z, h = self.radius, self.half, self.middle, self.height

@@ -49,18 +49,15 @@ class Coaster(Parametric):
     seed: int = texture()
 
     def shape(self) -> Shape:
-        r, t, is_round = self.radius, self.thickness, self.form == "round"
-        square = extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
-        body = cylinder(r, t, 28, 0.001) if is_round else square
-        top = t + 0.0004
+        r, t, pieces = self.radius, self.thickness, disc(self.radius, self.thickness)
+        body, top = cylinder(r, t, 28, 0.001), t + 0.0004
+        if self.form == "square":
+            body = extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
+            pieces = slab(r, r, t)
         ring = revolve([(0.85 * r, t), (0.85 * r, top), (0.7 * r, top), (0.7 * r, t)], 28)
         skin = made_of(self.material, self.colour, self.seed)
-        return Shape(
-            ((body, skin), (ring, painted(self.ring))),
-            disc(r, t) if is_round else slab(r, r, t),
-            mass=700 * np.pi * r * r * t,
-            friction=0.7,
-        )
+        visual = (body, skin), (ring, painted(self.ring))
+        return Shape(visual, pieces, mass=700 * np.pi * r * r * t, friction=0.7)
 
     def frames(self) -> NamedFrames:
         return standing(self.thickness, centre=mark(0, 0, self.thickness))
@@ -93,13 +90,11 @@ class Mat(Family):
         inner = extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006)
         size = (2 * hx - 0.016, 2 * hy - 0.016)
         inner = seen_along(at(inner, (0, 0, t - 0.0002)), np.eye(2, 3), size)
-        cloth = wrapped("runner", self.colour, self.seed, 0.95, 256)
-        return Shape(
-            ((edge, fabric(self.border)), (inner, cloth)),
-            slab(hx, hy, t),
-            mass=600 * 4 * hx * hy * t,
-            friction=0.9,
+        visual = (
+            (edge, fabric(self.border)),
+            (inner, wrapped("runner", self.colour, self.seed, 0.95, 256)),
         )
+        return Shape(visual, slab(hx, hy, t), mass=600 * 4 * hx * hy * t, friction=0.9)
 
     def frames(self) -> NamedFrames:
         return standing(self.thickness, centre=mark(0, 0, self.thickness))
@@ -145,20 +140,16 @@ class Pad(Parametric):
         )
 
     def shape(self) -> Shape:
-        bevel = min(0.001, 0.3 * self.thickness)
+        hx, hy, t = self.hx, self.hy, self.thickness
+        bevel = min(0.001, 0.3 * t)
         corner = max(self.corner, 2 * bevel)  # the chamfer of a tighter corner turns inside out
-        mesh = extrude(rounded_rectangle(self.hx, self.hy, corner, 3), self.thickness, bevel)
+        mesh = extrude(rounded_rectangle(hx, hy, corner, 3), t, bevel)
         skin = {
             "fabric": printed(print_texture(self.colour, "cream", "hem", seed=self.seed), 0.95),
             "rubber": worn(self.colour, self.seed, 0.9),
             "painted": worn(self.colour, self.seed),
         }[self.material]
-        return Shape(
-            ((mesh, skin),),
-            slab(self.hx, self.hy, self.thickness),
-            mass=900 * 4 * self.hx * self.hy * self.thickness,
-            friction=0.8,
-        )
+        return Shape(((mesh, skin),), slab(hx, hy, t), mass=900 * 4 * hx * hy * t, friction=0.8)
 
     def frames(self) -> NamedFrames:
         return standing(self.thickness, centre=mark(0, 0, self.thickness))

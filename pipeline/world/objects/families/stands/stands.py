@@ -145,14 +145,10 @@ class PhoneStand(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        up, out = self.directions()
-        seat = self.seat_at()
-        return standing(
-            0,
-            top=mark(*(seat + up * self.back)),
-            seat=mark(*seat, normal=out),
-            centre=mark(*(seat + up * self.back / 2), normal=out),
-        )
+        (up, out), seat = self.directions(), self.seat_at()
+        centre = mark(*(seat + up * self.back / 2), normal=out)
+        top = mark(*(seat + up * self.back))
+        return standing(0, top=top, seat=mark(*seat, normal=out), centre=centre)
 
 
 RACK_TONES = {"wood": tuple(WOODS), "metal": ("silver", "charcoal", "gold"), "painted": COLOURS}
@@ -182,30 +178,21 @@ class Rack(Parametric):
 
     def shape(self) -> Shape:
         skin, h, post = made_of(self.material, self.colour, self.seed), self.height, self.post
-        root, tip = self.peg_path()
-        back = np.array([root, root + (tip - root) * [1, -1, 1]])
-        paths = (np.array([root, tip]), back)
+        r, (root, tip) = self.peg_radius, self.peg_path()
+        pegs = [np.array([root, root + (tip - root) * [1, side, 1]]) for side in (1, -1)]
         parts = (
             cylinder(self.foot, 0.014, 32, 0.003),
             at(cylinder(post, h - post - 0.014, 14), (0, 0, 0.014)),
             at(sphere(1.25 * post, 6, 14), (0, 0, h - 1.25 * post)),
-            *(sweep(path, self.peg_radius, 10) for path in paths),
-            *(at(sphere(1.35 * self.peg_radius, 5, 10), p) for p in (tip, back[1])),
+            *(sweep(peg, r, 10) for peg in pegs),
+            *(at(sphere(1.35 * r, 5, 10), peg[1]) for peg in pegs),
         )
-        return Shape(
-            tuple((part, skin) for part in parts),
-            disc(self.foot, 0.014)
-            + cylinder_collider(post, 0.01, h)
-            + arc_of_capsules([root, tip], self.peg_radius)
-            + arc_of_capsules(back, self.peg_radius),
-            mass=0.9,
-        )
+        pieces = disc(self.foot, 0.014) + cylinder_collider(post, 0.01, h)
+        capsules = (c for peg in pegs for c in arc_of_capsules(peg, r))
+        return Shape(tuple((part, skin) for part in parts), (*pieces, *capsules), mass=0.9)
 
     def frames(self) -> NamedFrames:
         root, tip = self.peg_path()
         out = tip - root
-        return standing(
-            self.height,
-            peg=mark(*tip, normal=out),
-            peg_middle=mark(*((root + tip) / 2), normal=out),
-        )
+        middle = mark(*((root + tip) / 2), normal=out)
+        return standing(self.height, peg=mark(*tip, normal=out), peg_middle=middle)

@@ -94,13 +94,11 @@ class Hammer(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        h, long, z = self.half, self.length, self.reach / 2
-        return standing(
-            self.reach,
-            bar_pinches([-0.7 * long, -0.6 * long, -0.5 * long], h, z, kind="handle"),
-            face=mark(0, 0, 0, (0, 0, -1)),
-            grip=mark(-0.6 * long, 0, z),
-        )
+        long, z = self.length, self.reach / 2
+        places = [-0.7 * long, -0.6 * long, -0.5 * long]
+        grasps = bar_pinches(places, self.half, z, kind="handle")
+        face, grip = mark(0, 0, 0, (0, 0, -1)), mark(-0.6 * long, 0, z)
+        return standing(self.reach, grasps, face=face, grip=grip)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {
@@ -152,17 +150,12 @@ class Roller(Parametric):
 
     def frames(self) -> NamedFrames:
         half, end, r = self.body / 2, self.length / 2, self.radius
-        places = [half + 0.55 * (end - half), half + 0.7 * (end - half)]
-        grips = []
-        for kind, sign in (("left_end", -1), ("right_end", 1)):
-            xs = [sign * x for x in places]
-            grips += bar_pinches(xs, self.handle, r, rolls=(-20, 0, 20), kind=kind)
-        return standing(
-            2 * r,
-            grips,
-            left_end=mark(-end, 0, r, (-1, 0, 0), (0, 0, 1)),
-            right_end=mark(end, 0, r, (1, 0, 0), (0, 0, 1)),
-        )
+        grips, ends = [], {}
+        for kind, s in (("left_end", -1), ("right_end", 1)):
+            places = [s * (half + share * (end - half)) for share in (0.55, 0.7)]
+            grips += bar_pinches(places, self.handle, r, rolls=(-20, 0, 20), kind=kind)
+            ends[kind] = mark(s * end, 0, r, (s, 0, 0), (0, 0, 1))
+        return standing(2 * r, grips, **ends)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"colour": self.wood, "handles": self.handle_colour or self.wood}
@@ -260,11 +253,9 @@ class Stapler(Parametric):
         ]
         grip = (0.45 * a, 0, self._roof(0.45 * a) - 0.0008)
         brand = print_texture(self.colour, self.trim, "label", BRANDS[round(a * 1e5) % len(BRANDS)])
+        size, out = (0.5 * a, 0.35 * roof), 0.92 * w + 0.0004
         names = [
-            decal(
-                *(0.5 * a, 0.35 * roof, (0, s * (0.92 * w + 0.0004), 0.62 * roof)),
-                quat_from_rpy(np.pi / 2, 0, turn),
-            )
+            decal(*size, (0, s * out, 0.62 * roof), quat_from_rpy(np.pi / 2, 0, turn))
             for s, turn in ((-1, 0.0), (1, np.pi))
         ]
         return Shape(

@@ -100,47 +100,36 @@ class ToyCar(Parametric):
         cabin = np.array([(x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
         glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
         corners = [(share, side) for share in (0.2, 0.8) for side in (-1, 1)]
-        wheels = [
-            at(cylinder(r, 0.009, 14), (x(share), side * (w - 0.0085) + 0.0045, r), LYING)
-            for share, side in corners
-        ]
-        tyres, hubs = (
-            [
-                at(
-                    revolve([(radius, 0), (0, 0)], 16),
-                    (x(share), side * (w + out), r),
-                    quat_about((1, 0, 0), -side * np.pi / 2),
-                )
-                for share, side in corners
-            ]
-            for radius, out in ((1.06 * r, -0.0004), (0.55 * r, 0.0002))
+        wheel, turn = (
+            cylinder(r, 0.009, 14),
+            {s: quat_about((1, 0, 0), -s * np.pi / 2) for s in (-1, 1)},
         )
+        wheels = [at(wheel, (x(a), s * (w - 0.0085) + 0.0045, r), LYING) for a, s in corners]
+        tyre, hub = (revolve([(radius, 0), (0, 0)], 16) for radius in (1.06 * r, 0.55 * r))
+        tyres = [at(tyre, (x(a), s * (w - 0.0004), r), turn[s]) for a, s in corners]
+        hubs = [at(hub, (x(a), s * (w + 0.0002), r), turn[s]) for a, s in corners]
         bumper = box(0.003, 0.9 * w, 0.08 * h, 0.001)
         bumpers = [at(bumper, (x(share), 0, 0.24 * h)) for share in (0.01, 0.985)]
         lamp, tail = box(0.0012, 0.16 * w, 0.1 * h), box(0.0008, 0.16 * w, 0.07 * h)
         lamps = [at(lamp, (x(0.985), side * 0.62 * w, 0.42 * h)) for side in (-1, 1)]
         tails = [at(tail, (x(0.012), side * 0.7 * w, 0.45 * h)) for side in (-1, 1)]
-        front = np.array(FORMS[self.form])[[1, 2]]
-        slope = np.array([x(front[0, 0]), belt]), np.array([x(front[1, 0]), h])
-        middle, along = (slope[0] + slope[1]) / 2, slope[1] - slope[0]
-        shield = at(
-            box(0.4 * float(np.hypot(*along)), 0.7 * w, 0.0008),
-            (float(middle[0]), 0, float(middle[1])),
-            quat_about((0, 1, 0), -float(np.arctan2(along[1], along[0]))),
+        (_, foot), (_, top) = (FORMS[self.form][k][::-1] for k in (1, 2))
+        low, high = np.array([x(foot), belt]), np.array([x(top), h])
+        middle, along = (low + high) / 2, high - low
+        tilt = quat_about((0, 1, 0), -float(np.arctan2(along[1], along[0])))
+        pane = box(0.4 * float(np.hypot(*along)), 0.7 * w, 0.0008)
+        shield = at(pane, (float(middle[0]), 0, float(middle[1])), tilt)
+        details = (
+            *((tyres, rubber("black")), (bumpers, metal()), (wheels, rubber("black"))),
+            *((hubs, metal()), (lamps, plastic("cream")), (tails, plastic("red"))),
         )
-        black = rubber("black")
         return Shape(
             (
                 (side_prism(lower, w - 0.001, 0.003), glaze(self.colour)),
                 (side_prism(cabin, 0.86 * w, 0.002), glaze(self.roof)),
                 (side_prism(glass, 0.87 * w), glaze("black")),
                 (shield, glaze("black")),
-                *((m, black) for m in tyres),
-                *((m, metal()) for m in bumpers),
-                *((m, black) for m in wheels),
-                *((m, metal()) for m in hubs),
-                *((m, plastic("cream")) for m in lamps),
-                *((m, plastic("red")) for m in tails),
+                *((mesh, skin) for meshes, skin in details for mesh in meshes),
             ),
             slab(self.length / 2, w - 0.001, belt) + prism_collider(cabin, 0.86 * w),
             mass=0.11,
