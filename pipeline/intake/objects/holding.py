@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.poses import Floats
 from pipeline.world.objects.contract import Grasp
-from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, pinches
+from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, WIDEST, pinches
 from pipeline.world.shapes import Collider
 
 from .standing import bounds, inside, planes
@@ -22,7 +22,6 @@ OPENINGS = 16  # directions in the half circle
 PITCHES = np.radians([0, 15, 30, 45, 60, 75, 90])
 SPACING = 0.006  # m between lines, at least
 LINES = 24  # per edge of the outline, at most
-WIDEST = 0.072  # m
 FACING = np.cos(np.radians(28))  # friction holds on sides that face each other within this
 PAD, EVEN = 1, 0.004  # neighbours of a line that must be as wide, within m
 FINGER = (0.002, 0.008, 0.014)  # m beyond the pads where a finger is

@@ -18,6 +18,7 @@ PITCHES = (0, 15, 30, 45, 60, 75, 90)
 TILTED = (30, 45, 60, 75, 90)
 PALM = 0.036  # m from tcp back to the nearest palm of the supported grippers
 HALF_PALM = 0.018  # m, half thickness of the palm across the opening direction
+WIDEST = 0.072  # m between the fingers
 # m the tcp may stay short of the middle so that the palm keeps clear
 RETREATS = (0.0, 0.004, 0.008)
 
@@ -138,46 +139,38 @@ def box_pinches(
     pitches: Sequence[float] = TILTED,
     offsets: Sequence[float] = (-0.4, 0.0, 0.4),
     axes: str = "xy",
-    widest: float = 0.072,
     kind: str = "side",
     retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
     """Pinches of a box of half extents from above, tilted about the opening axis to both sides. It
     stands on the table unless its `centre` (3,) is given.
 
-    Each horizontal dimension in `axes` of at most `widest` m is pinched across, at `offsets` times
-    the half extent along the other. `heights` are of the tcp above the box's base; `retreats` (m)
-    keep it short of the middle."""
+    Each horizontal dimension in `axes` of at most WIDEST is pinched across, at `offsets` times the
+    half extent along the other. `heights` are of the tcp above the box's base; `retreats` (m) keep
+    it short of the middle."""
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     grasps: Grasps = ()
+    levels = low_heights(2 * hz) if heights is None else heights
     for axis in ("xy".index(a) for a in axes):
-        if 2 * half[axis] > widest:
+        if 2 * half[axis] > WIDEST:
             continue
         opening, along, reach = np.eye(3)[axis], np.eye(3)[1 - axis], half[1 - axis]
         tcps = []
-        for shift in np.asarray(offsets) * reach:
-            for height in low_heights(2 * hz) if heights is None else heights:
-                for p, side in _tilts(pitches):
-                    if not _low_enough(height, p, 2 * hz):
-                        continue
+        for shift, height, tilt in product(np.array(offsets) * reach, levels, _tilts(pitches)):
+            p, side = tilt
 
-                    # the box's middle lies at -side * shift as seen from the palm's side
-                    def hits(
-                        r: np.ndarray,
-                        z: np.ndarray,
-                        middle: float = -side * shift,
-                        reach: float = reach,
-                    ) -> bool:
-                        beside = np.abs(r + middle) < reach + 0.001
-                        return bool(np.any(beside & (z < 2 * hz + 0.001) & (z > 0)))
+            def hits(
+                r: np.ndarray, z: np.ndarray, middle: float = side * shift, reach: float = reach
+            ) -> bool:
+                beside = np.abs(r - middle) < reach + 0.001
+                return bool(np.any(beside & (z < 2 * hz + 0.001) & (z > 0)))
 
-                    retreat = _retreat(hits, height, p, retreats)
-                    if retreat is None:
-                        continue
-                    approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
-                    position = base + along * shift + [0, 0, height] - approach * retreat
-                    tcps.append((position, approach, opening))
+            retreat = _retreat(hits, height, p, retreats)
+            if retreat is not None and _low_enough(height, p, 2 * hz):
+                approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
+                position = base + along * shift + [0, 0, height] - approach * retreat
+                tcps.append((position, approach, opening))
         grasps += pinches(tcps, 2 * half[axis], kind)
     return grasps
 
@@ -195,17 +188,12 @@ def bar_pinches(
     """
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     tcps = []
-    for x in positions:
-        for p, side in _tilts(pitches):
-            for t in np.radians(rolls):
-                down = np.array([0, np.sin(t), -np.cos(t)])
-                across = np.array([0, np.cos(t), np.sin(t)])
-                approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
-                tcps += [
-                    (np.array([x, 0, height]) - lift * down, approach, across)
-                    for lift in lifts
-                    if _low_enough(lift, p, 0.6 * radius)
-                ]
+    for x, (p, side), t in product(positions, _tilts(pitches), np.radians(rolls)):
+        down = np.array([0, np.sin(t), -np.cos(t)])
+        across = np.array([0, np.cos(t), np.sin(t)])
+        approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
+        low = [lift for lift in lifts if _low_enough(lift, p, 0.6 * radius)]
+        tcps += [(np.array([x, 0, height]) - lift * down, approach, across) for lift in low]
     return pinches(tcps, 2 * radius, kind)
 
 
@@ -224,9 +212,6 @@ def handle_pinches(
     along = along / np.linalg.norm(along)
     out = out - along * (out @ along)
     out /= np.linalg.norm(out)
-    across = np.cross(out, along)
-    return pinches(
-        [(position, -out * np.cos(t) + along * np.sin(t), across) for t in np.radians(leans)],
-        thickness,
-        kind,
-    )
+    across, angles = np.cross(out, along), np.radians(leans)
+    tcps = [(position, -out * np.cos(t) + along * np.sin(t), across) for t in angles]
+    return pinches(tcps, thickness, kind)

@@ -91,10 +91,8 @@ class QrSign(Parametric):
         return standing(self.height, grasps, code=mark(0, -self.board, f + hz, (0, -1, 0)))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {
-            "foot": self.foot_colour,
-            "material": "wooden" if self.foot_material == "wood" else "plastic",
-        }
+        material = "wooden" if self.foot_material == "wood" else "plastic"
+        return super().facts() | {"foot": self.foot_colour, "material": material}
 
 
 @register("scale")
@@ -113,19 +111,16 @@ class KitchenScale(Parametric):
 
     def shape(self) -> Shape:
         r, y, z, t = self.plate * self.hx, self.hy - self.hx, self.body, 0.006
-        is_round = self.form == "round"
         case = extrude(rounded_rectangle(self.hx, self.hy, 0.018, 4), z, 0.003)
-        square = extrude(rounded_rectangle(r, r, 0.012, 3), t, 0.0015)
-        platter = cylinder(r, t, 32, 0.0015) if is_round else square
+        platter, top = cylinder(r, t, 32, 0.0015), _shifted(disc(r, t, z), y)
+        if self.form == "square":
+            platter = extrude(rounded_rectangle(r, r, 0.012, 3), t, 0.0015)
+            top = box_collider(r, r, t / 2, (0, y, z + t / 2))
         skin = glaze(self.platter) if self.platter == "white" else metal(self.platter)
         panel = printed(print_texture("charcoal", "lime", "panel", self.digits, self.seed), 0.25)
         display = decal(0.9 * self.hx, 1.5 * y + 0.008, (0, -self.hy + y + 0.004, z + 0.0004))
-        flat = box_collider(r, r, t / 2, (0, y, z + t / 2))
-        return Shape(
-            ((case, plastic(self.colour)), (at(platter, (0, y, z)), skin), (display, panel)),
-            slab(self.hx, self.hy, z) + (_shifted(disc(r, t, z), y) if is_round else flat),
-            mass=0.5,
-        )
+        visual = (case, plastic(self.colour)), (at(platter, (0, y, z)), skin), (display, panel)
+        return Shape(visual, slab(self.hx, self.hy, z) + top, mass=0.5)
 
     def frames(self) -> NamedFrames:
         z = self.body + 0.006
