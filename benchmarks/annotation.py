@@ -29,6 +29,7 @@ import numpy as np
 from benchmarks.export import drawn_episode
 from benchmarks.flow_agreement import flow_agreement
 from benchmarks.random_models import random_models
+from pipeline.annotate.flow import bit_stable
 from pipeline.annotate.networks.features import load_encoder
 from pipeline.annotate.networks.masks import load_detector, load_segmenter
 from pipeline.annotate.networks.models import image_settings, inference, pick_device, resolve
@@ -41,7 +42,6 @@ from pipeline.annotate.options import (
 )
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.annotate.selection import Absent, build_stages
-from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage import Redraw, Stage, directory_of, encoded_frames
 from pipeline.annotate.store import episode_paths
 from pipeline.annotate.work import StageWorker

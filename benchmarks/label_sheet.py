@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.annotate.flow import Colour, colour_flow
 from pipeline.annotate.store import episode_paths, find_stage
-from pipeline.annotate.world_labels import project_points
+from pipeline.annotate.world_stage import project_points
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD

@@ -2,6 +2,7 @@
 
 import base64
 import re
+from collections.abc import Iterable, Sequence
 from functools import cache
 from html import escape
 
@@ -19,29 +20,26 @@ def render_page(package: str, template: str, **values: object) -> str:
 @cache
 def _environment(package: str) -> Environment:
     """The templates of a package, each compiled once."""
-    loader = ChoiceLoader([PackageLoader(package), PackageLoader("pipeline")])
     environment = Environment(
-        loader=loader,
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("pipeline")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"jpeg": jpeg_uri, "mp4": mp4_uri, "anchor": anchor}
+    environment.filters |= {"jpeg": _jpeg_uri, "mp4": mp4_uri, "anchor": _anchor}
     return environment
 
 
-def jpeg_uri(jpeg: bytes) -> str:
-    """JPEG bytes -> a data URI for `src`."""
+def _jpeg_uri(jpeg: bytes) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
 
 
 def mp4_uri(mp4: bytes) -> str:
-    """MP4 bytes -> a data URI for `src`."""
     return f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
 
 
-def anchor(title: str) -> str:
+def _anchor(title: str) -> str:
     """The id of a section: letters and digits of its title in lower case, hyphens for others."""
     return "".join(c if c.isalnum() else "-" for c in title.lower())
 
@@ -54,9 +52,8 @@ def markdown(value: object) -> str:
     """A value as one line of Markdown text, in which nothing is markup."""
     if isinstance(value, Markdown):
         return value
-    return "".join(
-        f"&#{ord(c)};" if c in "`[]|" else c for c in escape(_line(str(value)), quote=False)
-    )
+    text = escape(_line(str(value)), quote=False)
+    return "".join(f"&#{ord(c)};" if c in "`[]|" else c for c in text)
 
 
 def code_span(value: object) -> Markdown:
@@ -68,9 +65,20 @@ def code_block(text: str, language: str) -> Markdown:
     """Lines as a block of code, which no line of them can end."""
     fence = max(re.findall("`+", text), key=len, default="").rjust(3, "`")
     fence += "`" * (fence in text)
-    return Markdown(
-        "\n".join([fence + language, *map(_line, text.strip().splitlines()), fence]) + "\n"
-    )
+    lines = [fence + language, *map(_line, text.strip().splitlines()), fence]
+    return Markdown("\n".join(lines) + "\n")
+
+
+def table(head: str, rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table: cells of the head are Markdown, parted by bars; others are escaped."""
+    cells = head.split(" | ")
+    lines = [cells, ["---"] * len(cells), *(map(markdown, row) for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n\n"
+
+
+def bullets(lines: Iterable[str]) -> str:
+    """A Markdown list of lines that are Markdown."""
+    return "".join(f"- {line}\n" for line in lines)
 
 
 def _line(text: str) -> str:

@@ -1,21 +1,72 @@
 """Optical flow between frames and its image, as in the paper's appendix. Row t holds the pair
-(max(0, t - stride), t) of absolute frames."""
+(max(0, t - stride), t) of absolute frames.
 
-from dataclasses import dataclass
+OpenCV's AVX2 kernels use fused multiply-add, so Farneback differs in the last bits between CPUs.
+`bit_stable` gives the same bytes of one OpenCV release on every x86-64 machine: only the baseline
+(SSE3) runs, no slower at 64x64."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.stable_cv import bit_stable
-from pipeline.annotate.stage_key import AnnotateError
+from .stage_key import AnnotateError
 
 NORMALISATIONS = ("per_map", "shared", "fixed")
 
 
+class _Thread(threading.local):
+    """How deep a thread is inside `bit_stable`, and whether it used IPP before."""
+
+    depth = 0
+    ipp = True
+
+
+@dataclass
+class _Process:
+    """How many threads are inside `bit_stable`, and what was set before the first came."""
+
+    inside: int = 0
+    before: tuple[bool, int] = (True, 1)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+_THREAD, _PROCESS = _Thread(), _Process()
+
+
+@contextmanager
+def bit_stable() -> Iterator[None]:
+    """Compute with OpenCV's baseline kernels and one thread. The choice of kernels is the
+    process's: the last thread out restores it. That of IPP belongs to a thread."""
+    if _THREAD.depth == 0:
+        with _PROCESS.lock:
+            if _PROCESS.inside == 0:
+                _PROCESS.before = (cv2.useOptimized(), cv2.getNumThreads())
+            _PROCESS.inside += 1
+            _THREAD.ipp = cv2.ipp.useIPP()
+            cv2.setUseOptimized(False)
+            cv2.setNumThreads(1)
+    _THREAD.depth += 1
+    try:
+        yield
+    finally:
+        _THREAD.depth -= 1
+        if _THREAD.depth == 0:
+            with _PROCESS.lock:
+                _PROCESS.inside -= 1
+                if _PROCESS.inside == 0:
+                    cv2.setUseOptimized(_PROCESS.before[0])
+                    cv2.setNumThreads(_PROCESS.before[1])
+                cv2.ipp.setUseIPP(_THREAD.ipp)
+
+
 @dataclass(frozen=True)
 class Farneback:
-    """Parameters of cv2.calcOpticalFlowFarneback with the values of the original."""
+    """Parameters of cv2.calcOpticalFlowFarneback, in its order, with the values of the original."""
 
     pyr_scale: float = 0.5
     levels: int = 3
@@ -24,27 +75,11 @@ class Farneback:
     poly_n: int = 5
     poly_sigma: float = 1.2
 
-    def __post_init__(self) -> None:
-        limits = {
-            "levels": (0, 20),
-            "winsize": (3, 1000),
-            "iterations": (1, 100),
-            "poly_n": (3, 15),
-        }
-        for name, (low, high) in limits.items():
-            if not low <= getattr(self, name) <= high:
-                raise AnnotateError(
-                    f"flow {name} {getattr(self, name)} is out of range: give {low} to {high}"
-                )
-        if not (0 < self.pyr_scale < 1 and 0 < self.poly_sigma < 100):
-            raise AnnotateError("flow needs 0 < pyr_scale < 1 and 0 < poly_sigma < 100")
-
 
 @dataclass(frozen=True)
 class Colour:
-    """How magnitude becomes brightness: full at the percentile of each map (`per_map`, the paper's)
-    or of all together (`shared`), or at `full_scale` px (`fixed`). Maps whose scale is below
-    `threshold` px are black."""
+    """Brightness is full at the percentile of each map (`per_map`, the paper's) or of all together
+    (`shared`), or at `full_scale` px (`fixed`). Maps of a scale below `threshold` px are black."""
 
     normalisation: str = "per_map"
     percentile: float = 99.0
@@ -53,14 +88,9 @@ class Colour:
 
     def __post_init__(self) -> None:
         if self.normalisation not in NORMALISATIONS:
-            raise AnnotateError(
-                f"flow normalisation {self.normalisation!r} is unknown: choose"
-                f" {', '.join(NORMALISATIONS)}"
-            )
-        if not (0 < self.percentile <= 100 and self.threshold >= 0 and self.full_scale > 0):
-            raise AnnotateError(
-                "flow colours need 0 < percentile <= 100, threshold >= 0 and full_scale > 0"
-            )
+            known = ", ".join(NORMALISATIONS)
+            unknown = f"flow normalisation {self.normalisation!r} is unknown"
+            raise AnnotateError(f"{unknown}: choose {known}")
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
@@ -72,12 +102,9 @@ def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uin
     """(H,W,3) uint8 RGB -> (h,w) uint8 grey at `size` = (width, height): area average, then BT.601
     luma."""
     with bit_stable():
-        small = (
-            rgb
-            if (rgb.shape[1], rgb.shape[0]) == size
-            else cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        )
-        return np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+        if rgb.shape[1::-1] != size:
+            rgb = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+        return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def farneback(
@@ -85,20 +112,10 @@ def farneback(
 ) -> NDArray[np.float32]:
     """Flow (h,w,2) in px (x right, y down) from grey image `before` to `after` (h,w) uint8, at the
     pixels of `before`."""
+    flow = np.zeros((*before.shape, 2), np.float32)
     with bit_stable():
-        flow = cv2.calcOpticalFlowFarneback(
-            before,
-            after,
-            np.zeros((*before.shape, 2), np.float32),
-            options.pyr_scale,
-            options.levels,
-            options.winsize,
-            options.iterations,
-            options.poly_n,
-            options.poly_sigma,
-            0,
-        )
-    return np.asarray(flow, np.float32)
+        made = cv2.calcOpticalFlowFarneback(before, after, flow, **vars(options), flags=0)
+    return np.asarray(made, np.float32)
 
 
 def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray[np.float32]:
@@ -114,8 +131,8 @@ def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray
 def colour_flow(
     flow: NDArray[np.floating], options: Colour
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """RGB maps (N,h,w,3) uint8 of flows (N,h,w,2) px, and the scale (N,) in px that full brightness
-    stands for (0 = black map). Hue is direction: 0 right, 90 degrees down."""
+    """RGB maps (N,h,w,3) uint8 of flows (N,h,w,2) px, and the scale (N,) px of full brightness (0 =
+    black map). Hue is direction: 0 right, 90 degrees down."""
     flow = np.ascontiguousarray(flow, np.float32)
     rgb = np.empty((*flow.shape[:3], 3), np.uint8)
     with bit_stable():
@@ -124,18 +141,15 @@ def colour_flow(
         hsv = np.full((*flow.shape[1:3], 3), 255, np.uint8)
         for t, (magnitude, angle) in enumerate(polar):
             hsv[..., 0] = (np.asarray(angle) / 2).astype(np.uint8) % 180
-            hsv[..., 2] = (
-                np.clip(magnitude / scale[t] * 255, 0, 255).astype(np.uint8) if scale[t] > 0 else 0
-            )
+            hsv[..., 2] = np.clip(magnitude / scale[t] * 255, 0, 255) if scale[t] > 0 else 0
             rgb[t] = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)
     return rgb, scale
 
 
 def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[np.float32]:
     if options.normalisation == "shared" and magnitudes:
-        scale = np.full(
-            len(magnitudes), _percentile(np.stack(magnitudes), options.percentile), np.float32
-        )
+        shared = _percentile(np.stack(magnitudes), options.percentile)
+        scale = np.full(len(magnitudes), shared, np.float32)
     else:
         scale = np.array([_percentile(m, options.percentile) for m in magnitudes], np.float32)
     still = scale < options.threshold

@@ -3,10 +3,11 @@ batch and device do not."""
 
 from dataclasses import dataclass, field
 
-from pipeline.annotate.flow import Colour, Farneback
-from pipeline.annotate.stage_key import MOST_POINTS, MOST_STRIDE, AnnotateError
 from pipeline.data.names import HEAD
 from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
+
+from .flow import Colour, Farneback
+from .stage_key import AnnotateError
 
 
 def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:
@@ -26,26 +27,18 @@ class FlowOptions:
 
     def __post_init__(self) -> None:
         _choice("flow source", self.source, ("farneback", "sim"))
-        if not 1 <= self.stride <= MOST_STRIDE:
-            raise AnnotateError(
-                f"flow stride {self.stride} is out of range: give 1 to {MOST_STRIDE} frames"
-            )
         if not FEWEST_PIXELS <= min(self.size) <= max(self.size) <= MOST_PIXELS:
-            raise AnnotateError(
-                f"flow size {self.size[0]}x{self.size[1]} is out of range: each side has 16 to 4096"
-                " pixels"
-            )
+            size, limits = "x".join(map(str, self.size)), f"{FEWEST_PIXELS} to {MOST_PIXELS}"
+            raise AnnotateError(f"flow size {size} is out of range: each side has {limits} pixels")
 
 
 @dataclass(frozen=True)
 class MaskOptions:
     """`source` is model (GroundingDINO boxes, SAM 2 masks) or sim (exact, from the renderer).
 
-    `objects` are roles ("target", "manipulated") or names. The detector is asked for the `prompt`:
-    metadata (the object's noun), description, or instruction (the paper's parser over the first
-    seen one; one mask, named "instruction"). A detection of more than `max_area` of the image found
-    nothing.
-    """
+    `objects` are roles ("target", "manipulated") or names. `prompt` is metadata (the object's
+    noun), description, or instruction (the paper's parser; one mask, named "instruction"). A
+    detection of more than `max_area` of the image found nothing."""
 
     source: str = "model"
     objects: tuple[str, ...] = ("target", "manipulated")
@@ -54,18 +47,13 @@ class MaskOptions:
     text_threshold: float = 0.25
     max_area: float = 0.9
     detector: str = "grounding-dino-tiny"
-    detector_revision: str | None = None
     segmenter: str = "sam2.1-hiera-large"
-    segmenter_revision: str | None = None
     precision: str = "auto"
     batch: int = 8
 
     def __post_init__(self) -> None:
         _choice("mask source", self.source, ("model", "sim"))
         _choice("prompt", self.prompt, ("metadata", "description", "instruction"))
-        _choice("precision", self.precision, ("auto", "float32", "float16", "bfloat16"))
-        if not self.objects or self.batch < 1:
-            raise AnnotateError("masks need at least one object and a batch of at least 1")
 
 
 @dataclass(frozen=True)
@@ -73,15 +61,9 @@ class FeatureOptions:
     """Frozen patch encoder; images are squashed to `size` px square, a multiple of its patch."""
 
     encoder: str = "dinov2-base"
-    revision: str | None = None
     size: int = 224
     precision: str = "auto"
     batch: int = 16
-
-    def __post_init__(self) -> None:
-        _choice("precision", self.precision, ("auto", "float32", "float16", "bfloat16"))
-        if self.size < 1 or self.batch < 1:
-            raise AnnotateError("features need a image size and a batch of at least 1")
 
 
 @dataclass(frozen=True)
@@ -90,10 +72,6 @@ class WorldOptions:
 
     points: int = 64
     dense: bool = True
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.points <= MOST_POINTS:
-            raise AnnotateError(f"{self.points} points of a body: give 1 to {MOST_POINTS}")
 
 
 @dataclass(frozen=True)

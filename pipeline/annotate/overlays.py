@@ -7,77 +7,63 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.flow import Colour, colour_flow
 from pipeline.annotate.networks.masks import unpack
 from pipeline.data.episode.file import open_episode
 from pipeline.data.names import HEAD
 from pipeline.data.slots.annotations import Entry, annotation_path, read_entry, stages_of
 
+from .flow import Colour, colour_flow
+
+WIDTH = 200  # pixels of a frame
 COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
 
 
 def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """A frame (H,W,3) with masks (K,H,W) tinted and outlined, one colour an object."""
-    out = rgb.copy()
+    tinted = rgb.copy()
     for mask, colour in zip(masks, COLOURS * (1 + len(masks) // len(COLOURS)), strict=False):
-        out[mask] = (0.55 * out[mask] + 0.45 * np.array(colour)).astype(np.uint8)
-        outline, _ = cv2.findContours(
-            mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-        )
-        cv2.drawContours(out, outline, -1, colour, 1)
-    return out
+        tinted[mask] = (0.55 * tinted[mask] + 0.45 * np.array(colour)).astype(np.uint8)
+        bits = mask.astype(np.uint8)
+        outline, _ = cv2.findContours(bits, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(tinted, outline, -1, colour, 1)
+    return tinted
 
 
 def annotation_sheet(
-    dataset: Path,
-    episode: Path,
-    camera: str = HEAD,
-    frames: Sequence[int] | None = None,
-    width: int = 200,
+    dataset: Path, episode: Path, camera: str = HEAD, frames: Sequence[int] | None = None
 ) -> NDArray[np.uint8] | None:
-    """Frames with masks, then one row of flow a flow annotation, as an image (H,W,3); `frames` are
-    six spread over the episode by default. None if that camera has no flow and no masks."""
+    """Frames with masks, then a row a flow annotation, as an image (H,W,3); `frames` are six spread
+    over the episode by default. None if that camera has neither."""
     entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
-        path = annotation_path(dataset, directory, episode)
-        if stage["stage"] in entries and stage["parameters"]["camera"] == camera and path.is_file():
-            entries[stage["stage"]].append((str(stage["parameters"]["source"]), read_entry(path)))
+        path, parameters = annotation_path(dataset, directory, episode), stage["parameters"]
+        if stage["stage"] in entries and parameters["camera"] == camera and path.is_file():
+            entries[stage["stage"]].append((str(parameters["source"]), read_entry(path)))
     if not entries["flow"] and not entries["masks"]:
         return None
     with open_episode(dataset / "episodes" / episode) as e:
         spread = np.linspace(0, len(e) - 1, 7)[1:].round().astype(int).tolist()
         chosen = spread if frames is None else list(frames)
-        images = {t: e.rgb(camera, t) for t in chosen}
-    first = images[chosen[0]]
-    size = (width, round(width * first.shape[0] / first.shape[1]))
-    rows = [_tint(source, entry, images, size) for source, entry in entries["masks"]] or [
-        _row("frames", list(images.values()), size)
-    ]
+        images = [e.rgb(camera, t) for t in chosen]
+    size = (WIDTH, round(WIDTH * images[0].shape[0] / images[0].shape[1]))
+    rows = list[NDArray[np.uint8]]()
+    for source, entry in entries["masks"]:
+        a = entry.attributes
+        masks = unpack(entry.arrays["mask"][chosen], a["height"], a["width"])
+        shown = [mask_overlay(p, m) for p, m in zip(images, masks, strict=True)]
+        rows.append(_row(f"masks: {source} ({', '.join(a['objects'])})", shown, size))
+    rows = rows or [_row("frames", images, size)]
     for source, entry in sorted(entries["flow"], key=lambda x: x[0]):
         rgb, scale = colour_flow(entry.arrays["flow"][chosen], Colour("shared"))
-        rows.append(
-            _row(f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})", list(rgb), size)
-        )
+        title = f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})"
+        rows.append(_row(title, list(rgb), size))
     return np.concatenate(rows)
-
-
-def _tint(
-    source: str, entry: Entry, images: dict[int, NDArray[np.uint8]], size: tuple[int, int]
-) -> NDArray[np.uint8]:
-    a = entry.attributes
-    masks = unpack(entry.arrays["mask"][list(images)], a["height"], a["width"])
-    shown = [mask_overlay(p, m) for p, m in zip(images.values(), masks, strict=True)]
-    return _row(f"masks: {source} ({', '.join(a['objects'])})", shown, size)
 
 
 def _row(
     title: str, images: Sequence[NDArray[np.uint8]], size: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    row = np.concatenate(
-        [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in images], axis=1
-    )
-    head = np.full((18, row.shape[1], 3), 30, np.uint8)
-    cv2.putText(
-        head, title, (6, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (235, 235, 235), 1, cv2.LINE_AA
-    )
+    row = np.hstack([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in images])
+    head, font = np.full((18, row.shape[1], 3), 30, np.uint8), cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(head, title, (6, 13), font, 0.42, (235, 235, 235), 1, cv2.LINE_AA)
     return np.concatenate([head, row]).astype(np.uint8)

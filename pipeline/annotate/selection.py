@@ -5,18 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.feature_stage import FeatureStage
-from pipeline.annotate.flow_stage import FlowStage
-from pipeline.annotate.mask_stage import MaskStage
-from pipeline.annotate.networks.models import NoWeights
-from pipeline.annotate.options import AnnotateOptions
-from pipeline.annotate.stage import Redraw, Stage
-from pipeline.annotate.stage_key import AnnotateError
-from pipeline.annotate.store import episode_paths
-from pipeline.annotate.world_stage import WorldStage
+from pipeline.annotate.networks.models import NoWeights, resolve
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.slots.select import attempts_of, columns_of, parse_where, select_rows, values_in
+
+from .flow_stage import FlowStage
+from .model_stages import FeatureStage, MaskStage
+from .options import AnnotateOptions
+from .stage import Redraw, Stage
+from .stage_key import AnnotateError
+from .store import episode_paths
+from .world_stage import WorldStage
 
 STAGES = ("flow", "masks", "features", "world")
 """The stages in the order in which they run."""
@@ -40,18 +40,29 @@ def build_stages(
     device: str = "auto",
     dry_run: bool = False,
 ) -> list[Stage | Absent]:
-    """Stages in the order they must run, one per camera. A dry run downloads nothing; a stage whose
-    model is missing is Absent. Raises AnnotateError, or NoWeights."""
-    unknown = [s for s in stages if s not in STAGES]
+    """Stages in the order they must run, one per camera. A dry run downloads nothing. Raises
+    AnnotateError, or NoWeights."""
+    unknown = ", ".join(s for s in stages if s not in STAGES)
     if unknown or not stages:
-        raise AnnotateError(
-            f"stage {', '.join(unknown) or '(none)'} is unknown: stages are {', '.join(STAGES)}"
-        )
+        known = ", ".join(STAGES)
+        raise AnnotateError(f"stage {unknown or '(none)'} is unknown: stages are {known}")
     built = list[Stage | Absent]()
+
+    def build(name: str, camera: str) -> Stage:
+        if name == "world":
+            return WorldStage(options.world, camera, redraw.truth)
+        if name == "flow":
+            return FlowStage(options.flow, camera, redraw.render)
+        masks = MaskStage(options.masks, camera, redraw.render, device).resolve(not dry_run)
+        if name == "masks":
+            return masks
+        encoder = resolve(options.features.encoder, not dry_run)
+        return FeatureStage(options.features, masks, encoder, device)
+
     for name in (name for name in STAGES if name in stages):
         for camera in options.cameras:
             try:
-                built.append(_build(name, options, camera, redraw, device, not dry_run))
+                built.append(build(name, camera))
             except NoWeights as error:
                 if not dry_run:
                     raise
@@ -59,27 +70,9 @@ def build_stages(
     return built
 
 
-def _build(
-    name: str,
-    options: AnnotateOptions,
-    camera: str,
-    redraw: Redraw,
-    device: str,
-    download: bool,
-) -> Stage:
-    if name == "world":
-        return WorldStage(options.world, camera, redraw.truth)
-    if name == "flow":
-        return FlowStage(options.flow, camera, redraw.render)
-    masks = MaskStage.resolve(options.masks, camera, redraw.render, device, download)
-    if name == "masks":
-        return masks
-    return FeatureStage.resolve(options.features, masks, device, download)
-
-
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:
-    """Episodes that a `where` selects, and files that cannot be read, which are to be reported.
-    Raises WhereError, and AnnotateError if it selects none."""
+    """Episodes that a `where` selects, and files that cannot be read. Raises WhereError, and
+    AnnotateError for none."""
     paths = episode_paths(dataset)
     if where is None:
         return paths
@@ -91,14 +84,10 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
                 columns[path] = columns_of(e, attempts)
         except EpisodeError:
             continue
-    chosen = {
-        path
-        for path, is_selected in zip(
-            columns, select_rows(list(columns.values()), expression), strict=True
-        )
-        if is_selected
-    }
+    rows = list(columns.values())
+    selected = zip(columns, select_rows(rows, expression), strict=True)
+    chosen = {path for path, is_selected in selected if is_selected}
     if columns and not chosen:
-        held = values_in(list(columns.values()), where)
+        held = values_in(rows, where)
         raise AnnotateError(f"no episode fits --where {where!r}" + (held and f": {held}"))
     return [path for path in paths if path in chosen or path not in columns]

@@ -9,26 +9,26 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.stage_key import AnnotateError, stage_key
 from pipeline.data.cameras import View
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.jpeg import decode_frame
 from pipeline.data.episode.world import WorldTruth
 from pipeline.data.keys import arrays_digest, frames_digest
+from pipeline.poses import Floats
+
+from .stage_key import AnnotateError, stage_key
 
 Render = Callable[[Path, str], View]
-"""Renders an episode file again from one camera, with depth and segmentation: `render(episode_path,
-camera)`."""
-
+"""Renders an episode file again from one camera, with depth and segmentation."""
 
 Truth = Callable[[Path, str], WorldTruth]
-"""What the simulator knows of an episode file in one camera: `truth(episode_path, camera)`."""
+"""What the simulator knows of an episode file in one camera."""
 
 
 @dataclass(frozen=True)
 class Redraw:
-    """How stored episodes are drawn again: images with their masks, and what the simulator knows;
-    None where that is not possible."""
+    """How stored episodes are drawn again, and what the simulator knows of them; None where that is
+    not possible."""
 
     render: Render | None = None
     truth: Truth | None = None
@@ -58,27 +58,20 @@ class StageResult:
 
 
 class Stage(Protocol):
-    """One stage for one camera: plain data that travels to workers."""
+    """One stage for one camera: plain data that travels to workers. `version` is raised by hand
+    when the code gives other bytes for the same parameters and inputs."""
 
     @property
-    def name(self) -> str:
-        """One of selection.STAGES."""
-        ...
+    def name(self) -> str: ...
 
     @property
-    def version(self) -> int:
-        """Raised by hand when the code gives other bytes for the same parameters and inputs."""
-        ...
+    def version(self) -> int: ...
 
     @property
-    def camera(self) -> str:
-        """The camera that it is about."""
-        ...
+    def camera(self) -> str: ...
 
     @property
-    def uses_models(self) -> bool:
-        """Whether a worker wants a share of a GPU."""
-        ...
+    def uses_models(self) -> bool: ...
 
     def parameters(self) -> dict[str, Any]:
         """All that decides the result besides the inputs, models' digests included, as JSON."""
@@ -99,7 +92,7 @@ def directory_of(stage: Stage) -> str:
 
 
 def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
-    """JPEG bytes of all frames of a camera. Raises AnnotateError naming the cameras there are."""
+    """JPEG bytes of all frames of a camera. Raises AnnotateError as `check_camera`."""
     check_camera(episode, camera)
     return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
 
@@ -107,9 +100,8 @@ def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
 def check_camera(episode: EpisodeFile, camera: str) -> None:
     """Raise AnnotateError for a camera that an episode has not, naming those that it has."""
     if camera not in episode.cameras:
-        raise AnnotateError(
-            f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}"
-        )
+        known = ", ".join(episode.cameras)
+        raise AnnotateError(f"{episode.path} has no camera {camera}: it has {known}")
 
 
 def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
@@ -118,7 +110,6 @@ def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
 
 
 def decode_frames(frames: list[bytes]) -> NDArray[np.uint8]:
-    """JPEG frames -> (T,H,W,3) uint8 RGB."""
     return np.stack([decode_frame(data) for data in frames])
 
 
@@ -129,36 +120,34 @@ class SimView:
 
     segmentation: NDArray[np.uint8]
     depth: NDArray[np.uint16] | None
-    poses: NDArray[np.float64]
-    k: NDArray[np.float64]
+    poses: Floats
+    k: Floats
 
 
 def sim_reading(
     episode: EpisodeFile, camera: str, depth: bool, render: Render | None
 ) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
-    """Inputs, lazy view and body names for stages that use simulator truth: stored, if without
-    noise, or rendered again. Raises AnnotateError if neither is possible."""
-    log = episode.read().log
-    group = f"observation/{camera}"
+    """Inputs, lazy view and body names of simulator truth: stored, if without noise, or rendered
+    again. Raises AnnotateError if neither is possible."""
     check_camera(episode, camera)
+    log, drawing, path = episode.read().log, episode.meta.drawing, episode.path
+    group, bodies, sensors = f"observation/{camera}", list(log.bodies), drawing.sensors
     poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
     names = ["actor_segmentation", *(["depth"] if depth else [])]
-    scene = {
-        "bodies": log.bodies,
-        "state": arrays_digest({"poses": log.poses, "camera": poses, "k": k}),
-    }
-    sensors = episode.meta.drawing.sensors
+    state = arrays_digest({"poses": log.poses, "camera": poses, "k": k})
+    scene = {"bodies": log.bodies, "state": state}
     scene |= {"latency": sensors.latency} if sensors and sensors.latency else {}
     noisy = depth and sensors is not None and sensors.depth_noise is not None
-    stored = None if noisy else _read_stored(episode, group, names)
-    if stored is not None:
+    try:
+        stored = {} if noisy else {key: episode.array(f"{group}/{key}") for key in names}
+    except EpisodeError:
+        stored = {}
+    if stored:
         view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
-        return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, list(log.bodies)
+        return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, bodies
     if render is None:
-        raise AnnotateError(
-            f"{episode.path} stores no {' and '.join(names)} of {camera}, and no renderer was given"
-        )
-    path, meta = episode.path, episode.meta
+        missing = f"stores no {' and '.join(names)} of {camera}"
+        raise AnnotateError(f"{path} {missing}, and no renderer was given")
 
     def again() -> SimView:
         v = render(path, camera)
@@ -166,13 +155,4 @@ def sim_reading(
             raise AnnotateError(f"rendering {path} again gave no {' and '.join(names)}")
         return SimView(v.segmentation, v.depth, v.poses, k)
 
-    return {"scene": scene, "assets": meta.drawing.assets}, again, list(log.bodies)
-
-
-def _read_stored(
-    episode: EpisodeFile, group: str, names: list[str]
-) -> dict[str, NDArray[Any]] | None:
-    try:
-        return {key: episode.array(f"{group}/{key}") for key in names}
-    except EpisodeError:
-        return None
+    return {"scene": scene, "assets": drawing.assets}, again, bodies

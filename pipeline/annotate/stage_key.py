@@ -11,7 +11,6 @@ MOST_STRIDE = 600
 """Frames between the two images of a flow pair at most: ten seconds at the highest recording
 rate."""
 
-
 MOST_POINTS = 4096
 """Points that are tracked on a body at most."""
 
@@ -29,9 +28,8 @@ def annotation_key(
     stage: str, version: int, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
 ) -> str:
     """The full key (64 hex digits) of one stage's result for one episode."""
-    return digest(
-        {"stage": stage, "version": version, "parameters": dict(parameters), "inputs": dict(inputs)}
-    )
+    of_stage = {"stage": stage, "version": version, "parameters": dict(parameters)}
+    return digest(of_stage | {"inputs": dict(inputs)})
 
 
 def stage_key(stage: str, version: int, parameters: Mapping[str, Any]) -> str:

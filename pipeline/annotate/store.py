@@ -7,7 +7,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.annotate.stage_key import AnnotateError
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.keys import canonical
@@ -20,7 +19,8 @@ from pipeline.data.slots.annotations import (
 )
 from pipeline.data.store.place import put
 
-GZIP_LEVEL = 1
+from .stage_key import AnnotateError
+
 CHUNK_BYTES = 1 << 20
 
 
@@ -40,23 +40,18 @@ def write_entry(
     attributes: Mapping[str, Any],
     compressed: Collection[str] = (),
 ) -> Entry:
-    """Write one annotation atomically; `compressed` arrays with gzip in chunks of whole frames.
-    Raises OSError or StoreError."""
+    """Write one annotation atomically; `compressed` arrays with gzip in chunks of whole frames."""
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         f.attrs["key"] = key
         f.attrs["attributes"] = canonical(dict(attributes)).decode()
         f.attrs["checksum"] = entry.checksum
-        for name in sorted(arrays):
-            a = arrays[name]
+        for name, a in sorted(arrays.items()):
             options: dict[str, Any] = {}
             if name in compressed and a.size:
                 frames = max(1, min(len(a), CHUNK_BYTES * len(a) // a.nbytes))
-                options = {
-                    "chunks": (frames, *a.shape[1:]),
-                    "compression": "gzip",
-                    "compression_opts": GZIP_LEVEL,
-                }
+                options = {"chunks": (frames, *a.shape[1:])}
+                options |= {"compression": "gzip", "compression_opts": 1}
             f.create_dataset(name, data=a, track_times=False, **options)
     put(path)
     return entry
@@ -70,9 +65,8 @@ def entry_header(path: Path) -> tuple[str, str]:
         with open_hdf5(path) as f:
             return str(f.attrs["key"]), str(f.attrs["checksum"])
     except (OSError, KeyError, RuntimeError) as error:
-        raise CorruptAnnotation(
-            f"{path}: cannot be read ({error}); run annotate again to recompute it"
-        ) from error
+        damaged = f"{path}: cannot be read ({error}); run annotate again to recompute it"
+        raise CorruptAnnotation(damaged) from error
 
 
 def check_entry(path: Path, key: str) -> str:
@@ -89,30 +83,23 @@ def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -
     """Write stage.json (name, version, parameters) of a stage's directory, unless it is there."""
     path = Path(dataset) / "annotations" / directory / "stage.json"
     text = json.dumps(dict(description), indent=2, sort_keys=True) + "\n"
-    if path.is_file() and path.read_text() == text:
-        return
-    write_atomic(path, text.encode())
-    put(path)
+    if not path.is_file() or path.read_text() != text:
+        write_atomic(path, text.encode())
+        put(path)
 
 
 def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
-    """The one directory of a stage with these parameters: `find_stage(out, "flow", stride=4)`.
-    Raises AnnotateError if none or several fit."""
-    candidates = {d: s for d, s in stages_of(dataset).items() if s["stage"] == stage}
+    """The one directory of a stage with these parameters. Raises AnnotateError."""
     fit = [
-        d
-        for d, s in candidates.items()
-        if all(s["parameters"].get(k) == v for k, v in parameters.items())
+        directory
+        for directory, s in stages_of(dataset).items()
+        if s["stage"] == stage and all(s["parameters"].get(k) == v for k, v in parameters.items())
     ]
     if len(fit) == 1:
         return fit[0]
-    description = " ".join([stage, *(f"{k}={v}" for k, v in parameters.items())])
+    named = " ".join([stage, *(f"{k}={v}" for k, v in parameters.items())])
     if not fit:
-        raise AnnotateError(
-            f"{dataset} has no {description} annotations; run: domino-data annotate {dataset}"
-            f" --stages {stage}"
-        )
-    raise AnnotateError(
-        f"{dataset} has several {description} annotations ({', '.join(fit)}): give more parameters"
-        " to choose one"
-    )
+        again = f"run: domino-data annotate {dataset} --stages {stage}"
+        raise AnnotateError(f"{dataset} has no {named} annotations; {again}")
+    several = f"{dataset} has several {named} annotations ({', '.join(fit)})"
+    raise AnnotateError(f"{several}: give more parameters to choose one")

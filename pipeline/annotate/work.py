@@ -8,22 +8,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.stage import NotReady, Stage, StageResult, directory_of
-from pipeline.annotate.stage_key import AnnotateError, annotation_key
-from pipeline.annotate.store import check_entry, write_entry
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.intact import check_bytes
 from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path
 
+from .stage import NotReady, Stage, StageResult, directory_of
+from .stage_key import AnnotateError, annotation_key
+from .store import check_entry, write_entry
+
 AHEAD = 2
 """Episodes the prefetch thread may be ahead; bounds memory to three decoded episodes a worker."""
+
+_REASONS = {
+    "missing": "not annotated yet",
+    "stale": "its frames, masks or prompt changed since",
+    "corrupt": "its file is damaged",
+    "valid": "key and content match",
+}
+_EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation, OSError)
 
 
 @dataclass(frozen=True)
 class StageOutcome:
-    """What became of one stage of one episode. `action` is computed, reused, failed or waiting,
-    `state` what was found: valid, missing, stale, corrupt, or unknown for an unreadable episode."""
+    """What became of an episode: `action` is computed, reused, failed or waiting, `state` valid,
+    missing, stale, corrupt, or unknown for an unreadable episode."""
 
     episode: str
     action: str
@@ -35,19 +44,9 @@ class StageOutcome:
 @dataclass(eq=False)
 class _Work:
     key: str
-    state: str
+    outcome: StageOutcome
     inputs: dict[str, Any]
     data: Any
-    frames: int
-
-
-_REASONS = {
-    "missing": "not annotated yet",
-    "stale": "its frames, masks or prompt changed since",
-    "corrupt": "its file is damaged",
-    "valid": "key and content match",
-}
-_EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation, OSError)
 
 
 class StageWorker:
@@ -59,16 +58,16 @@ class StageWorker:
         self._compute: Callable[[Any], StageResult] | None = None
 
     def run(self, episodes: Sequence[Path]) -> Iterator[StageOutcome]:
-        """Bring episodes up to date, in order; yields one outcome each. Raises AnnotateError for
-        models that cannot be loaded or a result that cannot be written."""
+        """One outcome an episode, in order. Raises AnnotateError for models that cannot be loaded
+        or a result that cannot be written."""
         for episode, prepared in _prefetch(self._prepare, episodes):
-            yield (
-                prepared if isinstance(prepared, StageOutcome) else self._finish(episode, prepared)
-            )
+            if isinstance(prepared, _Work):
+                self._finish(episode, prepared)
+                prepared = prepared.outcome
+            yield prepared
 
-    def _prepare(self, episode: Path) -> "StageOutcome | _Work":
-        name, state = str(episode), "unknown"
-        stage = self.stage
+    def _prepare(self, episode: Path) -> StageOutcome | _Work:
+        name, state, stage = str(episode), "unknown", self.stage
         try:
             check_bytes(Dataset(self.dataset), episode)
             with open_episode(self.dataset / "episodes" / episode) as e:
@@ -77,43 +76,35 @@ class StageWorker:
                 state = check_entry(annotation_path(self.dataset, self.directory, episode), key)
                 if state == "valid":
                     return StageOutcome(name, "reused", state, _REASONS[state])
+                outcome = StageOutcome(name, "computed", state, _REASONS[state], len(e))
                 if self.dry_run:
-                    return StageOutcome(name, "computed", state, _REASONS[state], len(e))
-                return _Work(key, state, dict(reading.inputs), reading.decode(), len(e))
+                    return outcome
+                return _Work(key, outcome, dict(reading.inputs), reading.decode())
         except NotReady as error:
             return StageOutcome(name, "waiting", "missing", str(error))
         except _EPISODE_FAULTS as error:
             return StageOutcome(name, "failed", state, str(error))
 
     def start(self) -> Callable[[Any], StageResult]:
-        """Load the models, unless they are there already."""
         if self._compute is None:
             self._compute = self.stage.start()
         return self._compute
 
-    def _finish(self, episode: Path, work: "_Work") -> StageOutcome:
+    def _finish(self, episode: Path, work: _Work) -> None:
         result = self.start()(work.data)
         path = annotation_path(self.dataset, self.directory, episode)
+        attributes = {**result.attributes, "inputs": work.inputs}
         try:
-            write_entry(
-                path,
-                work.key,
-                result.arrays,
-                {**result.attributes, "inputs": work.inputs},
-                result.compressed,
-            )
+            write_entry(path, work.key, result.arrays, attributes, result.compressed)
         except OSError as error:
             raise AnnotateError(f"cannot write {path}: {error.strerror or error}") from error
-        return StageOutcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
 
 
 def _prefetch[T](
     prepare: Callable[[Path], T], episodes: Sequence[Path]
 ) -> Iterator[tuple[Path, T]]:
-    """`(episode, prepare(episode))` in order, prepared on one thread at most AHEAD episodes before
-    they are asked for."""
-    pending: deque[tuple[Path, Future[T]]] = deque()
-    rest = iter(episodes)
+    """`(episode, prepare(episode))` in order, prepared at most AHEAD episodes ahead."""
+    pending, rest = deque[tuple[Path, Future[T]]](), iter(episodes)
     with ThreadPoolExecutor(1) as pool:
         try:
             while True:

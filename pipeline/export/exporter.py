@@ -7,18 +7,16 @@ from typing import Any, ClassVar
 
 from pipeline.data.actions import JOINTS
 from pipeline.data.slots.select import VALIDATION
-from pipeline.export.options import NoOptions, recorded, representation_of
-from pipeline.export.shared.card import write_card
 from pipeline.export.shared.draft import ExportDraft, Job, stage_directory
 from pipeline.export.shared.episodes import reading, sort_episodes
-from pipeline.export.shared.sensors import sensors_of
+from pipeline.export.shared.images import sensors_of
+from pipeline.export.shared.record import write_card
 from pipeline.registry import Registry
+
+from .options import recorded, representation_of
 
 LEFT_OUT = "sensors_left_out"
 """Key of the summary: sensors that the dataset has and the export has not."""
-
-ACTION = "action"
-"""Key of the summary: what an action is, if not joint targets."""
 
 
 class Exporter[O](ABC):
@@ -27,6 +25,7 @@ class Exporter[O](ABC):
 
     name: ClassVar[str]
     options: type[O]
+    written: ClassVar[Collection[str]] = ()
 
     @abstractmethod
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
@@ -34,80 +33,55 @@ class Exporter[O](ABC):
         the summary. Raises ExportError for episodes that the format cannot hold."""
 
     def sensors(self, options: O) -> Collection[str]:
-        """Which of `sensors.SENSORS` the format writes with these options."""
-        return ()
+        """Which of `images.SENSORS` the format writes with these options."""
+        return self.written
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """The data files for the card's front matter, so that `load_dataset` finds them; [] if it
-        cannot read the format."""
+        """The data files for `load_dataset`; [] if it cannot read the format."""
         return []
 
     def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out` and return its summary; it appears by rename. Raises ExportError as
-        `write` and `stage_directory`."""
+        """Write `job.out` by rename and return its summary. Raises ExportError."""
         representation = representation_of(job.options)
         options = recorded(job.options) | dict(job.given)
         with stage_directory(job.out, job.dataset) as folder:
             draft = ExportDraft(folder, job, self.name, options)
-            summary = {
-                "format": self.name,
-                "options": options,
-                "split": job.split,
-                **self.write(job, draft),
-            }
+            summary = {"format": self.name, "options": options, "split": job.split}
+            summary |= self.write(job, draft)
             for path in job.episodes:
                 draft.hash_of(path)
             if representation != JOINTS:
-                summary[ACTION] = representation.describe()
+                summary["action"] = representation.describe()
             if job.where:
                 summary["where"] = job.where
             if job.validation != VALIDATION:
                 summary["validation"] = job.validation
-            if left := self._left_out(job):
+            written = self.sensors(job.options)
+            with reading(sort_episodes(job.episodes)[0]) as file:
+                stored = sensors_of(file, file.cameras)
+            if left := [name for name in stored if name not in written]:
                 summary[LEFT_OUT] = left
-            write_card(
-                folder,
-                summary,
-                self.configs(folder),
-                job.describe(folder, summary) if job.describe else "",
-            )
+            text = job.describe(folder, summary) if job.describe else ""
+            write_card(folder, summary, self.configs(folder), text)
             return draft.finish(summary)
 
-    def _left_out(self, job: Job[O]) -> list[str]:
-        """Sensors that the first episode stores and the format does not write."""
-        with reading(sort_episodes(job.episodes)[0]) as file:
-            return [
-                name
-                for name in sensors_of(file, file.cameras)
-                if name not in self.sensors(job.options)
-            ]
 
-
-_HERE = "pipeline.export"
+_FORMATS, _BRIDGES = "pipeline.export.formats", "pipeline.export.bridges"
 EXPORTERS = Registry[Exporter[Any]](
     "format",
     {
-        "lerobot": f"{_HERE}.formats.lerobot.version30",
-        "lerobot-v2.1": f"{_HERE}.formats.lerobot.version21",
-        "aloha": f"{_HERE}.formats.aloha",
-        "parquet": f"{_HERE}.formats.parquet",
-        "rlds": f"{_HERE}.formats.rlds",
-        "zarr": f"{_HERE}.formats.zarr",
-        "robomimic": f"{_HERE}.formats.robomimic",
-        "robotwin": f"{_HERE}.bridges.robotwin",
-        "xpolicylab": f"{_HERE}.bridges.xpolicylab",
-        "dynamicwam": f"{_HERE}.bridges.dynamicwam",
-        "puma-gt": f"{_HERE}.bridges.puma_gt",
+        "lerobot": f"{_FORMATS}.lerobot.version30",
+        "lerobot-v2.1": f"{_FORMATS}.lerobot.version21",
+        **{name: f"{_FORMATS}.{name}" for name in ("aloha", "parquet", "rlds", "zarr")},
+        "robomimic": f"{_FORMATS}.robomimic",
+        **{name: f"{_BRIDGES}.{name}" for name in ("robotwin", "xpolicylab", "dynamicwam")},
+        "puma-gt": f"{_BRIDGES}.puma_gt",
     },
 )
-"""Formats by name. A module of ours is imported, and registers its class, when its format is asked
-for."""
+"""Formats by name. A module is imported, and registers its class, when its format is asked for."""
 
 
 def register[E: Exporter[Any]](kind: type[E]) -> type[E]:
     """Class decorator that makes a format known. Raises ValueError for a name that is taken."""
     EXPORTERS.add(kind.name, kind())
     return kind
-
-
-__all__ = ["EXPORTERS", "Exporter", "Job", "NoOptions", "register"]

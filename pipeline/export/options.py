@@ -8,7 +8,6 @@ from typing import Any
 from pipeline.data import parsing
 from pipeline.data.actions import ACTIONS, FRAMES, JOINTS, ROTATIONS, Representation
 from pipeline.data.names import CAMERAS
-from pipeline.data.parsing import LARGEST_NUMBER, ParseError, pixels, show_value
 from pipeline.export.shared.episodes import ExportError
 from pipeline.export.shared.labels import LABELS
 
@@ -40,22 +39,18 @@ def flag_name(f: Field[Any]) -> str:
 
 
 def is_flag(f: Field[Any]) -> bool:
-    """Whether the option takes no value."""
     return isinstance(f.default, bool)
 
 
 def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]) -> O:
-    """The options of a format from texts by field name. Raises ExportError for an unknown, a
-    missing and a wrong one."""
+    """The options of a format from texts by field name. Raises ExportError."""
     known: dict[str, Field[Any]] = {f.name: f for f in fields(kind)}  # pyright: ignore[reportArgumentType]
-    for name in given:
-        if name not in known:
-            has = ", ".join(flag_name(f) for f in known.values()) or "none"
-            raise ExportError(
-                f"--{name.replace('_', '-')} is not an option of --format {format}; its options"
-                f" are: {has}"
-            )
     values: dict[str, Any] = {}
+    if unknown := [name for name in given if name not in known]:
+        flag, has = unknown[0].replace("_", "-"), ", ".join(map(flag_name, known.values()))
+        raise ExportError(
+            f"--{flag} is not an option of --format {format}; its options are: {has or 'none'}"
+        )
     for name, f in known.items():
         if name not in given:
             if f.default is MISSING and f.default_factory is MISSING:
@@ -63,13 +58,12 @@ def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]
             continue
         text = given[name]
         try:
-            values[name] = (
-                text if isinstance(text, bool) else f.metadata["parse"](parsing.line(text))
-            )
-        except ParseError as error:
-            raise ExportError(f"{flag_name(f)} {show_value(text)} {error}") from error
+            is_text = not isinstance(text, bool)
+            values[name] = f.metadata["parse"](parsing.line(text)) if is_text else text
         except ValueError as error:
-            raise ExportError(f"{flag_name(f)} {show_value(text)}: {error}") from error
+            sign = " " if isinstance(error, parsing.ParseError) else ": "
+            shown = f"{flag_name(f)} {parsing.show_value(text)}"
+            raise ExportError(f"{shown}{sign}{error}") from error
     return kind(**values)
 
 
@@ -85,29 +79,26 @@ def one_of(*names: str) -> Callable[[str], str]:
 
 
 def several_of(*names: str) -> Callable[[str], tuple[str, ...]]:
+    """A parser of these names, separated by commas."""
     one = one_of(*names)
-
-    def parse(text: str) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(map(one, text.split(","))))
-
-    return parse
+    return lambda text: tuple(dict.fromkeys(map(one, text.split(","))))
 
 
-def whole(minimum: int, maximum: int = LARGEST_NUMBER) -> Callable[[str], int]:
+def whole(minimum: int, maximum: int = parsing.LARGEST_NUMBER) -> Callable[[str], int]:
     """A parser of whole numbers from `minimum` to `maximum`."""
     return partial(parsing.whole, low=minimum, high=maximum)
 
 
 def image_size(text: str) -> tuple[int, int]:
     """ "640x480" (width x height) -> (480, 640)."""
-    width, height = pixels(text)
+    width, height = parsing.pixels(text)
     return height, width
 
 
 def camera_names(text: str) -> dict[str, str]:
     """ "head=top,left=wrist" -> {"head_camera": "top", "left_camera": "wrist"}."""
     pairs = [part.split("=") for part in text.split(",")]
-    if any(len(pair) != 2 or not pair[0] or not pair[1] for pair in pairs):
+    if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise ValueError("write camera=name, separated by commas, like head=top,left=wrist_1")
     return {CAMERAS.get(camera, camera): name for camera, name in pairs}
 
@@ -118,9 +109,14 @@ CAMERA_NAMES_HELP = (
 )
 
 
-def camera_names_option() -> Any:
+def camera_names_option(help: str = CAMERA_NAMES_HELP) -> Any:
     """The option `camera_names`: exported names by the dataset's."""
-    return option(CAMERA_NAMES_HELP, camera_names, factory=dict)
+    return option(help, camera_names, factory=dict)
+
+
+def jpeg_order_option(help: str, default: Any = MISSING) -> Any:
+    """The option `jpeg_order`; without a default it must be given."""
+    return option(help, one_of("rgb", "bgr"), default)
 
 
 @dataclass(frozen=True)
@@ -128,10 +124,7 @@ class ActionOptions:
     """What an action is (data/actions.py)."""
 
     actions: str = option(
-        f"what an action is: {', '.join(ACTIONS)}",
-        one_of(*ACTIONS),
-        JOINTS.actions,
-        quiet=True,
+        f"what an action is: {', '.join(ACTIONS)}", one_of(*ACTIONS), JOINTS.actions, quiet=True
     )
     rotation: str = option(
         f"rotations of tool poses: {', '.join(ROTATIONS)}",
@@ -149,24 +142,29 @@ class ActionOptions:
     def __post_init__(self) -> None:
         poses = [one for one in self.representations if one.poses]
         if self.rotation != JOINTS.rotation and not poses:
-            raise ExportError(
-                f"--rotation {self.rotation} is of tool poses: it needs --actions ee, ee-relative"
-                " or ee-delta"
-            )
+            needs = "is of tool poses: it needs --actions ee, ee-relative or ee-delta"
+            raise ExportError(f"--rotation {self.rotation} {needs}")
         if self.frame != JOINTS.frame and all(one.reference != "absolute" for one in poses):
-            raise ExportError(
-                f"--frame {self.frame} is of absolute tool poses: it needs --actions ee"
-            )
+            needs = "is of absolute tool poses: it needs --actions ee"
+            raise ExportError(f"--frame {self.frame} {needs}")
 
     @property
     def representations(self) -> tuple[Representation, ...]:
-        """All representations that an export holds."""
         return (self.representation,)
 
     @property
     def representation(self) -> Representation:
-        """The representation that these options choose."""
         return Representation(self.actions, self.rotation, self.frame)
+
+
+@dataclass(frozen=True)
+class ImageOptions(ActionOptions):
+    """Options of formats that hold images of any size, (height, width) in pixels."""
+
+    size: tuple[int, int] | None = option(
+        "WIDTHxHEIGHT in pixels to resize images to, like 640x480", image_size, None
+    )
+    camera_names: Mapping[str, str] = camera_names_option()
 
 
 @dataclass(frozen=True)

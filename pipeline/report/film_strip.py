@@ -1,6 +1,7 @@
-"""What a person looks at first: a few frames of an episode with the target's path drawn in, and a
-short film of it, an H.264 mp4 that any browser plays."""
+"""What a person looks at first: frames of an episode with the target's path drawn in, a sheet of
+such rows, and a short H.264 film."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,16 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, project
-from pipeline.data.episode.file import Episode, EpisodeError, open_episode
+from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile, open_episode
 from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.names import HEAD
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
+from pipeline.poses import Floats
 
 MEETING_COLOR = (255, 196, 0)
 NEAREST = 0.05  # m in front of the camera; nearer points project to nonsense
 BETWEEN = "  |  "
+TITLE, GAP = 28, 6  # pixels of a sheet above a row and between frames
 _SUBPIXEL = 4  # bits: cv2 draws at 1/16 pixel
+
+type Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +32,7 @@ class Shot:
     """One frame (H,W,3) uint8 RGB with the path drawn in, at a time in s, which may be the
     meeting."""
 
-    rgb: NDArray[np.uint8]
+    rgb: Pixels
     time: float
     meeting: bool
     caption: str
@@ -35,52 +40,63 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """The shots of one episode in order of time."""
-
     spec: EpisodeSpec
     shots: tuple[Shot, ...]
 
 
 def film(path: Path, columns: int = 6, width: int = 320) -> Film:
-    """Up to `columns` frames of an episode file, as `pick_frames` chooses them, scaled to `width`
-    pixels, from the head camera or the first one. Raises EpisodeError for a file that is no
-    episode or has no camera."""
+    """Up to `columns` frames of an episode file, scaled to `width` pixels, from the head camera or
+    the first one. Raises EpisodeError for a file that is no episode or has no camera."""
     with open_episode(path) as e:
-        if not e.cameras:
-            raise EpisodeError(f"{path}: has no camera")
+        _check_cameras(e)
         episode, camera = e.read(), HEAD if HEAD in e.cameras else e.cameras[0]
-        pixels, in_front = path_pixels(
-            e.meta.drawing.cameras[camera].camera(camera).type,
-            e.array(f"observation/{camera}/pose"),
-            episode.log.pose(episode.meta.target),
-        )
-        meeting = meeting_frame(episode)
-        shots = []
+        kind = e.meta.drawing.cameras[camera].camera(camera).type
+        poses = e.array(f"observation/{camera}/pose")
+        pixels, in_front = path_pixels(kind, poses, episode.log.pose(episode.meta.target))
+        meeting, shots = meeting_frame(episode), list[Shot]()
         for i in pick_frames(len(e), columns, meeting):
             rgb = e.rgb(camera, i)
             scale = width / rgb.shape[1]
-            kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-            scaled = np.asarray(
-                cv2.resize(rgb, (width, round(rgb.shape[0] * scale)), interpolation=kind), np.uint8
-            )
+            size = width, round(rgb.shape[0] * scale)
+            method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+            scaled = np.asarray(cv2.resize(rgb, size, interpolation=method), np.uint8)
             draw_path(scaled, pixels * scale, in_front, i, meeting)
             time, words = float(episode.log.times[i]), "meeting, " if i == meeting else ""
             shots.append(Shot(scaled, time, i == meeting, f"{words}{time:.2f} s"))
     return Film(episode.spec, tuple(shots))
 
 
-def title(spec: EpisodeSpec) -> str:
-    """What a person calls an episode: its task in words."""
-    return spec.task.replace("_", " ")
+def _check_cameras(e: EpisodeFile) -> None:
+    if not e.cameras:
+        raise EpisodeError(f"{e.path}: has no camera")
+
+
+def contact_sheet(paths: Sequence[Path], columns: int = 6, width: int = 240) -> Pixels:
+    """An image (H,W,3) uint8 RGB with a titled row of frames an episode; that of the meeting is
+    underlined. Raises EpisodeError for a file that is no episode."""
+    rows = list[Pixels]()
+    for path in paths:
+        strip = film(path, columns, width)
+        height = strip.shots[0].rgb.shape[0]
+        row = np.full((TITLE + height + GAP, columns * (width + GAP), 3), 250, np.uint8)
+        words = BETWEEN.join((strip.spec.task.replace("_", " "), subtitle(strip.spec)))
+        font = cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(row, words, (0, TITLE - 9), font, 0.5, (28, 30, 34), 1, cv2.LINE_AA)
+        for i, shot in enumerate(strip.shots):
+            span = slice(i * (width + GAP), i * (width + GAP) + width)
+            row[TITLE : TITLE + height, span] = shot.rgb
+            if shot.meeting:
+                row[TITLE + height :, span] = MEETING_COLOR
+        rows.append(row)
+    return np.concatenate(rows)
 
 
 def subtitle(of: EpisodeSpec | Cell) -> str:
-    """Level, speed, robot and domain in words."""
     motion = f"level {of.level}, {of.alpha:g} m/s" if of.level and of.alpha else "static"
     return BETWEEN.join((motion, of.embodiment, of.domain))
 
 
-def encode(rgb: NDArray[np.uint8], suffix: str = ".jpg", quality: int = 88) -> bytes:
+def encode(rgb: Pixels, suffix: str = ".jpg", quality: int = 88) -> bytes:
     """Picture (H,W,3) uint8 RGB -> JPEG or PNG bytes."""
     png = suffix == ".png"
     options = [cv2.IMWRITE_PNG_COMPRESSION, 9] if png else [cv2.IMWRITE_JPEG_QUALITY, quality]
@@ -91,30 +107,27 @@ def clip(path: Path, height: int = 180) -> bytes:
     """The mp4 of an episode, its cameras side by side, `height` pixels high, or less if none
     reaches that. Raises EpisodeError for a file that is no episode or has no camera."""
     with open_episode(path) as e:
-        if not e.cameras:
-            raise EpisodeError(f"{path}: has no camera")
-        height = min(height, 2 * round(max(e.rgb(c, 0).shape[0] for c in e.cameras) / 2))
+        _check_cameras(e)
+        shapes = {camera: e.rgb(camera, 0).shape for camera in e.cameras}
+        height = min(height, 2 * round(max(shape[0] for shape in shapes.values()) / 2))
         sizes = {
             camera: (2 * round(wide * height / high / 2), height)
-            for camera in e.cameras
-            for high, wide in [e.rgb(camera, 0).shape[:2]]
+            for camera, (high, wide, _) in shapes.items()
         }
-        rows = (
-            np.hstack(
-                [cv2.resize(e.rgb(c, i), sizes[c], interpolation=cv2.INTER_AREA) for c in sizes]
+
+        def row(i: int) -> Pixels:
+            images = (
+                cv2.resize(e.rgb(camera, i), size, interpolation=cv2.INTER_AREA)
+                for camera, size in sizes.items()
             )
-            for i in range(len(e))
-        )
-        return encode_mp4((np.ascontiguousarray(row, np.uint8) for row in rows), e.fps)
+            return np.ascontiguousarray(np.hstack(list(images)), np.uint8)
+
+        return encode_mp4(map(row, range(len(e))), e.fps)
 
 
 def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
-    """Indices of at most `columns` of `count` frames, from first to last: half of them up to the
-    meeting, the rest after it.
-
-    Both halves are spread evenly, so that the approach is visible however long the episode is.
-    Raises ValueError for fewer than two columns.
-    """
+    """Indices of at most `columns` of `count` frames: half of them up to the meeting, the rest
+    after it, each half spread evenly. Raises ValueError for fewer than two columns."""
     if columns < 2:
         raise ValueError(f"a film needs two columns or more, not {columns}")
     last = count - 1
@@ -122,9 +135,8 @@ def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
         picks = np.linspace(0, last, columns)
     else:
         before = (columns + 1) // 2
-        picks = np.concatenate(
-            [np.linspace(0, meeting, before), np.linspace(meeting, last, columns - before + 1)[1:]]
-        )
+        after = np.linspace(meeting, last, columns - before + 1)[1:]
+        picks = np.concatenate([np.linspace(0, meeting, before), after])
     return sorted({int(i) for i in picks.round()})
 
 
@@ -135,44 +147,33 @@ def meeting_frame(episode: Episode) -> int | None:
 
 
 def path_pixels(
-    kind: CameraType, cameras: NDArray[np.floating], poses: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Pixels (T,2) of a body's origin as a camera saw it at each frame, and which (T,) of them lie
-    in front of it.
-
+    kind: CameraType, cameras: NDArray[np.floating], poses: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Pixels (T,2) of a body's origin as a camera saw it, and which (T,) are in front of it.
     `cameras` and `poses` are the world poses (T,7) of camera and body."""
     seen = [project(kind, world, point) for world, point in zip(cameras, poses[:, :3], strict=True)]
     return np.array([uv for uv, _ in seen]), np.array([depth > NEAREST for _, depth in seen])
 
 
 def draw_path(
-    rgb: NDArray[np.uint8],
-    pixels: NDArray[np.float64],
-    in_front: NDArray[np.bool_],
-    now: int,
-    meeting: int | None,
+    rgb: Pixels, pixels: Floats, in_front: NDArray[np.bool_], now: int, meeting: int | None
 ) -> None:
-    """Draw the path (T,2) on an image (H,W,3), in place, with a ring at the meeting point and a dot
-    at the target's present position.
-
-    It is coloured by time up to `now` (violet early, yellow late), then a thin line to the meeting.
-    """
+    """Draw the path (T,2) on an image (H,W,3), in place: coloured by time up to `now`, a thin line
+    to the meeting, a ring there, and a dot at the present position."""
     unit = max(rgb.shape[1] / 320, 0.5)
-    last = len(pixels) - 1
-    ramp = _plasma()[np.linspace(40, 255, last + 1).astype(np.uint8)].tolist()
+    ramp = _plasma()[np.linspace(40, 255, len(pixels)).astype(np.uint8)].tolist()
     fixed = np.clip(np.rint(np.nan_to_num(pixels) * 2**_SUBPIXEL), -(2**20), 2**20)
     points = fixed.astype(int).tolist()
     for i in range(now if meeting is None else max(now, meeting)):
         if in_front[i] and in_front[i + 1]:
             color, thick = (ramp[i], 2.2 * unit) if i < now else ((235, 235, 235), 0.8 * unit)
-            ends, width = (points[i], points[i + 1]), max(1, round(thick))
-            cv2.line(rgb, *ends, color, width, cv2.LINE_AA, _SUBPIXEL)
+            width = max(1, round(thick))
+            cv2.line(rgb, points[i], points[i + 1], color, width, cv2.LINE_AA, _SUBPIXEL)
     dark = (20, 20, 20)
     rings = [(now, 3.2, dark, -1), (now, 2.2, (255, 255, 255), -1)]
     if meeting is not None:
-        widths = [max(1, round(width * unit)) for width in (3.2, 1.6)]
-        around = zip((dark, MEETING_COLOR), widths, strict=True)
-        rings = [*((meeting, 7.0, *each) for each in around), *rings]
+        wide, narrow = (max(1, round(width * unit)) for width in (3.2, 1.6))
+        rings = [(meeting, 7.0, dark, wide), (meeting, 7.0, MEETING_COLOR, narrow), *rings]
     for i, radius, color, thick in rings:
         if in_front[i]:
             size = round(radius * unit * 2**_SUBPIXEL)
@@ -180,8 +181,7 @@ def draw_path(
 
 
 @cache
-def _plasma() -> NDArray[np.uint8]:
+def _plasma() -> Pixels:
     """RGB (256,3) of the color map, kept because OpenCV takes milliseconds to make it."""
-    return np.asarray(
-        cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA), np.uint8
-    )[:, 0, ::-1]
+    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA)
+    return np.asarray(ramp, np.uint8)[:, 0, ::-1]

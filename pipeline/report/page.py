@@ -17,8 +17,9 @@ from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Cell
 from pipeline.data.slots.files import Rows
 from pipeline.html import render_page
-from pipeline.report.film_strip import BETWEEN, clip, encode, film, subtitle
-from pipeline.report.summary import EpisodeFacts, Group, summarise
+
+from .film_strip import BETWEEN, clip, encode, film, subtitle
+from .summary import EpisodeFacts, Group, summarise
 
 type SheetOf = Callable[[Path, Path], NDArray[np.uint8] | None]
 """(dataset directory, episode relative to episodes/) -> image (H,W,3) uint8 RGB of its annotations,
@@ -52,20 +53,18 @@ def failed_folder(dataset: Path, cell: str) -> Path:
 
 
 def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
-    """Update the report, with annotations as `sheet_of` draws them, and return the path of its
-    first page. Figures come from the index; only episodes that are shown are opened, and
-    variants. One that cannot be read is left out. Raises DatasetError for a directory without a
-    recipe."""
+    """Update the report and return the path of its first page. Figures come from the index; only
+    episodes that are shown are opened, and variants. One that cannot be read is left out. Raises
+    DatasetError for a directory without a recipe."""
     recipe = dataset.recipe()
     rows = dataset.present(recipe, "frames", "sha256")
-    table = dataset.ask(lambda index: attempts_table(index, rows))
-    places = zip(*(table[name].to_pylist() for name in Cell.__match_args__), strict=True)
+    attempts = dataset.ask(lambda index: attempts_table(index, rows))
+    places = zip(*(attempts[name].to_pylist() for name in Cell.__match_args__), strict=True)
     tried = defaultdict[Cell, list[int]](list)
     for number, place in enumerate(places):
         tried[Cell(*place)].append(number)
     seen = _observe(dataset, rows, recipe.fps)
-    groups = [Group(c, seen.get(c, ()), table.take(tried[c])) for c in sorted({*seen, *tried})]
-    keys = {task: _key(dataset, rows, task) for task in recipe.tasks}
+    groups = [Group(c, seen.get(c, ()), attempts.take(tried[c])) for c in sorted({*seen, *tried})]
     sheets = list[Figure]()
     if (dataset.root / "annotations").is_dir():
         for group in [group for group in groups if group.episodes][:SHEETS]:
@@ -73,11 +72,12 @@ def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
             sheet = sheet_of(dataset.root, episode)
             if sheet is not None:
                 sheets.append(Figure(encode(sheet, quality=85), str(episode.with_suffix(""))))
+    keys = {task: _key(dataset, rows, task) for task in recipe.tasks}
     return write_report(dataset.root, groups, sheets, keys)
 
 
 def _observe(dataset: Dataset, rows: Rows, fps: int) -> Mapping[Cell, list[EpisodeFacts]]:
-    """The accepted episodes. Those without attempts of their own are opened: variants."""
+    """The accepted episodes. Variants, which have no attempts of their own, are opened."""
     of, tried = dataset.ask(lambda index: index.attempts(rows, "average_speed", "maximum_speed"))
     speeds = dict(zip(of.tolist(), tried, strict=True))  # the last attempt is the accepted one
     seen = defaultdict[Cell, list[EpisodeFacts]](list)
@@ -95,7 +95,7 @@ def _observe(dataset: Dataset, rows: Rows, fps: int) -> Mapping[Cell, list[Episo
 def _key(dataset: Dataset, rows: Rows, task: str) -> str:
     """What the page of a task is made of: its episodes, and the pictures of its failed attempts."""
     mine = rows.where(np.array([cell.task == task for cell in rows.cells], bool)[rows.ranks])
-    failed = sorted(p.name for p in (dataset.root / "report" / "failed" / task).rglob("*.jpg"))
+    failed = sorted(p.name for p in failed_folder(dataset.root, task).rglob("*.jpg"))
     hashes = [sha256.hex() for sha256 in mine.more["sha256"]]
     return digest([[slot.path for slot in mine.slots], hashes, failed])
 
@@ -109,8 +109,7 @@ def write_report(
     """Write the report of a dataset and return its path; `sheets` are pictures of annotations.
 
     From MANY_CELLS cells on every task has a page of its own, tasks/TASK.html. `keys` names, by
-    task, what its page is made of: a page of the same key is not drawn again.
-    """
+    task, what its page is made of: a page of the same key is not drawn again."""
     index, folder = dataset / "report" / "index.html", dataset / "report" / "tasks"
     name, tasks = dataset.resolve().name, defaultdict[str, list[Group]](list)
     for group in groups:
@@ -138,26 +137,24 @@ def _write(
     **more: Any,
 ) -> Path:
     """Write a page with `films` films of every cell; with none, links to the pages of the tasks."""
-    titles = {task: task.replace("_", " ") for task in tasks}
     values: dict[str, Any] = {"sheets": (), "key": "", "cards": {}, "links": [], "columns": COLUMNS}
     for task, mine in tasks.items():
+        title = task.replace("_", " ")
         if films:
-            values["cards"][titles[task]] = [_card(dataset, group, films) for group in mine]
+            values["cards"][title] = [_card(dataset, group, films) for group in mine]
             continue
-        won = sum(group.attempts["outcome"].to_pylist().count("accepted") for group in mine)
-        tried = sum(group.attempts.num_rows for group in mine)
-        values["links"].append((f"tasks/{task}.html", titles[task], len(mine), tried, won))
+        outcomes = [name for group in mine for name in group.attempts["outcome"].to_pylist()]
+        counts = (len(mine), len(outcomes), outcomes.count("accepted"))
+        values["links"].append((f"tasks/{task}.html", title, *counts))
     values |= summarise([group for mine in tasks.values() for group in mine]) | more
     text = render_page("pipeline.report", "report.html", name=name, **values)
-    write_atomic(
-        page, text.encode(errors="replace")
-    )  # a file name may hold bytes that are no UTF-8
+    # a file name may hold bytes that are no UTF-8
+    write_atomic(page, text.encode(errors="replace"))
     return page
 
 
 def _card(dataset: Path, group: Group, films: int) -> dict[str, Any]:
-    """The card of a cell: its numbers, frames of some episodes, the film of the first, and the last
-    frames of some failed attempts."""
+    """A cell: its numbers, frames of episodes, the film of the first, frames of failed attempts."""
     strips, unseen, failed = list[list[Figure]](), list[str](), list[Figure]()
     for episode in group.episodes[:films]:
         try:

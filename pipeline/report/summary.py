@@ -18,6 +18,8 @@ SHORT = 0.05
 MOTION = ("average_speed", "end_speed", "displacement", "alpha")
 """What `law` reads of an attempt."""
 
+PLACE = ("task", "embodiment", "level", "alpha", "domain")
+
 type Row = Mapping[str, Any]
 
 
@@ -41,11 +43,8 @@ class Group:
 
 @dataclass(frozen=True)
 class Law:
-    """Means over a number of motions: average and end speed (m/s), displacement (m), and shares by
-    displacement and speed.
-
-    `short` is the share that moved less than SHORT, `slow` the share with an average speed of at
-    most 0.01 m/s, `fast` the share with one of at least 0.8 alpha."""
+    """Means over motions: average and end speed (m/s), displacement (m), and shares: `short` moved
+    less than SHORT, `slow` had at most 0.01 m/s on average, `fast` at least 0.8 alpha."""
 
     count: int
     average_speed: float
@@ -61,11 +60,8 @@ def law(rows: Sequence[Row]) -> Law | None:
     if not rows:
         return None
     speed, end, moved, alpha = (np.array([float(r[k]) for r in rows]) for k in MOTION)
-    shares = [
-        float(np.mean(x))
-        for x in (moved < SHORT, speed <= 0.01 + 1e-9, speed >= 0.8 * alpha - 1e-9)
-    ]
-    return Law(len(rows), float(speed.mean()), float(end.mean()), float(moved.mean()), *shares)
+    shares = (moved < SHORT, speed <= 0.01 + 1e-9, speed >= 0.8 * alpha - 1e-9)
+    return Law(len(rows), *(float(np.mean(values)) for values in (speed, end, moved, *shares)))
 
 
 def drawn_and_accepted(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
@@ -74,40 +70,27 @@ def drawn_and_accepted(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
     slots: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         if row.get("average_speed"):
-            slots[
-                tuple(row[k] for k in ("task", "embodiment", "level", "alpha", "domain", "slot"))
-            ].append(row)
+            slots[tuple(row[k] for k in (*PLACE, "slot"))].append(row)
     tried = [sorted(of_slot, key=lambda r: r["attempt"]) for of_slot in slots.values()]
-    return [one[0] for one in tried], [
-        r for one in tried for r in one if r["outcome"] == "accepted"
-    ]
+    accepted = [r for one in tried for r in one if r["outcome"] == "accepted"]
+    return [one[0] for one in tried], accepted
 
 
 def summarise(groups: Sequence[Group]) -> dict[str, Any]:
-    """What the page shows of some cells, as report.html names it: `scope`, `tiles`, `outcomes`
-    (label, count, whether good), `speeds` and `moves` by level and alpha.
-
-    Attempts are unpacked cell by cell: there may be too many to hold at once."""
+    """What report.html shows of some cells. Attempts are unpacked cell by cell: there may be too
+    many to hold at once."""
     steps, spent, lost = 0, 0.0, Counter[str]()
     moves = defaultdict[tuple[int, float], tuple[list[Row], list[Row]]](lambda: ([], []))
     speeds = defaultdict[tuple[int, float], list[EpisodeFacts]](list)
     for group in groups:
         kind, rows = (group.cell.level, group.cell.alpha), group.attempts.to_pylist()
-        steps += sum(row["sim_steps"] or 0 for row in rows)
-        spent += sum(row["seconds"] or 0.0 for row in rows)
-        lost.update(
-            f"{row['stage']}: {row['reason']}".replace("_", " ")
-            for row in rows
-            if row["outcome"] != "accepted"
-        )
+        for row in rows:
+            steps += row["sim_steps"] or 0
+            spent += row["seconds"] or 0.0
+            if row["outcome"] != "accepted":
+                lost[f"{row['stage']}: {row['reason']}".replace("_", " ")] += 1
         for of_kind, motions in zip(moves[kind], drawn_and_accepted(rows), strict=True):
-            of_kind += [
-                {
-                    name: row[name]
-                    for name in ("alpha", "average_speed", "end_speed", "displacement")
-                }
-                for row in motions
-            ]
+            of_kind += [{name: row[name] for name in MOTION} for row in motions]
         if all(kind):
             speeds[kind] += group.episodes
     seen = [episode for group in groups for episode in group.episodes]
@@ -123,28 +106,27 @@ def summarise(groups: Sequence[Group]) -> dict[str, Any]:
     }
     if seen and spent:
         tiles["spent an episode"] = f"{spent / len(seen):.2f} s"
-    numbers = {
-        name: len({getattr(group.cell, name) for group in groups})
-        for name in ("task", "embodiment", "level", "alpha", "domain")
-    } | {"cell": len(groups)}
+    numbers = {name: len({getattr(group.cell, name) for group in groups}) for name in PLACE}
+    numbers["cell"] = len(groups)
     words = [f"{number} {name}{'' if number == 1 else 's'}" for name, number in numbers.items()]
     failures = sorted(lost.items(), key=lambda item: (-item[1], item[0]))
+    outcomes = [("accepted", won, True), *((*item, False) for item in failures)]
+    histograms = [
+        (level, speed_histogram(mine, alpha))
+        for (level, alpha), mine in sorted(speeds.items())
+        if mine
+    ]
+    laws = [
+        (f"level {level}, alpha {alpha:g}", law(drawn), law(accepted))
+        for (level, alpha), (drawn, accepted) in sorted(moves.items())
+        if drawn
+    ]
     return {
         "scope": f"{', '.join(words[:-1])}: {words[-1]}",
         "tiles": tiles,
-        "outcomes": [("accepted", won, True), *((*item, False) for item in failures)]
-        if count
-        else [],
-        "speeds": [
-            (level, speed_histogram(mine, alpha))
-            for (level, alpha), mine in sorted(speeds.items())
-            if mine
-        ],
-        "moves": [
-            (f"level {level}, alpha {alpha:g}", law(drawn), law(accepted))
-            for (level, alpha), (drawn, accepted) in sorted(moves.items())
-            if drawn
-        ],
+        "outcomes": outcomes if count else [],
+        "speeds": histograms,
+        "moves": laws,
     }
 
 
@@ -157,14 +139,13 @@ def speed_histogram(
     width, height, left, base, tall = 360, 170, 8, 140, 112
     average, maximum = ([*each] for each in zip(*(e[2:] for e in episodes), strict=True))
     top = max([alpha, *average, *maximum, 1e-3]) * 1.08
-    edges = np.linspace(0, top, bins + 1)
-    counts = [np.histogram(speeds, edges)[0] for speeds in (average, maximum)]
-    unit = tall / max(1, *(int(c.max()) for c in counts))
+    counts = [np.histogram(s, bins, (0, top))[0].tolist() for s in (average, maximum)]
+    unit = tall / max(1, *(max(c) for c in counts))
     step = (width - 2 * left) / bins
     columns = [
         [
             (left + i * step + 0.7, base - unit * n, step - 1.4, unit * n)
-            for i, n in enumerate(c.tolist())
+            for i, n in enumerate(c)
             if n
         ]
         for c in counts

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from pipeline.annotate.flow import (
     Colour,
     Farneback,
+    bit_stable,
     colour_flow,
     farneback,
     flow_of,
     previous_frames,
     shrink_grey,
 )
-from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage_key import AnnotateError
 
 
@@ -139,8 +139,6 @@ def test_threshold_blackens_noise_maps_only():
 def test_bad_colours_are_refused():
     with pytest.raises(AnnotateError, match=r"per_frame.*per_map, shared, fixed"):
         Colour(normalisation="per_frame")
-    with pytest.raises(AnnotateError, match="percentile"):
-        Colour(percentile=0)
 
 
 HASHES = """

@@ -34,6 +34,7 @@ from pipeline.annotate.networks.masks import (
     unpack,
 )
 from pipeline.annotate.networks.models import image_settings, pixels, resolve
+from pipeline.annotate.options import MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
 from tests.annotate import tiny
 
@@ -81,9 +82,9 @@ def test_missing_weights_get_one_line_that_says_how(
     monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_OFFLINE", True)
     monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_CACHE", str(tmp_path))
     with pytest.raises(
-        AnnotateError, match=r"run `hf download IDEA-Research/grounding-dino-tiny --revision abc`"
+        AnnotateError, match=r"run `hf download IDEA-Research/grounding-dino-tiny`"
     ) as caught:
-        resolve("grounding-dino-tiny", "abc")
+        resolve("grounding-dino-tiny")
     assert "\n" not in str(caught.value) and "sim" in str(caught.value)
     with pytest.raises(AnnotateError, match="does not exist"):
         resolve(str(tmp_path / "nothing"))
@@ -151,7 +152,9 @@ def test_nothing_above_the_threshold_is_nothing(
 ):
     boxes, scores, phrases = detect(detector, frames, "bell.", 1.0, 0.25)
     assert (boxes == 0).all() and (scores == 0).all() and phrases == [""] * 5
-    masks = model_masks(detector, segmenter, frames, ("bell.", "block."), 1.0, 0.25, 0.9, 2)
+    masks = model_masks(
+        detector, segmenter, frames, ("bell.", "block."), MaskOptions(box_threshold=1, batch=2)
+    )
     assert not masks.valid.any() and not masks.mask.any() and (masks.area == 0).all()
 
 
@@ -180,7 +183,9 @@ def test_batching_does_not_change_masks(
     detector: Detector, segmenter: Segmenter, frames: np.ndarray
 ):
     one, four = (
-        model_masks(detector, segmenter, frames, ("bell.", "block."), 0.35, 0.25, 0.99, n)
+        model_masks(
+            detector, segmenter, frames, ("bell.", "block."), MaskOptions(max_area=0.99, batch=n)
+        )
         for n in (1, 4)
     )
     np.testing.assert_allclose(one.box, four.box, atol=1e-3)
@@ -194,9 +199,10 @@ def test_batching_does_not_change_masks(
 def test_a_mask_of_nearly_everything_is_refused(
     detector: Detector, segmenter: Segmenter, frames: np.ndarray
 ):
-    free = model_masks(detector, segmenter, frames, ("bell.",), 0.35, 0.25, 1.0, 4)
+    free = model_masks(detector, segmenter, frames, ("bell.",), MaskOptions(max_area=1, batch=4))
     limit = float(np.median(free.mask.mean((2, 3))))
-    strict = model_masks(detector, segmenter, frames, ("bell.",), 0.35, 0.25, limit, 4)
+    options = MaskOptions(max_area=limit, batch=4)
+    strict = model_masks(detector, segmenter, frames, ("bell.",), options)
     fraction = free.mask.mean((2, 3))
     np.testing.assert_array_equal(strict.valid, free.valid & (fraction <= limit))
     assert strict.valid.sum() < free.valid.sum()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.annotate.networks.prompts import ask, caption, parse_instruction
+from pipeline.annotate.model_stages import ask, caption, parse_instruction
 from pipeline.annotate.stage_key import AnnotateError
 from tests.synthetic import make_log, make_meta
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.annotate.sim_flow import body_motions, exact_flow, exact_flows, shrink_flow
+from pipeline.annotate.flow_stage import body_motions, exact_flow, exact_flows, shrink_flow
+from pipeline.annotate.stage import SimView
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
 from pipeline.poses import IDENTITY, compose, frame, inverse, pose, quat_about, transform
 
@@ -88,6 +89,7 @@ def test_rows_are_absolute_pairs():
     seg = np.ones((frames, 60, 80), np.uint8)
     bodies = np.repeat(IDENTITY[None, None], frames, 0)
     bodies[:, 0, 0] = 0.01 * np.arange(frames) ** 2
-    flow = exact_flows(depth, seg, bodies, np.repeat(DOWN[None], frames, 0), K, 4, (80, 60))
+    view = SimView(seg, depth, np.repeat(DOWN[None], frames, 0), K)
+    flow = exact_flows(view, bodies, 4, (80, 60))
     moves = [0.0, 0.01, 0.04, 0.09, 0.16, 0.25 - 0.01]
     np.testing.assert_allclose(flow[..., 0].mean((1, 2)), F * np.array(moves), atol=1e-4)

@@ -7,8 +7,7 @@ import pytest
 import trimesh
 
 from pipeline.annotate.options import WorldOptions
-from pipeline.annotate.world_labels import sample_points
-from pipeline.annotate.world_stage import WorldStage
+from pipeline.annotate.world_stage import WorldStage, sample_points
 from pipeline.data.cameras import Camera, CameraType, extrinsics_cv, intrinsics, look, world_poses
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event
 from pipeline.data.episode.world import BodyFacts, WorldTruth, twists_of

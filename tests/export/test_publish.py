@@ -12,8 +12,7 @@ from huggingface_hub import HfApi
 
 from pipeline.data.keys import file_hash, seal
 from pipeline.export import ExportError
-from pipeline.export.publish import VISUALIZER, prepare, publish, with_badge
-from pipeline.export.shared.card import read_card
+from pipeline.export.publish import prepare, publish
 from tests.export.hub import running
 from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
@@ -90,7 +89,7 @@ def test_a_refusal_is_one_line_without_the_token_and_the_next_try_goes_on(hub, e
     assert [path for method, path, _ in hub.log if method == "PUT"] == sent and len(sent) >= 1
 
 
-def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
+def test_lerobot_gets_its_tag(hub, export):
     summary = json.loads((export / "export.json").read_text())
     (export / "export.json").write_bytes(seal(summary | {"format": "lerobot"}))
     (export / "meta").mkdir()
@@ -104,14 +103,6 @@ def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
     )
     publish(prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN))
     assert hub.tags == ["v3.0"]
-    before, text = read_card(export / "README.md")
-    assert VISUALIZER not in text
-    (export / "sent.md").write_bytes(hub.files["README.md"])
-    front, text = read_card(export / "sent.md")
-    assert f"{VISUALIZER}me/set" in text and front == before and front["configs"]
-    assert with_badge(text, "other/name").count(VISUALIZER) == 1 and "other/name" in with_badge(
-        text, "other/name"
-    )
 
 
 def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export, monkeypatch):

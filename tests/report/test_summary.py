@@ -5,7 +5,6 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -19,8 +18,16 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.slots.records import ATTEMPTS
 from pipeline.html import render_page
 from pipeline.report import page as report_page
-from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet
-from pipeline.report.film_strip import MEETING_COLOR, draw_path, film, path_pixels, pick_frames
+from pipeline.report.film_strip import (
+    GAP,
+    MEETING_COLOR,
+    TITLE,
+    contact_sheet,
+    draw_path,
+    film,
+    path_pixels,
+    pick_frames,
+)
 from pipeline.report.page import Figure, write_report
 from pipeline.report.summary import EpisodeFacts, Group, speed_histogram
 from tests.synthetic import COLORS, HALF, SPEED, episode_path, make_episode, square_corner
@@ -357,36 +364,14 @@ def test_a_film_shows_the_frames_at_their_times(tmp_path):
 
 def test_the_contact_sheet_has_one_row_an_episode_with_its_pictures(tmp_path):
     paths = [make_episode(tmp_path / f"{i}.hdf5", frames=12, seed=i) for i in range(3)]
-    style = Style()
-    sheet = contact_sheet(paths, columns=4, frame_width=320)
-    row = style.caption + 240 + style.margin
-    assert sheet.shape == (
-        3 * row + style.margin // 2 * 2,
-        2 * style.margin + 4 * 320 + 3 * style.gap,
-        3,
-    )
+    sheet = contact_sheet(paths, columns=4, width=320)
+    row = TITLE + 240 + GAP
+    assert sheet.shape == (3 * row, 4 * (320 + GAP), 3)
     with open_episode(paths[1]) as e:
         target, camera = e.array("target/pose"), e.array("observation/head_camera/pose")[0]
     column, line = square_corner(
         Camera("head_camera", CAMERA_TYPES["D435"], None, camera), 0, target
     )
-    top, left = style.margin // 2 + row + style.caption, style.margin
-    assert (
-        np.abs(
-            sheet[top + line + 4, left + column + HALF // 4].astype(int) - COLORS["head_camera"]
-        ).max()
-        < 20
-    )
-    assert (sheet[:4] == style.paper).all()
-
-
-def test_saving_a_sheet(tmp_path):
-    episode = make_episode(tmp_path / "e.hdf5", frames=6)
-    path = save_contact_sheet(
-        tmp_path / "images" / "sheet.png", [episode], columns=3, frame_width=100
-    )
-    assert np.array_equal(cv2.imread(str(path))[..., ::-1], contact_sheet([episode], 3, 100))
-    with pytest.raises(ValueError, match=r"\.png or a \.jpg"):
-        save_contact_sheet(tmp_path / "sheet.gif", [episode])
-    with pytest.raises(ValueError, match="at least one"):
-        contact_sheet([])
+    shown = sheet[row + TITLE + line + 4, column + HALF // 4].astype(int)
+    assert np.abs(shown - COLORS["head_camera"]).max() < 20
+    assert (sheet[row - 1].reshape(4, -1, 3)[:, 0] == MEETING_COLOR).all(1).sum() == 1

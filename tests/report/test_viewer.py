@@ -30,8 +30,7 @@ from pipeline.export.shared.video import frames_of
 from pipeline.report.film_strip import meeting_frame
 from pipeline.report.viewer import choose, viewer_server, write_viewer
 from pipeline.report.viewer.data import episode_data, skill_rows, thumbnail
-from pipeline.report.viewer.page import fixed
-from pipeline.report.viewer.serve import CONNECTIONS
+from pipeline.report.viewer.page import CONNECTIONS, fixed
 from tests.browser import browse, needs_browser
 from tests.synthetic import CAMERAS, episode_path, make_episode
 

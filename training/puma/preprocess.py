@@ -15,8 +15,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.flow import Colour, Farneback, colour_flow, farneback, shrink_grey
-from pipeline.annotate.stable_cv import bit_stable
+from pipeline.annotate.flow import (
+    Colour,
+    Farneback,
+    bit_stable,
+    colour_flow,
+    farneback,
+    shrink_grey,
+)
 from pipeline.data.keys import digest
 from training.puma.config import Config
 from training.puma.errors import TrainError

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export.exporter import Exporter, Job, NoOptions, register
+from pipeline.export import Exporter, Job, NoOptions, register
 from pipeline.export.shared.draft import ExportDraft
 
 HEAD = ["episode", "task", "level", "meeting (s)", "success (s)", "average speed (m/s)"]

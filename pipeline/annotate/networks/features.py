@@ -6,14 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.networks.models import (
-    ModelFiles,
-    image_settings,
-    inference,
-    load_model,
-    pixels,
-)
 from pipeline.annotate.stage_key import AnnotateError
+
+from .models import ModelFiles, image_settings, inference, load_model, pixels
 
 
 @dataclass(eq=False)
@@ -38,19 +33,13 @@ def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> E
     model = load_model(AutoModel, files, device)
     patch = getattr(model.config, "patch_size", None)
     if not isinstance(patch, int):
-        raise AnnotateError(
-            f"model {files.name} is a {model.config.model_type}, not a patch encoder such as dinov2"
-            " or dinov3"
-        )
+        kind = f"model {files.name} is a {model.config.model_type}"
+        raise AnnotateError(f"{kind}, not a patch encoder such as dinov2 or dinov3")
     if size % patch:
-        raise AnnotateError(
-            f"feature size {size} is no multiple of the patch size {patch} of {files.name}: use"
-            f" {size // patch * patch}"
-        )
-    registers = getattr(model.config, "num_register_tokens", 0)
-    return Encoder(
-        model, image_settings(files), size, size // patch, 1 + registers, device, precision
-    )
+        odd = f"feature size {size} is no multiple of the patch size {patch} of {files.name}"
+        raise AnnotateError(f"{odd}: use {size // patch * patch}")
+    prefix, settings = 1 + getattr(model.config, "num_register_tokens", 0), image_settings(files)
+    return Encoder(model, settings, size, size // patch, prefix, device, precision)
 
 
 def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -66,8 +55,7 @@ def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
     """Matrix (patches, pixels): the length of each patch's interval that each pixel covers, in
     patches; rows sum to 1."""
     edges = np.arange(pixels_along + 1) * patches / pixels_along
-    low, high = edges[:-1], edges[1:]
-    place = np.arange(patches)[:, None]
+    low, high, place = edges[:-1], edges[1:], np.arange(patches)[:, None]
     return np.clip(np.minimum(high, place + 1) - np.maximum(low, place), 0, None).astype(np.float32)
 
 
@@ -93,10 +81,7 @@ def features_of(
     encoder: Encoder, frames: NDArray[np.uint8], mask: NDArray[np.bool_], batch: int
 ) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
     """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3) under masks (T,K,H,W)."""
-    parts = [
-        pool(patch_tokens(encoder, frames[s : s + batch]), mask[s : s + batch])
-        for s in range(0, len(frames), batch)
-    ]
-    return np.concatenate([f for f, _ in parts]).astype(np.float16), np.concatenate(
-        [c for _, c in parts]
-    )
+    spans = [slice(start, start + batch) for start in range(0, len(frames), batch)]
+    parts = [pool(patch_tokens(encoder, frames[span]), mask[span]) for span in spans]
+    features, coverage = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return features.astype(np.float16), coverage

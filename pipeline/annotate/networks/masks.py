@@ -7,13 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.networks.models import (
-    ModelFiles,
-    image_settings,
-    inference,
-    load_model,
-    pixels,
-)
+from pipeline.annotate.options import MaskOptions
+
+from .models import ModelFiles, image_settings, inference, load_model, pixels
 
 
 @dataclass(eq=False)
@@ -29,7 +25,6 @@ class Masks:
 
     @property
     def area(self) -> NDArray[np.int32]:
-        """Pixels of each mask (T,K)."""
         return self.mask.sum((2, 3)).astype(np.int32)
 
 
@@ -65,15 +60,8 @@ def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
     tokenizer = AutoTokenizer.from_pretrained(files.path, local_files_only=True)
     settings = image_settings(files)
     size = settings["size"]
-    return Detector(
-        model,
-        tokenizer,
-        settings,
-        size.get("shortest_edge", 800),
-        size.get("longest_edge", 1333),
-        device,
-        precision,
-    )
+    short, long = size.get("shortest_edge", 800), size.get("longest_edge", 1333)
+    return Detector(model, tokenizer, settings, short, long, device, precision)
 
 
 def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
@@ -81,13 +69,8 @@ def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
     from transformers import Sam2Model
 
     model = load_model(Sam2Model, files, device)
-    return Segmenter(
-        model,
-        image_settings(files),
-        model.config.prompt_encoder_config.image_size,
-        device,
-        precision,
-    )
+    side = model.config.prompt_encoder_config.image_size
+    return Segmenter(model, image_settings(files), side, device, precision)
 
 
 def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, int]:
@@ -111,23 +94,14 @@ def detect(
     import torch
 
     n, height, width = frames.shape[:3]
-    text = detector.tokenizer(
-        [caption],
-        return_tensors="pt",
-        truncation=True,
-        max_length=detector.model.config.max_text_len,
-    )
+    most = detector.model.config.max_text_len
+    text = detector.tokenizer([caption], return_tensors="pt", truncation=True, max_length=most)
     text = {k: v.to(detector.device).expand(n, -1) for k, v in text.items()}
+    size = detector_size(height, width, detector.short, detector.long)
     with inference(detector.device, detector.precision):
-        x = pixels(
-            frames,
-            detector_size(height, width, detector.short, detector.long),
-            detector.settings,
-            detector.device,
-        )
-        out = detector.model(
-            pixel_values=x, pixel_mask=torch.ones_like(x[:, 0], dtype=torch.long), **text
-        )
+        x = pixels(frames, size, detector.settings, detector.device)
+        seen = torch.ones_like(x[:, 0], dtype=torch.long)
+        out = detector.model(pixel_values=x, pixel_mask=seen, **text)
         probability = out.logits.float().sigmoid()
         score, query = probability.amax(-1).max(-1)
         rows = torch.arange(n, device=score.device)
@@ -136,17 +110,13 @@ def detect(
         scale = torch.tensor([width, height, width, height], device=score.device)
         corners = torch.stack([cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2], -1) * scale
         corners = torch.minimum(corners.clamp(min=0), scale)
-    boxes, scores = corners.cpu().numpy().astype(np.float32), score.cpu().numpy().astype(np.float32)
-    ids = text["input_ids"][0].tolist()
-    # the first and last tokens are the tokenizer's own marks
-    words = [
-        [ids[j] for j in np.flatnonzero(m[: len(ids)]) if 0 < j < len(ids) - 1] for m in matched
-    ]
-    detected = scores > box_threshold
-    phrases = [
-        detector.tokenizer.decode(w).replace(".", "").strip() if f else ""
-        for w, f in zip(words, detected, strict=True)
-    ]
+    boxes, scores = (each.cpu().numpy().astype(np.float32) for each in (corners, score))
+    ids, detected, phrases = text["input_ids"][0].tolist(), scores > box_threshold, list[str]()
+    for row, is_detected in zip(matched, detected, strict=True):
+        # the first and last tokens are the tokenizer's own marks
+        words = [ids[j] for j in np.flatnonzero(row[: len(ids)]) if 0 < j < len(ids) - 1]
+        phrase = detector.tokenizer.decode(words).replace(".", "").strip()
+        phrases.append(phrase if is_detected else "")
     return boxes * detected[:, None], scores * detected, phrases
 
 
@@ -157,17 +127,14 @@ def segment(
     import torch
     import torch.nn.functional as functional
 
-    height, width = frames.shape[1:3]
-    scale = np.array([segmenter.side / width, segmenter.side / height] * 2, np.float32)
+    size, side = frames.shape[1:3], segmenter.side
+    scale = np.array([side / size[1], side / size[0]] * 2, np.float32)
     with inference(segmenter.device, segmenter.precision):
-        x = pixels(frames, (segmenter.side, segmenter.side), segmenter.settings, segmenter.device)
-        out = segmenter.model(
-            pixel_values=x,
-            input_boxes=torch.from_numpy(boxes * scale).to(segmenter.device),
-            multimask_output=False,
-        )
+        x = pixels(frames, (side, side), segmenter.settings, segmenter.device)
+        asked = torch.from_numpy(boxes * scale).to(segmenter.device)
+        out = segmenter.model(pixel_values=x, input_boxes=asked, multimask_output=False)
         logits = functional.interpolate(
-            out.pred_masks[:, :, 0].float(), (height, width), mode="bilinear", align_corners=False
+            out.pred_masks[:, :, 0].float(), size, mode="bilinear", align_corners=False
         )
     return (logits > 0).cpu().numpy()
 
@@ -177,30 +144,25 @@ def model_masks(
     segmenter: Segmenter,
     frames: NDArray[np.uint8],
     captions: tuple[str, ...],
-    box_threshold: float,
-    text_threshold: float,
-    max_area: float,
-    batch: int,
+    options: MaskOptions,
 ) -> Masks:
-    """Masks of frames (T,H,W,3) for K captions. One is valid if a box passed both thresholds and it
-    is neither empty nor larger than `max_area` of the image."""
+    """Masks of frames (T,H,W,3) for K captions. They are valid if a box passed both thresholds and
+    they are neither empty nor larger than `max_area` of the image."""
     (t, height, width), k = frames.shape[:3], len(captions)
+    thresholds = options.box_threshold, options.text_threshold
     mask = np.zeros((t, k, height, width), bool)
     box, score = np.zeros((t, k, 4), np.float32), np.zeros((t, k), np.float32)
     phrases: list[list[str]] = [[] for _ in captions]
-    for start in range(0, t, batch):
-        part = slice(start, min(start + batch, t))
+    for start in range(0, t, options.batch):
+        part = slice(start, start + options.batch)
         for j, caption in enumerate(captions):
-            box[part, j], score[part, j], words = detect(
-                detector, frames[part], caption, box_threshold, text_threshold
-            )
-            phrases[j] += words
-        if (score[part] > 0).any():
-            mask[part] = (
-                segment(segmenter, frames[part], box[part]) & (score[part] > 0)[..., None, None]
-            )
+            made = detect(detector, frames[part], caption, *thresholds)
+            box[part, j], score[part, j] = made[:2]
+            phrases[j] += made[2]
+        if (found := score[part] > 0).any():
+            mask[part] = segment(segmenter, frames[part], box[part]) & found[..., None, None]
     fraction = mask.mean((2, 3))
-    valid = (score > 0) & (fraction > 0) & (fraction <= max_area)
+    valid = (score > 0) & (fraction > 0) & (fraction <= options.max_area)
     mask[~valid] = False
     return Masks(mask, box, score, valid, phrases)
 
@@ -208,8 +170,8 @@ def model_masks(
 def exact_masks(
     segmentation: NDArray[np.uint8], bodies: list[str], objects: tuple[str, ...]
 ) -> Masks:
-    """Masks of objects from a segmentation (T,H,W) of body index + 1: a body is part of an object
-    if it has its name or lies under it ("cabinet/drawer"). Boxes are tight, scores 1."""
+    """Masks of objects and what lies under them ("cabinet/drawer") from a segmentation (T,H,W) of
+    body index + 1. Boxes are tight, scores 1."""
     shape = (len(segmentation), len(objects), *segmentation.shape[1:])
     mask = np.zeros(shape, bool)
     for k, name in enumerate(objects):

@@ -16,20 +16,16 @@ from numpy.typing import NDArray
 from pipeline.annotate.stage_key import AnnotateError, digest
 from pipeline.data.parsing import read_json
 
+_SAM, _DINO2 = ("tiny", "small", "base-plus", "large"), ("small", "base", "large", "giant")
+_DINO3 = ("vits16", "vitb16", "vitl16")
 ALIASES = {
     "grounding-dino-tiny": "IDEA-Research/grounding-dino-tiny",  # Swin-T, the paper's
     "grounding-dino-base": "IDEA-Research/grounding-dino-base",
-    **{
-        f"sam2.1-hiera-{s}": f"facebook/sam2.1-hiera-{s}"
-        for s in ("tiny", "small", "base-plus", "large")
-    },
-    **{f"dinov2-{s}": f"facebook/dinov2-{s}" for s in ("small", "base", "large", "giant")},
-    **{
-        f"dinov3-{s}": f"facebook/dinov3-{s}-pretrain-lvd1689m"
-        for s in ("vits16", "vitb16", "vitl16")
-    },
+    **{f"sam2.1-hiera-{s}": f"facebook/sam2.1-hiera-{s}" for s in _SAM},
+    **{f"dinov2-{s}": f"facebook/dinov2-{s}" for s in _DINO2},
+    **{f"dinov3-{s}": f"facebook/dinov3-{s}-pretrain-lvd1689m" for s in _DINO3},
 }
-_FILES = ("*.json", "*.txt", "*.safetensors")
+_FILES: list[str] = ["*.json", "*.txt", "*.safetensors"]
 _IMAGENET = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
 
 
@@ -42,55 +38,43 @@ class ModelFiles:
     """A model on this machine. `digest`, the hash of its files, alone enters keys."""
 
     name: str
-    revision: str | None
     path: str
     digest: str
 
 
-def resolve(name: str, revision: str | None = None, download: bool = True) -> ModelFiles:
-    """Find a model: a local directory, else the hub's cache, else, with `download`, the hub. Raises
-    NoWeights, or AnnotateError for a directory that holds no model."""
-    if not Path(name).is_dir() and name.startswith(("/", ".", "~")):
-        raise NoWeights(f"model directory {name} does not exist")
-    path = (
-        Path(name)
-        if Path(name).is_dir()
-        else _from_hub(ALIASES.get(name, name), revision, download)
-    )
+def resolve(name: str, download: bool = True) -> ModelFiles:
+    """A local directory, else the hub's cache, else, with `download`, the hub. Raises NoWeights, or
+    AnnotateError for a directory that holds no model."""
+    path = Path(name)
+    if not path.is_dir():
+        if name.startswith(("/", ".", "~")):
+            raise NoWeights(f"model directory {name} does not exist")
+        path = _from_hub(ALIASES.get(name, name), download)
     if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
-        raise AnnotateError(
-            f"{path} is no model directory: it wants config.json and *.safetensors (as"
-            " save_pretrained writes)"
-        )
+        needs = "it needs config.json and *.safetensors (as save_pretrained writes)"
+        raise AnnotateError(f"{path} is no model directory: {needs}")
     files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
-    return ModelFiles(name, revision, str(path), digest([[f.name, _file_digest(f)] for f in files]))
+    return ModelFiles(name, str(path), digest([[f.name, _file_digest(f)] for f in files]))
 
 
-def _from_hub(repo: str, revision: str | None, download: bool) -> Path:
+def _from_hub(repo: str, download: bool) -> Path:
     try:
-        from huggingface_hub import snapshot_download
-        from huggingface_hub.errors import (
-            HfHubHTTPError,
-            HFValidationError,
-            LocalEntryNotFoundError,
-        )
+        from huggingface_hub import errors, snapshot_download
     except ImportError as error:
-        raise NoWeights(
-            f"model {repo} needs huggingface_hub: install the annotate extra"
-        ) from error
-    options: dict[str, Any] = {"revision": revision, "allow_patterns": list(_FILES)}
+        needs = f"model {repo} needs huggingface_hub: install the annotate extra"
+        raise NoWeights(needs) from error
+    missing = errors.LocalEntryNotFoundError
     try:
-        with contextlib.suppress(LocalEntryNotFoundError):
-            return Path(snapshot_download(repo, local_files_only=True, **options))
+        with contextlib.suppress(missing):
+            return Path(snapshot_download(repo, local_files_only=True, allow_patterns=_FILES))
         if not download:
             raise NoWeights(f"model {repo} is not on this machine; the stage will download it")
-        return Path(snapshot_download(repo, **options))
-    except (HfHubHTTPError, HFValidationError, LocalEntryNotFoundError, OSError) as error:
-        at = f" --revision {revision}" if revision else ""
+        return Path(snapshot_download(repo, allow_patterns=_FILES))
+    except (errors.HfHubHTTPError, errors.HFValidationError, missing, OSError) as error:
         raise NoWeights(
             f"model {repo} is not on this machine and cannot be downloaded"
-            f" ({type(error).__name__}): run `hf download {repo}{at}` where there is a network, or"
-            " name a local directory that holds it (--mask-source sim needs no detector)"
+            f" ({type(error).__name__}): run `hf download {repo}` where there is a network, or name"
+            " a local directory that holds it (--mask-source sim needs no detector)"
         ) from error
 
 
@@ -115,9 +99,8 @@ def pick_device(device: str) -> str:
     try:
         import torch
     except ImportError as error:
-        raise AnnotateError(
-            "masks and features by model need torch and transformers: install the annotate extra"
-        ) from error
+        needs = "masks and features by model need torch and transformers"
+        raise AnnotateError(f"{needs}: install the annotate extra") from error
     return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
 
 
@@ -126,21 +109,16 @@ def load_model(cls: type, files: ModelFiles, device: str) -> Any:
     from transformers.utils import logging
 
     logging.disable_progress_bar()
+    given, name = {"local_files_only": True, "output_loading_info": True}, cls.__name__
     try:
-        model, info = cls.from_pretrained(
-            files.path, local_files_only=True, output_loading_info=True
-        )
+        model, info = cls.from_pretrained(files.path, **given)
     except (OSError, ValueError, RuntimeError, KeyError) as error:
-        raise AnnotateError(
-            f"model {files.name} cannot be loaded as {cls.__name__}: {str(error).splitlines()[0]}"
-        ) from error
+        why = f"cannot be loaded as {name}: {str(error).splitlines()[0]}"
+        raise AnnotateError(f"model {files.name} {why}") from error
     # the library fills in random numbers for weights that a file lacks, and only warns
-    if info["missing_keys"]:
-        some = ", ".join(sorted(info["missing_keys"])[:2])
-        raise AnnotateError(
-            f"model {files.name} is no {cls.__name__}: its file is missing {some} and"
-            f" {len(info['missing_keys'])} in all"
-        )
+    if missing := sorted(info["missing_keys"]):
+        why = f"its file is missing {', '.join(missing[:2])} and {len(missing)} in all"
+        raise AnnotateError(f"model {files.name} is no {name}: {why}")
     return model.to(device).eval().requires_grad_(False)
 
 
@@ -149,13 +127,11 @@ def inference(device: str, precision: str) -> Iterator[None]:
     """No gradients; mixed precision as asked ("auto": half on a GPU, float32 on a CPU)."""
     import torch
 
+    kind = device.split(":")[0]
     if precision == "auto":
-        precision = "float16" if device.startswith("cuda") else "float32"
-    cast = (
-        contextlib.nullcontext()
-        if precision == "float32"
-        else torch.autocast(device.split(":")[0], getattr(torch, precision))
-    )
+        precision = "float16" if kind == "cuda" else "float32"
+    half, mixed = precision != "float32", getattr(torch, precision)
+    cast = torch.autocast(kind, mixed) if half else contextlib.nullcontext()
     with torch.inference_mode(), cast:
         yield
 
@@ -182,14 +158,8 @@ def pixels(
 
     x = torch.from_numpy(np.ascontiguousarray(frames)).to(device).permute(0, 3, 1, 2).float()
     if tuple(x.shape[2:]) != size:
-        # the library's processors round to whole grey levels after resizing
-        x = (
-            functional.interpolate(x, size, mode="bilinear", antialias=True, align_corners=False)
-            .clamp(0, 255)
-            .round()
-        )
-    mean, std = (
-        torch.tensor(settings[k], device=device).view(1, 3, 1, 1)
-        for k in ("image_mean", "image_std")
-    )
+        x = functional.interpolate(x, size, mode="bilinear", antialias=True, align_corners=False)
+        x = x.clamp(0, 255).round()  # as the library's processors do
+    numbers = (settings[name] for name in ("image_mean", "image_std"))
+    mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in numbers)
     return (x / 255 - mean) / std

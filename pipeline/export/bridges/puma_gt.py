@@ -1,15 +1,11 @@
 """puma-gt: the target's true motion as PUMA's loader reads it, <dataset name>/ep000/gt.pkl.
 
-Episodes are numbered as in an export to `lerobot` with the same `--per-task`. `pose7_frame_aligned`
-(T,7) is the target in every frame, `pose7_sim` (N,7) its motion at every physics step until the
-meeting; poses are x y z qw qx qy qz.
-"""
+`pose7_frame_aligned` (T,7) is the target in every frame, `pose7_sim` (N,7) its motion at every
+physics step until the meeting; poses are x y z qw qx qy qz."""
 
 import pickle
-from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +16,7 @@ from pipeline.export.options import option
 from pipeline.export.shared.derived import interception
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import Facts, read_facts, reading
-from pipeline.export.shared.provenance import Provenance
+from pipeline.export.shared.tables import PROVENANCE, Provenance
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.planar import PlanarMotion, Segment
 from pipeline.motion.recorded import Interception
@@ -37,8 +33,6 @@ def _component(text: str) -> str:
 
 @dataclass(frozen=True)
 class PumaGtOptions:
-    """Options of the format."""
-
     per_task: bool = option(
         "episodes numbered as in a LeRobot export with --per-task", default=False
     )
@@ -50,36 +44,34 @@ class PumaGtOptions:
 
 
 def trajectory_params(motion: TargetMotion) -> dict[str, Any]:
-    """The motion in the original's terms: a velocity (m/s), polynomials over 0 to 1 (m), highest
-    power first, or several; any other motion by its name."""
+    """The motion in the original's terms: a velocity (m/s), or polynomials over 0 to 1 (m), highest
+    power first."""
+    duration = {"total_duration": motion.duration + motion.lead}
     if not isinstance(motion, PlanarMotion):
-        return {"type": motion.model, "total_duration": motion.duration + motion.lead}
+        return {"type": motion.model, **duration}
     pieces = [_piece(segment) for segment in motion.segments]
     if motion.level in KINDS and len(pieces) == 1:
         kind = KINDS[motion.level]
-        duration = {"total_duration": motion.duration + motion.lead}
         keys = ("velocity",) if kind == "velocity" else ("poly_x_coeffs", "poly_y_coeffs")
         return {"type": kind, **{key: pieces[0][key] for key in keys}, **duration}
-    return {
-        "type": "segmented",
-        "segment_trajectories": pieces,
-        "total_duration": motion.duration + motion.lead,
-    }
+    return {"type": "segmented", "segment_trajectories": pieces, **duration}
 
 
 def _piece(segment: Segment) -> dict[str, Any]:
-    span = segment.end - segment.start
-    linear = segment.coefficients.shape[1] <= 2
-    values: dict[str, Any] = {"type": "velocity" if linear else "trajectory", "duration": span}
-    slope = segment.coefficients[:, 1] / span if segment.coefficients.shape[1] > 1 else np.zeros(2)
-    values["velocity"] = [float(slope[0]), float(slope[1]), 0.0]
+    span, powers = segment.end - segment.start, segment.coefficients.shape[1]
+    slope = segment.coefficients[:, 1] / span if powers > 1 else np.zeros(2)
     x, y = segment.coefficients[:, ::-1].tolist()
-    return values | {"poly_x_coeffs": x, "poly_y_coeffs": y}
+    return {
+        "type": "velocity" if powers <= 2 else "trajectory",
+        "duration": span,
+        "velocity": [float(slope[0]), float(slope[1]), 0.0],
+        "poly_x_coeffs": x,
+        "poly_y_coeffs": y,
+    }
 
 
 def payload(index: int, facts: Facts, derived: Interception) -> dict[str, Any]:
-    """What gt.pkl holds."""
-    motion, rate = derived.motion, derived.rate
+    spec, motion, rate = facts.spec, derived.motion, derived.rate
     begin, end = round(derived.motion_start * rate), round(motion.duration * rate)
     path = motion.pose(np.arange(begin, end + 1) / rate)
     params = trajectory_params(motion)
@@ -90,11 +82,11 @@ def payload(index: int, facts: Facts, derived: Interception) -> dict[str, Any]:
         "trajectory_params": params,
     }
     return {
-        "task_name": facts.spec.task,
-        "task_config": f"{facts.spec.embodiment}_{facts.spec.domain}_level{facts.spec.level}",
+        "task_name": spec.task,
+        "task_config": f"{spec.embodiment}_{spec.domain}_level{spec.level}",
         "source": facts.source,
         "episode_idx": index,
-        "seed": facts.spec.seed,
+        "seed": spec.seed,
         "quat_order": "wxyz",
         "sim_timestep": 1 / rate,
         "frame_count": len(facts),
@@ -108,32 +100,23 @@ def payload(index: int, facts: Facts, derived: Interception) -> dict[str, Any]:
 
 @register
 class PumaGt(Exporter[PumaGtOptions]):
-    """One pickle an episode."""
-
     name = "puma-gt"
     options = PumaGtOptions
 
     def write(self, job: Job[PumaGtOptions], draft: ExportDraft) -> dict[str, Any]:
-        frames = 0
-        for root, paths in _roots(job.episodes, draft.folder, job.options):
+        frames, out, options = 0, draft.folder, job.options
+        for root, paths in datasets_of(job.episodes, out, options.per_task).values():
+            root = out / options.dataset_name if root == out else root
             root.mkdir(parents=True)
-            with closing(Provenance(root / "episodes.parquet", draft)) as rows:
+            with closing(Provenance(root / PROVENANCE, draft)) as rows:
                 for index, path in enumerate(paths):
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset)
                     rows.append(facts)
                     place = root / f"ep{index:03d}"
                     place.mkdir()
-                    (place / "gt.pkl").write_bytes(
-                        pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL)
-                    )
+                    told = payload(index, facts, interception(facts))
+                    (place / "gt.pkl").write_bytes(pickle.dumps(told, protocol=PROTOCOL))
                     job.advance()
             frames += rows.frames
         return {"episodes": len(job.episodes), "frames": frames}
-
-
-def _roots(
-    episodes: Sequence[Path], out: Path, options: PumaGtOptions
-) -> Iterator[tuple[Path, list[Path]]]:
-    for root, paths in datasets_of(episodes, out, options.per_task).values():
-        yield (out / options.dataset_name if root == out else root), paths

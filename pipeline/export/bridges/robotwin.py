@@ -1,74 +1,180 @@
-"""The layout and names that the converters of RoboTwin and DOMINO read.
-
-    <task>/<embodiment>_L<level>_<domain>/
-      data/episode{i}.hdf5
-        joint_action/{left_arm,left_gripper,right_arm,right_gripper,vector}   drive targets in force at the frame, float64
-        endpose/{left_endpose (T,7), left_gripper (T,), ...}                  pose measured, gripper as in joint_action
-        observation/<camera>/{rgb, intrinsic_cv, extrinsic_cv, cam2world_gl}  rgb: JPEG bytes padded with zeros
-        observation/<camera>/{depth, actor_segmentation}, pointcloud         where the episodes have them
-        timestamp, joint_state/..., target/{pose,velocity,angular_velocity}                    beyond the original
-        attributes: jpeg_order, fps, spec
-      instructions/episode{i}.json   {"seen": [...], "unseen": [...]}
-      scene_info.json                episode_{i}: objects and arms by placeholder, clutter
-      seed.txt                       seeds, separated by spaces
-      episodes.parquet               where each episode comes from
-
-`--jpeg-order` must be given. The stock converters decode with cv2 and never swap: they need "bgr".
-Readers that swap, or use another decoder, need "rgb", which is what episode files hold; their bytes
-are copied then. `joint_action[t]` is what the episode commands for the interval before frame t
-(robotwin_arrays.py says why), at frame 0 the measured joints. `endpose` is that of the
-original: 0.12 m behind the tool centre point, along its x axis. The directory's name takes the
-place of the original's task configuration. `--front-camera` names the stored camera that is written
-as `front_camera`; all others keep their names.
-"""  # noqa: E501
+"""RoboTwin's files, as the converters of RoboTwin and DOMINO read them; docs/exports.md has the
+layout. The original stores the drive targets in force at a frame. Ours are commanded for the
+interval after it, so they move by one."""
 
 import json
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
+from PIL import ImageColor
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.names import CAMERAS
+from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.bridges.cell_files import CellExporter, configuration
-from pipeline.export.bridges.robotwin_arrays import episode_arrays
 from pipeline.export.exporter import register
-from pipeline.export.options import one_of, option
-from pipeline.export.shared.episodes import ExportError, Facts
-from pipeline.export.shared.images import JpegOrder
+from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
+from pipeline.export.options import jpeg_order_option, option
+from pipeline.export.shared.episodes import ExportError, Facts, group_episodes
+from pipeline.export.shared.images import POINTCLOUD, SENSORS, JpegOrder, reencode
 from pipeline.export.shared.record import json_text
+from pipeline.poses import Floats, compose, pose
 
 FRONT = "front_camera"
+BEHIND_TCP = 0.12  # m
+CAMERA_MATRICES = ("intrinsic_cv", "extrinsic_cv", "cam2world_gl")
+COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
+
+def drive_targets(measured: Floats, commanded: Floats) -> Floats:
+    """(T,...) the targets in force at each frame: the command before it, at first the measured."""
+    return np.concatenate([measured[:1], commanded[:-1]])
+
+
+def tool_poses(tcp: Floats) -> Floats:
+    """The original's tool poses (...,7): behind the tcp along its x axis."""
+    return compose(tcp, pose((-BEHIND_TCP, 0, 0)))
+
+
+def cell_parts(spec: EpisodeSpec) -> list[str]:
+    """Task, robot, level and domain of an episode's cell."""
+    cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+    return cell.path.split("/")
+
+
+def configuration(spec: EpisodeSpec) -> str:
+    """Directory of an episode: task, then what takes the place of the task configuration."""
+    task, *rest = cell_parts(spec)
+    return f"{task}/{'_'.join(rest)}"
+
+
+class CellExporter[O](Hdf5Exporter[O]):
+    """One directory a cell, an HDF5 file and instructions an episode."""
+
+    written = SENSORS
+
+    @abstractmethod
+    def place(self, spec: EpisodeSpec) -> str:
+        """Directory of an episode."""
+
+    @abstractmethod
+    def arrays(self, file: EpisodeFile, facts: Facts, options: O) -> dict[str, NDArray[Any]]:
+        """Every array of a file by key. Raises ExportError."""
+
+    @abstractmethod
+    def order(self, options: O) -> JpegOrder:
+        """Order of the colors in the JPEG files."""
+
+    def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
+        return {out / name: paths for name, paths in group_episodes(episodes, self.place).items()}
+
+    def file(self, directory: Path, index: int) -> Path:
+        return directory / "data" / f"episode{index}.hdf5"
+
+    def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: None) -> Contents:
+        arrays = self.arrays(file, facts, options)
+        spec, order = facts.spec.to_json(), self.order(options)
+        attributes = {"jpeg_order": order, "fps": facts.fps, "spec": spec}
+        painted = any(key.endswith("/actor_segmentation") for key in arrays)
+        of_groups = {"observation": {"bodies": list(facts.log.bodies)}} if painted else {}
+        return Contents(arrays, attributes, storage=_storage, of_groups=of_groups, cache=None)
+
+    def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
+        sentences = json_text({"seen": facts.seen, "unseen": facts.unseen})
+        return {f"instructions/episode{index}.json": sentences}
+
+    def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
+        values.setdefault("configurations", []).append(name)
+
+
+def _storage(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
+    """Depth and segmentation are compressed; depth is float64, as in the original."""
+    if key.endswith("/depth"):
+        return COMPRESSED | {"dtype": np.float64}
+    return COMPRESSED if key.endswith("/actor_segmentation") else None
+
+
+def episode_arrays(
+    file: EpisodeFile, facts: Facts, names: Mapping[str, str], order: JpegOrder
+) -> dict[str, NDArray[Any]]:
+    log = facts.log
+    arrays = {key: file.array(key) for key in ("timestamp", "target/pose", "target/velocity")}
+    if log.target_angular_velocity is not None:
+        arrays["target/angular_velocity"] = log.target_angular_velocity
+    parts = [f"{side}_{part}" for side in log.sides for part in ("arm", "gripper")]
+    for part in ("vector", *parts):
+        arrays[f"joint_state/{part}"] = measured = file.array(f"joint_state/{part}")
+        arrays[f"joint_action/{part}"] = drive_targets(measured, file.array(f"joint_action/{part}"))
+    for side, tools in zip(log.sides, tool_poses(log.tcp).swapaxes(0, 1), strict=True):
+        arrays[f"endpose/{side}_endpose"] = tools
+        arrays[f"endpose/{side}_gripper"] = arrays[f"joint_action/{side}_gripper"]
+    for camera, name in names.items():
+        stored, written = f"observation/{camera}", f"observation/{name}"
+        for matrix in CAMERA_MATRICES:
+            arrays[f"{written}/{matrix}"] = file.array(f"{stored}/{matrix}")
+        arrays[f"{written}/rgb"] = coded(file, camera, order)
+        if file.has(f"{stored}/depth"):
+            arrays[f"{written}/depth"] = file.array(f"{stored}/depth")
+        if file.has(f"{stored}/actor_segmentation"):
+            labels = file.array(f"{stored}/actor_segmentation")
+            arrays[f"{written}/actor_segmentation"] = painted(labels)
+    return arrays | ({POINTCLOUD: file.array(POINTCLOUD)} if file.has(POINTCLOUD) else {})
+
+
+def painted(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Segmentation (...) in the original's colors (...,3): Pillow's, sorted. Raises ExportError."""
+    colors = sorted(set(ImageColor.colormap.values()))
+    if labels.max() >= len(colors):
+        held = f"the original has {len(colors)} colors"
+        raise ExportError(f"segmentation with body {labels.max()} cannot be painted: {held}")
+    return np.array([ImageColor.getrgb(color) for color in colors], np.uint8)[labels]
+
+
+def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_]:
+    """JPEG bytes (T,) of a camera in that order, padded with zeros."""
+    stored = file.array(f"observation/{camera}/rgb")
+    if order == "rgb":
+        return stored
+    images = [reencode(bytes(jpeg), order) for jpeg in stored]
+    return np.array(images, dtype=f"S{max(map(len, images))}")
 
 
 def front_camera_option() -> Any:
     """The stored camera that is exported as `front_camera`, or None."""
-    said = (
-        "stored camera to write as front_camera: observer, or the name of one that the recipe"
-        " describes"
-    )
-    return option(said, lambda text: CAMERAS.get(text, text), None)
+    help = "stored camera to write as front_camera: observer, or the name of one that the recipe"
+    return option(f"{help} describes", lambda text: CAMERAS.get(text, text), None)
+
+
+def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
+    """Exported name of every camera; `front` becomes front_camera. Raises ExportError."""
+    names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
+    problem = ""
+    if front is not None and front not in names:
+        problem = f"has no {front}; its cameras are {', '.join(names)}"
+    elif front not in (None, FRONT) and FRONT in names:
+        problem = f"has a {FRONT} already; leave the option out"
+    if problem:
+        raise ExportError(f"--front-camera: {facts.source} {problem}")
+    return names
 
 
 @dataclass(frozen=True)
 class RobotwinOptions:
-    """Options of the RoboTwin format."""
-
-    jpeg_order: Literal["rgb", "bgr"] = option(
+    jpeg_order: Literal["rgb", "bgr"] = jpeg_order_option(
         "bgr for converters that decode with cv2 and never swap (RoboTwin's own), rgb for all other"
-        " readers",
-        one_of("rgb", "bgr"),
+        " readers"
     )
     front_camera: str | None = front_camera_option()
 
 
 @register
 class Robotwin(CellExporter[RobotwinOptions]):
-    """The files and the lists of the original."""
-
     name = "robotwin"
     options = RobotwinOptions
 
@@ -90,38 +196,16 @@ class Robotwin(CellExporter[RobotwinOptions]):
         return scene(facts.spec, facts.meta)
 
     def lists(self, notes: Sequence[dict[str, Any]]) -> Mapping[str, str]:
-        """scene_info.json and seed.txt."""
         scenes = {f"episode_{index}": note for index, note in enumerate(notes)}
         seeds = " ".join(str(note["spec"]["seed"]) for note in notes)
         return {"scene_info.json": json_text(scenes), "seed.txt": seeds + "\n"}
 
 
-def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
-    """Exported name of every camera; `front` becomes front_camera. Raises ExportError if it is
-    missing, or if there is a front_camera beside it."""
-    names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
-    if front is not None and front not in names:
-        raise ExportError(
-            f"--front-camera: {facts.source} has no {front}; its cameras are {', '.join(names)}"
-        )
-    if front not in (None, FRONT) and FRONT in names:
-        raise ExportError(
-            f"--front-camera: {facts.source} has a {FRONT} already; leave the option out"
-        )
-    return names
-
-
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:
     """An entry of scene_info.json: {A} manipulated, {B} the target if another one, {a} and {b} the
     arms."""
-    bodies = dict.fromkeys((meta.manipulated, meta.target))
-    said = {
-        f"{{{letter}}}": meta.objects[body].description
-        for letter, body in zip("AB", bodies, strict=False)
-    }
-    said |= {f"{{{letter}}}": side for letter, side in zip("ab", meta.arms.values(), strict=False)}
-    return {
-        "info": said,
-        "cluttered_table_info": list(meta.clutter),
-        "spec": json.loads(spec.to_json()),
-    }
+    bodies = [meta.objects[name] for name in dict.fromkeys((meta.manipulated, meta.target))]
+    info = {f"{{{x}}}": body.description for x, body in zip("AB", bodies, strict=False)}
+    info |= {f"{{{x}}}": side for x, side in zip("ab", meta.arms.values(), strict=False)}
+    clutter, plain = list(meta.clutter), json.loads(spec.to_json())
+    return {"info": info, "cluttered_table_info": clutter, "spec": plain}

@@ -1,12 +1,8 @@
 """XPolicyLab's trajectory format v1.0, which RoboTwin's main branch writes; docs/exports.md has the
-layout.
-
-`state[t]` is the joint target in force at frame t, `action[t]` the one commanded after it, so
-`state[t + 1]` equals `action[t]`. Hand poses are measured; those of `action` are of the next frame.
-"""
+layout. `state[t]` is the joint target in force at frame t, `action[t]` the one after it."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,15 +12,14 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
-from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.bridges.robotwin import FRONT
-from pipeline.export.bridges.robotwin_arrays import coded, drive_targets, tool_poses
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
-from pipeline.export.options import one_of, option
+from pipeline.export.options import jpeg_order_option
 from pipeline.export.shared.episodes import ExportError, Facts, group_episodes
-from pipeline.export.shared.images import JpegOrder
+from pipeline.export.shared.images import DEPTH, POINTCLOUD
+
+from .robotwin import FRONT, cell_parts, coded, drive_targets, tool_poses
 
 CAMERAS = {HEAD: "cam_head", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist"}
 THIRD_VIEW = (FRONT, OBSERVER)
@@ -33,25 +28,18 @@ THIRD_VIEW = (FRONT, OBSERVER)
 
 @dataclass(frozen=True)
 class XPolicyLabOptions:
-    """Options of the format."""
-
-    jpeg_order: Literal["rgb", "bgr"] = option(
+    jpeg_order: Literal["rgb", "bgr"] = jpeg_order_option(
         "bgr for readers that decode with cv2 and never swap (XPolicyLab's own), rgb for all"
         " others",
-        one_of("rgb", "bgr"),
         "bgr",
     )
 
 
 @register
 class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
-    """One directory a task, robot, level and domain."""
-
     name = "xpolicylab"
     options = XPolicyLabOptions
-
-    def sensors(self, options: XPolicyLabOptions) -> Collection[str]:
-        return ("depth", "pointcloud")
+    written = (DEPTH, POINTCLOUD)
 
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
         return {out / name: paths for name, paths in group_episodes(episodes, _place).items()}
@@ -64,16 +52,14 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
         places = CAMERAS | ({third: "cam_third_view"} if third else {})
         names = {camera: places[camera] for camera in facts.cameras if camera in places}
         if not names:
-            raise ExportError(
-                f"{facts.source}: has none of {', '.join((*CAMERAS, *THIRD_VIEW))}, the cameras of"
-                " XPolicyLab"
-            )
+            known = ", ".join((*CAMERAS, *THIRD_VIEW))
+            raise ExportError(f"{facts.source}: has none of {known}, the cameras of XPolicyLab")
         return names
 
     def contents(
         self, file: EpisodeFile, facts: Facts, options: XPolicyLabOptions, shared: None
     ) -> Contents:
-        log = facts.log
+        log, names = facts.log, facts.log.vector_names
         values: dict[str, NDArray[Any] | str] = {
             "data_format_version": "v1.0",
             "instruction": facts.instruction,
@@ -85,66 +71,38 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
         }
         if log.target_angular_velocity is not None:
             values["target/angular_velocity"] = log.target_angular_velocity
-        for group, vectors, frames in (
-            ("state", drive_targets(log.state, log.action), _now),
-            ("action", log.action, _next),
+        for group, vectors, tcp in (
+            ("state", drive_targets(log.state, log.action), log.tcp),
+            ("action", log.action, np.concatenate([log.tcp[1:], log.tcp[-1:]])),
         ):
             for i, side in enumerate(log.sides):
-                tcp = frames(log.tcp[:, i])
-                parts = _split(log.vector_names, vectors, side) | {
-                    "ee_poses": tool_poses(tcp),
-                    "tcp_poses": tcp,
+                gripper = names.index(f"{side}_gripper")
+                arm = [j for j, n in enumerate(names) if n.startswith(f"{side}_") and j != gripper]
+                parts = {
+                    "arm_joint_states": vectors[:, arm],
+                    "ee_joint_states": vectors[:, [gripper]],
+                    "ee_poses": tool_poses(tcp[:, i]),
+                    "tcp_poses": tcp[:, i],
                 }
-                values |= {
-                    f"{group}/{side}_{name}": value.astype(np.float32)
-                    for name, value in parts.items()
-                }
+                for name, value in parts.items():
+                    values[f"{group}/{side}_{name}"] = value.astype(np.float32)
         for camera, name in self.cameras(facts, options).items():
+            below, shown = f"observation/{camera}", f"vision/{name}"
             values |= {
-                f"vision/{name}/{key}": value
-                for key, value in _camera(file, facts, camera, options.jpeg_order).items()
+                f"{shown}/colors": coded(file, camera, options.jpeg_order),
+                f"{shown}/shape": np.array([*facts.size, 3], np.int32),
+                f"{shown}/intrinsic_matrix": file.array(f"{below}/intrinsic_cv"),
+                f"{shown}/extrinsics_matrix": file.array(f"{below}/cam2world_gl"),
             }
-        if file.has("pointcloud"):
-            values["pointclouds"] = file.array("pointcloud")
+            if file.has(f"{below}/depth"):
+                values[f"{shown}/depths"] = file.array(f"{below}/depth")
+        if file.has(POINTCLOUD):
+            values["pointclouds"] = file.array(POINTCLOUD)
         return Contents(values, {"jpeg_order": options.jpeg_order, "spec": facts.spec.to_json()})
 
 
 def _place(spec: EpisodeSpec) -> str:
-    task, robot, level, domain = Cell(
-        spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain
-    ).path.split("/")
+    task, robot, level, domain = cell_parts(spec)
     # XPolicyLab separates these names by dots, and names of robots are those of its configuration
     # files
-    return "/".join(
-        part.replace(".", "_").replace("-", "_")
-        for part in (f"DOMINO_{level}_{domain}", task, robot)
-    )
-
-
-def _split(
-    names: Sequence[str], vectors: NDArray[np.float64], side: str
-) -> dict[str, NDArray[np.float64]]:
-    gripper = names.index(f"{side}_gripper")
-    arm = [i for i, name in enumerate(names) if name.startswith(f"{side}_") and i != gripper]
-    return {"arm_joint_states": vectors[:, arm], "ee_joint_states": vectors[:, [gripper]]}
-
-
-def _now(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return values
-
-
-def _next(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.vstack([values[1:], values[-1:]])
-
-
-def _camera(
-    file: EpisodeFile, facts: Facts, camera: str, order: JpegOrder
-) -> dict[str, NDArray[Any]]:
-    below = f"observation/{camera}"
-    values = {
-        "colors": coded(file, camera, order),
-        "shape": np.array([*facts.size, 3], np.int32),
-        "intrinsic_matrix": file.array(f"{below}/intrinsic_cv"),
-        "extrinsics_matrix": file.array(f"{below}/cam2world_gl"),
-    }
-    return values | ({"depths": file.array(f"{below}/depth")} if file.has(f"{below}/depth") else {})
+    return f"DOMINO_{level}_{domain}/{task}/{robot}".replace(".", "_").replace("-", "_")

@@ -1,7 +1,7 @@
 """The common part of formats with one HDF5 file an episode."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +15,14 @@ from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.options import representation_of
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import Facts, read_facts, reading
-from pipeline.export.shared.provenance import PROVENANCE, Provenance
+from pipeline.export.shared.episodes import (
+    Facts,
+    by_embodiment,
+    exported_cameras,
+    read_facts,
+    reading,
+)
+from pipeline.export.shared.tables import PROVENANCE, Provenance
 
 type Storage = Callable[[str, NDArray[Any]], dict[str, Any] | None]
 """Options of h5py for an array by its key and values; None for an array that is assigned, which
@@ -30,12 +36,9 @@ def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Contents:
-    """One file: arrays and texts by key, and attributes.
-
-    `later` names arrays that are those of other keys one frame later, the last frame twice: HDF5
-    virtual datasets. `of_groups` are attributes of groups; `cache` the bytes of chunks that h5py
-    holds, on which the file's order depends.
-    """
+    """One file. `later` names arrays that are those of other keys one frame later, the last frame
+    twice: HDF5 virtual datasets. `of_groups` are attributes of groups; `cache` the bytes of chunks
+    that h5py holds, on which the file's order depends."""
 
     values: Mapping[str, NDArray[Any] | str]
     attributes: Mapping[str, Any]
@@ -45,18 +48,14 @@ class Contents:
     cache: int | None = 2 * 1024**2
 
     def write(self, path: Path) -> None:
-        """Write the file. Raises OSError."""
         with new_hdf5(path, rdcc_nbytes=self.cache) as f:
             f.attrs.update(self.attributes)
-            make_groups(f, [*self.values, *self.later])
+            _make_groups(f, [*self.values, *self.later])
             for group, attributes in self.of_groups.items():
                 f[group].attrs.update(attributes)
             for key, value in self.values.items():
-                options = (
-                    {"dtype": h5py.string_dtype()}
-                    if isinstance(value, str)
-                    else self.storage(key, value)
-                )
+                is_text = isinstance(value, str)
+                options = {"dtype": h5py.string_dtype()} if is_text else self.storage(key, value)
                 if options is None:
                     f[key] = value
                 else:
@@ -70,54 +69,28 @@ class Contents:
                 f.create_virtual_dataset(key, layout)
 
 
-def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
+def _make_groups(file: h5py.File, keys: Iterable[str]) -> None:
     """Create groups first: those that h5py makes on the way carry the time of day."""
     for key in keys:
-        parts = key.split("/")[:-1]
-        for depth in range(1, len(parts) + 1):
-            if "/".join(parts[:depth]) not in file:
-                file.create_group("/".join(parts[:depth]))
-
-
-def write_files(
-    draft: ExportDraft,
-    job: Job[Any],
-    directory: Path,
-    places: Mapping[Path, Path],
-    write: Callable[[Path, EpisodeFile, Facts], None],
-    also: Sequence[Any] = (),
-) -> Iterator[Facts]:
-    """Write each episode's file at `places`, or take it over, and the directory's episodes.parquet.
-    `also` is what files are made from beside the episode. Yields facts. Raises ExportError."""
-    with closing(Provenance(directory / PROVENANCE, draft)) as rows:
-        for episode, made in places.items():
-            made_from = ["episode", draft.hash_of(episode), *also]
-            kept = draft.keep(made, made_from)
-            with reading(episode) as file:
-                facts = read_facts(file, job.dataset, representation=representation_of(job.options))
-                rows.append(facts)
-                if not kept:
-                    made.parent.mkdir(parents=True, exist_ok=True)
-                    write(made, file, facts)
-                    draft.record(made, made_from)
-            job.advance()
-            yield facts
+        parts = key.split("/")
+        for depth in range(1, len(parts)):
+            file.require_group("/".join(parts[:depth]))
 
 
 class Hdf5Exporter[O](Exporter[O]):
     """Directories of files that are numbered in the order of the episodes."""
 
-    @abstractmethod
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-        """Directory -> its episodes, which have the same cameras, joints and fps."""
+        """Directory -> its episodes, which are alike."""
+        return dict(by_embodiment(episodes, out).values())
 
     @abstractmethod
     def file(self, directory: Path, index: int) -> Path:
         """The file of an episode."""
 
-    @abstractmethod
     def cameras(self, facts: Facts, options: O) -> dict[str, str]:
         """Name in the file of each camera. Raises ExportError."""
+        return exported_cameras(facts, getattr(options, "camera_names", {}))
 
     @abstractmethod
     def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: Any) -> Contents:
@@ -132,15 +105,14 @@ class Hdf5Exporter[O](Exporter[O]):
         return {}
 
     def note(self, facts: Facts) -> Any:
-        """What `lists` needs of an episode."""
         return None
 
     def lists(self, notes: Sequence[Any]) -> Mapping[str, str]:
-        """The text files of a directory by name, from the notes of its episodes."""
+        """The text files of a directory by name."""
         return {}
 
     def finish(self, directory: Path, validation: float) -> None:
-        """Write what describes a directory, from its episodes.parquet."""
+        """Write what describes a directory."""
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
         """Add what the summary has of a directory."""
@@ -149,26 +121,29 @@ class Hdf5Exporter[O](Exporter[O]):
 
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
         values: dict[str, Any] = {"episodes": len(job.episodes), "frames": 0}
+        options, representation = job.options, representation_of(job.options)
         for directory, paths in self.directories(job.episodes, draft.folder).items():
-            shared, notes = self.shared(paths, job.options), list[Any]()
-
-            def write_one(
-                made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared
-            ) -> None:
-                self.contents(file, facts, job.options, shared).write(made)
-
-            places = {path: self.file(directory, index) for index, path in enumerate(paths)}
-            also = () if shared is None else (shared,)
-            for index, facts in enumerate(
-                write_files(draft, job, directory, places, write_one, also)
-            ):
-                if index == 0:
-                    self.sum_up(
-                        values, directory.relative_to(draft.folder).as_posix(), facts, job.options
-                    )
-                _write_texts(directory, self.texts(index, facts))
-                notes.append(self.note(facts))
-                values["frames"] += len(facts)
+            shared, notes = self.shared(paths, options), list[Any]()
+            with closing(Provenance(directory / PROVENANCE, draft)) as rows:
+                for index, path in enumerate(paths):
+                    made = self.file(directory, index)
+                    made_from = ["episode", draft.hash_of(path)]
+                    made_from += [] if shared is None else [shared]
+                    kept = draft.keep(made, made_from)
+                    with reading(path) as file:
+                        facts = read_facts(file, job.dataset, representation=representation)
+                        rows.append(facts)
+                        if not kept:
+                            made.parent.mkdir(parents=True, exist_ok=True)
+                            self.contents(file, facts, options, shared).write(made)
+                            draft.record(made, made_from)
+                    job.advance()
+                    if index == 0:
+                        name = directory.relative_to(draft.folder).as_posix()
+                        self.sum_up(values, name, facts, options)
+                    _write_texts(directory, self.texts(index, facts))
+                    notes.append(self.note(facts))
+            values["frames"] += rows.frames
             _write_texts(directory, self.lists(notes))
             self.finish(directory, job.validation)
         return values

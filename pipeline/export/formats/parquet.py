@@ -1,8 +1,7 @@
 """Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined
-(docs/exports.md). Images are structs {bytes, path}, as Hugging Face datasets stores them; joint
-names are in the metadata, key "domino"."""
+(docs/exports.md)."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from pipeline.data.actions import JOINTS, Representation
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.formats.parquet_table import CONSTANTS, Plan, episode_table
 from pipeline.export.options import LabelOptions, camera_names_option, option, whole
-from pipeline.export.shared.annotations import Joined, joined_of
+from pipeline.export.shared.annotations import joined_of
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     ExportError,
@@ -25,9 +22,10 @@ from pipeline.export.shared.episodes import (
     sort_episodes,
     source_of,
 )
-from pipeline.export.shared.provenance import PROVENANCE, Provenance
-from pipeline.export.shared.sensors import IMAGE, SENSORS, sensors_of
-from pipeline.export.shared.tables import TableWriter
+from pipeline.export.shared.images import IMAGE, SENSORS, sensors_of
+from pipeline.export.shared.tables import PROVENANCE, Provenance, TableWriter
+
+from .parquet_table import CONSTANTS, Plan, episode_table
 
 FILE_BYTES = 200 * 1024 * 1024
 # the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
@@ -50,20 +48,14 @@ class ParquetOptions(LabelOptions):
 
 @register
 class Parquet(Exporter[ParquetOptions]):
-    """One row a frame; mixed embodiments share the files."""
-
     name = "parquet"
     options = ParquetOptions
+    written = SENSORS
 
     def write(self, job: Job[ParquetOptions], draft: ExportDraft) -> dict[str, Any]:
-        paths = sort_episodes(job.episodes)
-        firsts = _firsts(paths, job.dataset, job.options.representation)
-        joined = joined_of(job.dataset, job.options.annotations, job.options.camera_names)
-        plan = _plan(firsts, job.options, _sensors(paths), joined)
-        files, rows = (
-            _Files(draft, plan, job.options),
-            Provenance(draft.folder / PROVENANCE, draft),
-        )
+        paths, options = sort_episodes(job.episodes), job.options
+        plan = _plan(paths, job.dataset, options)
+        files, rows = _Files(draft, plan, options), Provenance(draft.folder / PROVENANCE, draft)
         with closing(rows), closing(files):
             items = [_item(index, path, draft, plan) for index, path in enumerate(paths)]
             kept = 0
@@ -71,24 +63,20 @@ class Parquet(Exporter[ParquetOptions]):
                 if index >= kept:
                     kept = index + files.keep(items, index)
                 with reading(path) as file:
-                    facts = read_facts(file, job.dataset, representation=job.options.representation)
+                    facts = read_facts(file, job.dataset, representation=options.representation)
                     rows.append(facts)
                     if index >= kept:
-                        files.write(
-                            episode_table(index, facts, file, plan, job.dataset), items[index]
-                        )
+                        table = episode_table(index, facts, file, plan, job.dataset)
+                        files.write(table, items[index])
                 job.advance()
         return {
             "episodes": len(paths),
             "frames": rows.frames,
             "files": files.count,
             "fps": plan.fps,
-            "embodiments": sorted(firsts),
-            "annotations": [one.directory for one in joined],
+            "embodiments": sorted(plan.names),
+            "annotations": [one.directory for one in plan.joined],
         }
-
-    def sensors(self, options: ParquetOptions) -> Collection[str]:
-        return SENSORS
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
         return [
@@ -97,31 +85,30 @@ class Parquet(Exporter[ParquetOptions]):
         ]
 
 
-def _sensors(paths: Sequence[Path]) -> set[str]:
-    """Sensors that any of the episodes stores."""
-    found = set[str]()
+def _plan(paths: Sequence[Path], dataset: Path, options: ParquetOptions) -> Plan:
+    """By the first episode of each robot. Raises ExportError if two differ in what they hold."""
+    firsts, sensors = dict[str, Facts](), set[str]()
     for path in paths:
         with reading(path) as file:
-            found |= set(sensors_of(file, file.cameras))
-    return found
-
-
-def _plan(
-    firsts: Mapping[str, Facts],
-    options: ParquetOptions,
-    sensors: Collection[str],
-    joined: Sequence[Joined],
-) -> Plan:
-    reference = next(iter(firsts.values()))
-    names = {name: list(f.log.vector_names) for name, f in firsts.items()}
-    cameras = exported_cameras(reference, options.camera_names)
-    actions = {
-        name: facts.action_names for name, facts in firsts.items() if facts.representation != JOINTS
-    }
+            sensors |= set(sensors_of(file, file.cameras))
+            if file.spec.embodiment not in firsts:
+                facts = read_facts(file, dataset, representation=options.representation)
+                firsts[file.spec.embodiment] = facts
+    first, *others = firsts.values()
+    for other in others:
+        for name in ("fps", "cameras", "spins"):
+            want, got = getattr(first, name), getattr(other, name)
+            if want != got:
+                differs = f"{name} {got} differs from {want} of {first.source}"
+                raise ExportError(f"{other.source}: {differs}; export them separately")
     return Plan(
-        *(reference.fps, cameras, names, sensors, joined),
-        *(reference.corrected, reference.spins, actions, options.labels),
-        *(reference.eventful, reference.paired),
+        first,
+        exported_cameras(first, options.camera_names),
+        {robot: list(facts.log.vector_names) for robot, facts in firsts.items()},
+        {robot: facts.action_names for robot, facts in firsts.items()},
+        sensors,
+        joined_of(dataset, options.annotations, options.camera_names),
+        options.labels,
     )
 
 
@@ -137,31 +124,37 @@ class _Files:
 
     def __init__(self, draft: ExportDraft, plan: Plan, options: ParquetOptions) -> None:
         self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
-        coded = [field.name for field in self.schema if field.type == IMAGE]
         # JPEG and PNG bytes neither compress nor repeat
-        codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {
-            f"{name}.bytes": "NONE" for name in coded
+        codecs = {
+            f"{field.name}.bytes" if field.type == IMAGE else field.name: (
+                "NONE" if field.type == IMAGE else "ZSTD"
+            )
+            for field in self.schema
         }
-        self.settings: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
-        # pages end where the content says, so that a store that keeps equal pieces once keeps what
-        # has not changed
-        self.settings |= {"use_content_defined_chunking": True}
+        self.settings: dict[str, Any] = {
+            "compression": codecs,
+            "use_dictionary": [*CONSTANTS],
+            # pages end where the content says, so that a store that keeps equal pieces once keeps
+            # what has not changed
+            "use_content_defined_chunking": True,
+        }
         self._writer: TableWriter | None = None
         self._items: list[list[Any]] = []
 
+    @property
+    def _path(self) -> Path:
+        return self.draft.folder / f"data-{self.count:05d}.parquet"
+
     def keep(self, items: Sequence[list[Any]], start: int) -> int:
-        """Take over the next file if the older export has one of the episodes from `start`; returns
-        of how many."""
-        name = f"data-{self.count:05d}.parquet"
-        older = self.draft.older.record.contents.get(name, {})
-        count, full = older.get("episodes", 0), older.get("full", False)
-        if self._writer is not None or not 0 < count <= len(items) - start:
+        """Take over the next file, if it is of the episodes from `start`; returns of how many."""
+        older = self.draft.older.record.contents.get(self._path.name, {})
+        count, left = older.get("episodes", 0), len(items) - start
+        if self._writer is not None or not 0 < count <= left:
             return 0
         # it ended for want of episodes, and there are more
-        if not full and count < len(items) - start:
+        if not older.get("full", False) and count < left:
             return 0
-        made_from = self._sources_of(items[start : start + count])
-        if not self.draft.keep(self.draft.folder / name, made_from):
+        if not self.draft.keep(self._path, self._sources_of(items[start : start + count])):
             return 0
         self.count += 1
         return count
@@ -171,45 +164,19 @@ class _Files:
 
     def write(self, table: pa.Table, item: list[Any]) -> None:
         """Write the rows of an episode that were made from `item`."""
-        path = self.draft.folder / f"data-{self.count:05d}.parquet"
         if self._writer is None:
-            self._writer = TableWriter(path, self.schema, **self.settings)
+            self._writer = TableWriter(self._path, self.schema, **self.settings)
         self._items.append(item)
         groups = max(1, -(-table.nbytes // self.options.group_bytes))
         self._writer.write_table(table, row_group_size=max(1, -(-len(table) // groups)))
-        if path.stat().st_size >= self.options.file_bytes:
+        if self._path.stat().st_size >= self.options.file_bytes:
             self.close(full=True)
 
     def close(self, full: bool = False) -> None:
         """Finish the file; `full` if it is complete whatever follows."""
         if self._writer is not None:
             self._writer.close()
-            self._writer = None
-            path = self.draft.folder / f"data-{self.count:05d}.parquet"
-            self.draft.record(
-                path, self._sources_of(self._items), episodes=len(self._items), full=full
-            )
+            self._writer, items = None, self._items
+            sources = self._sources_of(items)
+            self.draft.record(self._path, sources, episodes=len(items), full=full)
             self.count, self._items = self.count + 1, []
-
-
-def _firsts(
-    paths: Sequence[Path], dataset: Path, representation: Representation
-) -> dict[str, Facts]:
-    """Embodiment -> its first episode. Raises ExportError where two differ in what they hold."""
-    firsts: dict[str, Facts] = {}
-    for path in paths:
-        with reading(path) as file:
-            if file.spec.embodiment not in firsts:
-                firsts[file.spec.embodiment] = read_facts(
-                    file, dataset, representation=representation
-                )
-    reference, *others = firsts.values()
-    for other in others:
-        for name in ("fps", "cameras", "spins"):
-            want, got = getattr(reference, name), getattr(other, name)
-            if want != got:
-                raise ExportError(
-                    f"{other.source}: {name} {got} differs from {want} of {reference.source};"
-                    " export them separately"
-                )
-    return firsts

@@ -1,8 +1,8 @@
 """The columns of the Parquet format: schema, and the table of one episode."""
 
 import json
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +10,15 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pipeline.data.actions import JOINTS
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.shared.annotations import Joined, annotation_columns
 from pipeline.export.shared.derived import contact_flags, event_columns, interception, trace_of
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
+from pipeline.export.shared.images import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column
 from pipeline.export.shared.labels import label_names, label_values, labelled
 from pipeline.export.shared.script import script_of
-from pipeline.export.shared.sensors import (
-    IMAGE,
-    IMAGES,
-    POINTCLOUD,
-    coded_images,
-    image_column,
-    sensors_of,
-)
 from pipeline.motion.paths import path_ahead
 from pipeline.motion.recorded import track
 
@@ -37,26 +31,25 @@ CONSTANTS = {
     **{"domain": pa.string(), "slot": pa.int64(), "seed": pa.int64()},
     **{"physics_id": pa.string(), "variant": pa.int64(), "instruction": pa.string()},
 }
+FLOATS, TEXT, NUMBER, FLAG = pa.list_(pa.float32()), pa.string(), pa.int64(), pa.bool_()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What the columns follow from: fps, cameras, joint names by embodiment, sensors of any
-    episode, annotations, corrections, angular velocity. `actions` are names of an action's numbers
-    by embodiment, if not the joints; `labels` those of all objects. `eventful` and `paired`:
-    whether there are events and arms of pairs."""
+    """What the columns follow from: an episode like all others, exported cameras, names of joints
+    and actions by robot, sensors of any episode, annotations, labels."""
 
-    fps: int
+    first: Facts
     cameras: Mapping[str, str]
     names: Mapping[str, list[str]]
+    actions: Mapping[str, list[str]]
     sensors: Collection[str]
     joined: Sequence[Joined]
-    corrected: bool = False
-    spins: bool = False
-    actions: Mapping[str, list[str]] = field(default_factory=dict[str, list[str]])
-    labels: Sequence[str] = ()
-    eventful: bool = False
-    paired: bool = False
+    labels: Sequence[str]
+
+    @property
+    def fps(self) -> int:
+        return self.first.fps
 
     @property
     def images(self) -> dict[str, str]:
@@ -67,41 +60,36 @@ class Plan:
     def sensor_images(self) -> dict[tuple[str, str], str]:
         """("left_camera", "depth") -> "depth_cam_left_wrist"."""
         return {
-            (c, sensor): f"{sensor}_{name}"
-            for c, name in self.cameras.items()
+            (camera, sensor): f"{sensor}_{name}"
+            for camera, name in self.cameras.items()
             for sensor in IMAGES
             if sensor in self.sensors
         }
 
     def schema(self) -> pa.Schema:
         """With fps, joint names, annotations and Hugging Face features in the metadata."""
-        columns: dict[str, pa.DataType] = dict.fromkeys(
-            ("episode_index", "frame_index"), pa.int64()
-        )
-        columns["timestamp"] = pa.float64()
-        columns |= CONSTANTS
-        columns |= dict.fromkeys(TEXTS, pa.string())
-        columns |= dict.fromkeys((*VECTORS, *TOOLS.values(), "target_path"), pa.list_(pa.float32()))
-        if self.spins:
-            columns["target_angular_velocity"] = pa.list_(pa.float32())
-        columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
-        columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
+        first = self.first
+        columns: dict[str, pa.DataType] = dict.fromkeys(("episode_index", "frame_index"), NUMBER)
+        columns |= {"timestamp": pa.float64(), **CONSTANTS, **dict.fromkeys(TEXTS, TEXT)}
+        columns |= dict.fromkeys((*VECTORS, *TOOLS.values(), "target_path"), FLOATS)
+        columns |= {"target_angular_velocity": FLOATS} if first.spins else {}
+        columns |= {"events": pa.list_(TEXT), "event_times": pa.list_(pa.float64())}
+        columns |= {"is_first": FLAG, "is_last": FLAG}
         if self.labels:
-            columns["objects"] = pa.list_(pa.string())
-            columns |= dict.fromkeys(label_names(self.labels), pa.list_(pa.float32()))
-        if self.corrected:
-            columns |= {"intervention": pa.bool_(), "expert_action": pa.list_(pa.float32())}
-        if self.eventful:
-            columns |= {"event_kind": pa.string(), "event_active": pa.bool_(), "pair": pa.string()}
-        columns |= {"arm": pa.string()} if self.paired else {}
-        columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
-        for name in self.cameras.values():
             columns |= {
-                f"{kind}_{name}": pa.list_(pa.float32())
-                for kind in ("camera_pose", "target_track", "trace")
+                "objects": pa.list_(TEXT),
+                **dict.fromkeys(label_names(self.labels), FLOATS),
             }
+        columns |= {"intervention": FLAG, "expert_action": FLOATS} if first.corrected else {}
+        if first.eventful:
+            columns |= {"event_kind": TEXT, "event_active": FLAG, "pair": TEXT}
+        columns |= {"arm": TEXT} if first.paired else {}
+        columns |= {"sim_step": NUMBER, **dict.fromkeys(FLAGS, pa.list_(FLAG))}
+        for name in self.cameras.values():
+            kinds = ("camera_pose", "target_track", "trace")
+            columns |= {f"{kind}_{name}": FLOATS for kind in kinds}
         columns |= dict.fromkeys((*self.images.values(), *self.sensor_images.values()), IMAGE)
-        columns |= {POINTCLOUD: pa.list_(pa.float32())} if POINTCLOUD in self.sensors else {}
+        columns |= {POINTCLOUD: FLOATS} if POINTCLOUD in self.sensors else {}
         for one in self.joined:
             columns |= one.columns
         schema = pa.schema(list(columns.items()))
@@ -109,114 +97,102 @@ class Plan:
             "fps": self.fps,
             "cameras": list(self.images.values()),
             "names": dict(self.names),
+            "annotations": {
+                j.directory: {
+                    "stage": j.stage,
+                    "columns": list(j.columns),
+                    "parameters": dict(j.parameters),
+                }
+                for j in self.joined
+            },
         }
-        if self.actions:
+        if first.representation != JOINTS:
             described["action_names"] = dict(self.actions)
         if self.labels:
             described["label_names"] = label_names(self.labels)
-        described["annotations"] = {
-            j.directory: {
-                "stage": j.stage,
-                "columns": list(j.columns),
-                "parameters": dict(j.parameters),
-            }
-            for j in self.joined
-        }
-        metadata = {
-            "huggingface": json.dumps(
-                {"info": {"features": {field.name: _feature(field.type) for field in schema}}}
-            ),
-            "domino": json.dumps(described, sort_keys=True),
-        }
-        return schema.with_metadata(metadata)
+        features = {"info": {"features": {field.name: _feature(field.type) for field in schema}}}
+        domino = json.dumps(described, sort_keys=True)
+        return schema.with_metadata({"huggingface": json.dumps(features), "domino": domino})
 
 
 def _feature(kind: pa.DataType) -> dict[str, Any]:
-    """The Hugging Face feature of an Arrow type."""
     if kind == IMAGE:
         return {"_type": "Image"}
     if isinstance(kind, pa.ListType):
         return {"feature": _feature(kind.value_type), "_type": "List"}
     if isinstance(kind, pa.StructType):
         return {field.name: _feature(field.type) for field in kind}
-    return {
-        "dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)),
-        "_type": "Value",
-    }
+    dtype = {"double": "float64", "float": "float32"}.get(str(kind), str(kind))
+    return {"dtype": dtype, "_type": "Value"}
 
 
 def episode_table(
     index: int, facts: Facts, file: EpisodeFile, plan: Plan, dataset: Path
 ) -> pa.Table:
-    frames, log, derived, schema = len(facts), facts.log, interception(facts), plan.schema()
-    spec = {name: value for name, value in vars(facts.spec).items() if name in CONSTANTS}
-    spec |= {"physics_id": facts.meta.physics_id, "variant": facts.meta.variant}
-    spec["instruction"] = facts.instruction
-    columns: dict[str, Any] = {
-        name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()
-    }
-    columns["episode_index"] = np.full(frames, index)
-    columns["frame_index"] = np.arange(frames)
-    columns["timestamp"] = log.times - log.times[0]
+    schema = plan.schema()
+    columns = dict(_columns(index, facts, plan)) | dict(_images(file, plan))
+    columns |= annotation_columns(plan.joined, dataset, file, facts)
+    return pa.table({name: columns[name] for name in schema.names}, schema=schema)
+
+
+def _columns(index: int, facts: Facts, plan: Plan) -> Iterator[tuple[str, Any]]:
+    """All columns of an episode but images and annotations."""
+    frames, log, derived = len(facts), facts.log, interception(facts)
+    spec, meta, target = facts.spec, facts.meta, facts.target[:, :3]
+    of_meta = {"physics_id": meta.physics_id, "variant": meta.variant}
+    constants = vars(spec) | of_meta | {"instruction": facts.instruction}
+    for name, kind in CONSTANTS.items():
+        yield name, pa.array([constants[name]] * frames, kind)
+    numbers = np.arange(frames)
+    yield from {"episode_index": np.full(frames, index), "frame_index": numbers}.items()
+    yield from {"is_first": numbers == 0, "is_last": numbers == frames - 1}.items()
+    yield "timestamp", log.times - log.times[0]
     values = (log.state, facts.action, facts.target, log.target_velocity)
-    for name, value in zip(VECTORS, values, strict=True):
-        columns[name] = _lists(value)
-    if plan.spins:
-        columns["target_angular_velocity"] = _lists(np.array(log.target_angular_velocity))
+    yield from ((name, _lists(value)) for name, value in zip(VECTORS, values, strict=True))
+    if log.target_angular_velocity is not None:
+        yield "target_angular_velocity", _lists(log.target_angular_velocity)
     tools = dict(zip(log.sides, log.tcp.swapaxes(0, 1), strict=True))
     for side, name in TOOLS.items():
-        columns[name] = (
-            _lists(tools[side]) if side in tools else pa.nulls(frames, pa.list_(pa.float32()))
-        )
-    script = script_of(facts)
-    columns |= {name: getattr(script, name) for name in TEXTS}
-    columns["target_path"] = _lists(path_ahead(facts.target[:, :3], facts.fps))
+        yield name, _lists(tools[side]) if side in tools else pa.nulls(frames, FLOATS)
+    yield from vars(script_of(facts)).items()
+    yield "target_path", _lists(path_ahead(target, facts.fps))
     names: list[list[str]] = [[] for _ in range(frames)]
     times: list[list[float]] = [[] for _ in range(frames)]
     for frame, name, time in event_frames(facts):
         names[frame].append(name)
         times[frame].append(time - float(log.times[0]))
-    columns["events"], columns["event_times"] = names, times
-    columns["is_first"] = np.arange(frames) == 0
-    columns["is_last"] = np.arange(frames) == frames - 1
+    yield from {"events": names, "event_times": times}.items()
     if plan.labels:
-        columns["objects"] = [labelled(facts)] * frames
-        columns |= {n: _lists(v) for n, v in label_values(facts, plan.labels).items()}
-    if plan.corrected:
-        columns["intervention"], columns["expert_action"] = (
-            log.intervention,
-            _lists(facts.written(np.array(log.expert_action), facts.representation)),
-        )
-    if plan.eventful:
-        columns["event_kind"], active = event_columns(facts)
-        columns["event_active"] = active > 0
-        columns["pair"] = [facts.spec.pair] * frames
-        columns["arm"] = [facts.spec.arm] * frames
-    columns["sim_step"] = derived.steps
-    touched = (contact_flags(facts, body) for body in (facts.meta.target, facts.meta.manipulated))
+        yield "objects", [labelled(facts)] * frames
+        yield from ((n, _lists(v)) for n, v in label_values(facts, plan.labels).items())
+    if log.intervention is not None and log.expert_action is not None:
+        yield "intervention", log.intervention
+        yield "expert_action", _lists(facts.written(log.expert_action, facts.representation))
+    kinds, active = event_columns(facts)
+    yield from {"event_kind": kinds, "event_active": active > 0}.items()
+    yield from {"pair": [spec.pair] * frames, "arm": [spec.arm] * frames}.items()
+    yield "sim_step", derived.steps
+    touched = (contact_flags(facts, body) for body in (meta.target, meta.manipulated))
     for name, value in zip(FLAGS, (*touched, derived.held), strict=True):
-        columns[name] = pa.array(list(value.astype(bool)), pa.list_(pa.bool_()))
+        yield name, pa.array(list(value.astype(bool)), pa.list_(FLAG))
     for camera, name in plan.cameras.items():
         poses = facts.camera_poses[camera]
-        seen = track(
-            facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3]
-        )
-        made = {"camera_pose": poses, "target_track": seen, "trace": trace_of(facts, camera)}
-        columns |= {f"{kind}_{name}": _lists(value) for kind, value in made.items()}
-    columns |= annotation_columns(plan.joined, dataset, file, facts)
-    for camera, column in plan.images.items():
-        columns[column] = image_column(file.array(f"observation/{camera}/rgb").tolist())
-    for (camera, sensor), column in plan.sensor_images.items():
-        stored = sensor in sensors_of(file, [camera])
-        columns[column] = (
-            image_column(coded_images(file, camera, sensor)) if stored else pa.nulls(frames, IMAGE)
-        )
-    if POINTCLOUD in plan.sensors:
-        stored = file.has(POINTCLOUD)
-        columns[POINTCLOUD] = (
-            _lists(file.array(POINTCLOUD)) if stored else pa.nulls(frames, pa.list_(pa.float32()))
-        )
-    return pa.table({name: columns[name] for name in schema.names}, schema=schema)
+        yield f"camera_pose_{name}", _lists(poses)
+        seen = track(meta.drawing.cameras[camera].camera(camera).type, poses, target)
+        yield f"target_track_{name}", _lists(seen)
+        yield f"trace_{name}", _lists(trace_of(facts, camera))
+
+
+def _images(file: EpisodeFile, plan: Plan) -> Iterator[tuple[str, pa.Array]]:
+    """Columns of images and point clouds; nulls for what the episode has not."""
+    for camera, name in plan.images.items():
+        yield name, image_column(file.array(f"observation/{camera}/rgb").tolist())
+    for (camera, sensor), name in plan.sensor_images.items():
+        stored = file.has(f"observation/{camera}/{IMAGES[sensor]}")
+        images = coded_images(file, camera, sensor) if stored else []
+        yield name, image_column(images) if stored else pa.nulls(len(file), IMAGE)
+    stored = file.has(POINTCLOUD)
+    yield POINTCLOUD, _lists(file.array(POINTCLOUD)) if stored else pa.nulls(len(file), FLOATS)
 
 
 def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
@@ -231,6 +207,4 @@ def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
 
 def _lists(values: NDArray[Any]) -> pa.Array:
     """A column of flat float32 lists from values (T,...)."""
-    return pa.array(
-        list(values.reshape(len(values), -1).astype(np.float32)), pa.list_(pa.float32())
-    )
+    return pa.array(list(values.reshape(len(values), -1).astype(np.float32)), FLOATS)

@@ -1,8 +1,7 @@
-"""RLDS as TensorFlow Datasets stores it, for OpenVLA, Octo and other readers of Open X-Embodiment,
-without TensorFlow; docs/exports.md has the layout. Nothing is shifted."""
+"""RLDS as TensorFlow Datasets stores it, without TensorFlow; docs/exports.md has the layout."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import batched
@@ -13,8 +12,7 @@ import numpy as np
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.formats.tfrecord import Value, example, write_records
-from pipeline.export.options import LabelOptions, camera_names_option, image_size, option, whole
+from pipeline.export.options import ImageOptions, LabelOptions, option, whole
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     FAILURES,
@@ -25,28 +23,21 @@ from pipeline.export.shared.episodes import (
     read_facts,
     reading,
 )
-from pipeline.export.shared.images import reencode
+from pipeline.export.shared.images import DEPTH, coded_images, reencode
 from pipeline.export.shared.labels import label_names, label_values, labelled
-from pipeline.export.shared.provenance import PROVENANCE, Provenance
 from pipeline.export.shared.record import write_json
-from pipeline.export.shared.sensors import DEPTH, coded_images
+from pipeline.export.shared.tables import PROVENANCE, Provenance
+
+from .tfrecord import Value, example, write_records
 
 VERSION = "1.0.0"
 SCALARS = {"task": str, "embodiment": str, "level": int, "alpha": float, "domain": str, "seed": int}
 """Fields of the spec that `episode_metadata` repeats."""
 
-NUMBERS: dict[type, Any] = {int: np.int64, float: np.float32}
-
 
 @dataclass(frozen=True)
-class RldsOptions(LabelOptions):
-    """Options of the format; `size` is (height, width) in pixels."""
-
-    size: tuple[int, int] | None = option(
-        "WIDTHxHEIGHT in pixels to resize images to, like 256x256", image_size, None
-    )
+class RldsOptions(ImageOptions, LabelOptions):
     shard_episodes: int = option("episodes of a TFRecord file", whole(1), 32)
-    camera_names: Mapping[str, str] = camera_names_option()
 
 
 @register
@@ -55,53 +46,46 @@ class Rlds(Exporter[RldsOptions]):
 
     name = "rlds"
     options = RldsOptions
-
-    def sensors(self, options: RldsOptions) -> Collection[str]:
-        return ("depth",)
+    written = (DEPTH,)
 
     def write(self, job: Job[RldsOptions], draft: ExportDraft) -> dict[str, Any]:
-        frames, cameras, directories = 0, dict[str, str](), _directories(job.episodes, draft.folder)
-        for directory, paths in directories.items():
-            first, features = None, dict[str, Any]()
+        frames, cameras, directories = 0, dict[str, str](), list[str]()
+        groups = group_episodes(job.episodes, _name)
+        for name, paths in groups.items():
+            directory, features, facts = draft.folder / name / VERSION, dict[str, Any](), None
+            directories.append(f"{name}/{VERSION}")
             with closing(Provenance(directory / PROVENANCE, draft)) as rows:
                 for path in paths:
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset, None, job.options.representation)
                         described = features_of(file, facts, job.options)
-                    if first is not None and described != features:
-                        raise ExportError(
-                            f"{facts.source}: has other sensors than {first.source}; export them"
-                            " separately"
-                        )
-                    first, features = first or facts, described
+                    if described != (features := features or described):
+                        differs = f"has other sensors than {paths[0]}; export them separately"
+                        raise ExportError(f"{facts.source}: {differs}")
                     cameras |= exported_cameras(facts, job.options.camera_names)
                     rows.append(facts)
             frames += rows.frames
+            split = FAILURES if facts and facts.meta.failure else "train"
             write_json(directory / "features.json", features)
-            write_json(directory / "dataset_info.json", _write_shards(draft, job, directory, paths))
-        names = sorted(path.relative_to(draft.folder).as_posix() for path in directories)
+            sizes = _write_shards(draft, job, directory, f"{name}-{split}", paths)
+            write_json(directory / "dataset_info.json", _info(name, split, sizes))
         counts = {"episodes": len(job.episodes), "frames": frames}
-        return counts | {"cameras": cameras, "directories": names}
+        return counts | {"cameras": cameras, "directories": directories}
 
 
-def _directories(episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-    """Directory of each robot; names are of small letters, digits and underscores."""
-    groups = group_episodes(
-        episodes, lambda spec: "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
-    )
-    return {out / name / VERSION: paths for name, paths in groups.items()}
+def _name(spec: Any) -> str:
+    """The dataset of a robot: small letters, digits and underscores."""
+    return "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
 
 
 def _write_shards(
-    draft: ExportDraft, job: Job[RldsOptions], directory: Path, paths: Sequence[Path]
-) -> dict[str, Any]:
-    with reading(paths[0]) as file:
-        split = FAILURES if file.meta.failure else "train"
+    draft: ExportDraft, job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
+) -> list[list[int]]:
+    """Write the TFRecord files; returns the bytes of each record by shard."""
     shards = list(batched(paths, job.options.shard_episodes))
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):
-        place = f"{number:05d}-of-{len(shards):05d}"
-        made = directory / f"{directory.parent.name}-{split}.tfrecord-{place}"
+        made = directory / f"{name}.tfrecord-{number:05d}-of-{len(shards):05d}"
         made_from = ["shard", [draft.hash_of(path) for path in shard]]
         if kept := draft.keep(made, made_from):
             sizes.append(kept["records"])
@@ -110,7 +94,7 @@ def _write_shards(
             draft.record(made, made_from, records=sizes[-1])
         for _ in shard:
             job.advance()
-    return _info(directory, split, sizes)
+    return sizes
 
 
 def _messages(dataset: Path, shard: Sequence[Path], options: RldsOptions) -> Iterator[bytes]:
@@ -133,24 +117,26 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
         "steps/is_first": (frames == 0).astype(np.int64),
         "steps/is_last": last.astype(np.int64),
         "steps/is_terminal": (last & success).astype(np.int64),
-        "episode_metadata/file_path": [facts.source.encode()],
     }
     for name, rows in label_values(facts, options.labels).items():
         values[f"steps/{name}"] = rows.astype(np.float32).ravel()
+    texts = {"file_path": facts.source}
     if options.labels:
-        values["episode_metadata/objects"] = [",".join(labelled(facts)).encode()]
+        texts["objects"] = ",".join(labelled(facts))
     if facts.dataset:
-        values["episode_metadata/dataset"] = [facts.dataset.encode()]
+        texts["dataset"] = facts.dataset
     for name, kind in SCALARS.items():
         value = getattr(facts.spec, name)
-        values[f"episode_metadata/{name}"] = (
-            [value.encode()] if kind is str else np.array([value], NUMBERS[kind])
-        )
+        if kind is str:
+            texts[name] = value
+        else:
+            dtype: Any = np.int64 if kind is int else np.float32
+            values[f"episode_metadata/{name}"] = np.array([value], dtype)
+    values |= {f"episode_metadata/{name}": [text.encode()] for name, text in texts.items()}
     for camera, name in exported_cameras(facts, options.camera_names).items():
         images = file.array(f"observation/{camera}/rgb")
-        values[f"steps/observation/{name}"] = [
-            reencode(bytes(image), "rgb", options.size) for image in images
-        ]
+        coded = [reencode(bytes(image), "rgb", options.size) for image in images]
+        values[f"steps/observation/{name}"] = coded
         if file.has(f"observation/{camera}/depth"):
             values[f"steps/observation/depth_{name}"] = coded_images(file, camera, DEPTH)
     return values
@@ -164,22 +150,20 @@ def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[s
         observation[name] = _image((*size, 3), "uint8", "jpeg")
         if file.has(f"observation/{camera}/depth"):
             observation[f"depth_{name}"] = _image((*facts.size, 1), "uint16", "png")
+    text = {"text": {}, "pythonClassName": _class("text_feature.Text")}
     step = {
         "observation": _group(observation),
         "action": _tensor("float32", len(facts.action_names)),
-        "language_instruction": _text(),
+        "language_instruction": text,
         **{name: _tensor("float32") for name in ("reward", "discount")},
         **{name: _tensor("bool") for name in ("is_first", "is_last", "is_terminal")},
-        **{
-            name: _tensor("float32", len(parts))
-            for name, parts in label_names(options.labels).items()
-        },
     }
-    kinds = {str: _text, int: lambda: _tensor("int64"), float: lambda: _tensor("float32")}
-    metadata = {"file_path": _text()} | {name: kinds[kind]() for name, kind in SCALARS.items()}
-    metadata |= {"objects": _text()} if options.labels else {}
-    if facts.dataset:
-        metadata["dataset"] = _text()
+    for name, parts in label_names(options.labels).items():
+        step[name] = _tensor("float32", len(parts))
+    kinds = {str: text, int: _tensor("int64"), float: _tensor("float32")}
+    metadata = {"file_path": text} | {name: kinds[kind] for name, kind in SCALARS.items()}
+    metadata |= {"objects": text} if options.labels else {}
+    metadata |= {"dataset": text} if facts.dataset else {}
     steps = {
         "sequence": {"feature": _group(step), "length": "-1"},
         "pythonClassName": _class("dataset_feature.Dataset"),
@@ -192,14 +176,8 @@ def _class(name: str) -> str:
 
 
 def _group(features: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "featuresDict": {"features": dict(features)},
-        "pythonClassName": _class("features_dict.FeaturesDict"),
-    }
-
-
-def _text() -> dict[str, Any]:
-    return {"text": {}, "pythonClassName": _class("text_feature.Text")}
+    name = _class("features_dict.FeaturesDict")
+    return {"featuresDict": {"features": dict(features)}, "pythonClassName": name}
 
 
 def _shape(sizes: Sequence[int]) -> dict[str, Any]:
@@ -207,11 +185,9 @@ def _shape(sizes: Sequence[int]) -> dict[str, Any]:
 
 
 def _tensor(kind: str, *sizes: int) -> dict[str, Any]:
-    name = "tensor_feature.Tensor" if sizes else "scalar.Scalar"
-    return {
-        "tensor": {"dtype": kind, "encoding": "none", "shape": _shape(sizes)},
-        "pythonClassName": _class(name),
-    }
+    name = _class("tensor_feature.Tensor" if sizes else "scalar.Scalar")
+    tensor = {"dtype": kind, "encoding": "none", "shape": _shape(sizes)}
+    return {"tensor": tensor, "pythonClassName": name}
 
 
 def _image(sizes: Sequence[int], kind: str, encoding: str) -> dict[str, Any]:
@@ -219,7 +195,7 @@ def _image(sizes: Sequence[int], kind: str, encoding: str) -> dict[str, Any]:
     return {"image": image, "pythonClassName": _class("image_feature.Image")}
 
 
-def _info(directory: Path, split: str, sizes: Sequence[Sequence[int]]) -> dict[str, Any]:
+def _info(name: str, split: str, sizes: Sequence[Sequence[int]]) -> dict[str, Any]:
     """dataset_info.json; `sizes` are the bytes of each record by shard."""
     described = {
         "name": split,
@@ -227,9 +203,4 @@ def _info(directory: Path, split: str, sizes: Sequence[Sequence[int]]) -> dict[s
         "numBytes": str(sum(map(sum, sizes))),
         "shardLengths": [str(len(shard)) for shard in sizes],
     }
-    return {
-        "name": directory.parent.name,
-        "version": VERSION,
-        "fileFormat": "tfrecord",
-        "splits": [described],
-    }
+    return {"name": name, "version": VERSION, "fileFormat": "tfrecord", "splits": [described]}

@@ -1,14 +1,9 @@
-"""robomimic HDF5, also for Diffusion Policy and MimicGen's tools; docs/exports.md has the layout.
-
-demos.hdf5 links to demos/demo_{i}.hdf5. `next_obs` is a reference to `obs` a frame later. `object`
-is pose, linear and angular velocity of the target; (T,10) without the last in old episodes. Masks:
-`train`, `valid` (every tenth `physics_id` by hash, or the --validation split), each task and level.
-"""
+"""robomimic HDF5, which Diffusion Policy and MimicGen's tools read, too (docs/exports.md)."""
 
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,16 +18,15 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.data.slots.select import VALIDATION
 from pipeline.export.exporter import register
-from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
-from pipeline.export.options import ActionOptions, camera_names_option, image_size, option
+from pipeline.export.options import ImageOptions
 from pipeline.export.shared.episodes import (
     Facts,
-    by_embodiment,
     described_action,
-    exported_cameras,
 )
-from pipeline.export.shared.images import resize
-from pipeline.export.shared.provenance import PROVENANCE
+from pipeline.export.shared.images import DEPTH, resize
+from pipeline.export.shared.tables import PROVENANCE
+
+from .hdf5_files import Contents, Hdf5Exporter
 
 INDEX, DEMOS = "demos.hdf5", "demos"
 GYM_TYPE = 2
@@ -43,14 +37,7 @@ HELD_OUT = 10
 
 
 @dataclass(frozen=True)
-class RobomimicOptions(ActionOptions):
-    """Options of the format; `size` is (height, width) in pixels."""
-
-    size: tuple[int, int] | None = option(
-        "WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None
-    )
-    camera_names: Mapping[str, str] = camera_names_option()
-
+class RobomimicOptions(ImageOptions):
     @property
     def representations(self) -> tuple[Representation, ...]:
         """With that of `abs_actions`."""
@@ -60,43 +47,33 @@ class RobomimicOptions(ActionOptions):
 
 @register
 class Robomimic(Hdf5Exporter[RobomimicOptions]):
-    """One dataset a robot."""
-
     name = "robomimic"
     options = RobomimicOptions
-
-    def sensors(self, options: RobomimicOptions) -> Collection[str]:
-        return ("depth",)
-
-    def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-        return dict(by_embodiment(episodes, out).values())
+    written = (DEPTH,)
 
     def file(self, directory: Path, index: int) -> Path:
         return directory / DEMOS / f"demo_{index}.hdf5"
-
-    def cameras(self, facts: Facts, options: RobomimicOptions) -> dict[str, str]:
-        return exported_cameras(facts, options.camera_names)
 
     def contents(
         self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None
     ) -> Contents:
         log, last = facts.log, np.arange(len(facts)) == len(facts) - 1
         spin = [] if log.target_angular_velocity is None else [log.target_angular_velocity]
-        obs: dict[str, NDArray[Any]] = {
+        vectors: dict[str, NDArray[Any]] = {
             "joint_pos": log.state,
             **{f"{side}_eef_pose": log.tcp[:, i] for i, side in enumerate(log.sides)},
             "object": np.hstack([facts.target, log.target_velocity, *spin]),
         }
-        obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
+        obs: dict[str, NDArray[Any]] = {
+            f"obs/{name}": value.astype(np.float32) for name, value in vectors.items()
+        }
         for camera, name in self.cameras(facts, options).items():
-            obs[f"obs/{name}_image"] = np.stack(
-                [resize(image, options.size) for image in file.frames(camera)]
-            )
+            images = (resize(image, options.size) for image in file.frames(camera))
+            obs[f"obs/{name}_image"] = np.stack(list(images))
             if file.has(f"observation/{camera}/depth"):
                 depth = file.array(f"observation/{camera}/depth") / np.float32(1000)
-                obs[f"obs/{name}_depth"] = np.stack(
-                    [_nearest(image, options.size) for image in depth]
-                )[..., None]
+                maps = [_nearest(image, options.size) for image in depth]
+                obs[f"obs/{name}_depth"] = np.stack(maps)[..., None]
         values = {
             "actions": facts.action.astype(np.float32),
             "rewards": (last & (facts.meta.failure is None)).astype(np.float32),
@@ -120,35 +97,28 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         return Contents(values, attributes, {f"next_{key}": key for key in obs})
 
     def finish(self, directory: Path, validation: float) -> None:
-        """Write demos.hdf5."""
-        attributes, masks, count = index_of(directory / PROVENANCE, validation)
+        """Write demos.hdf5: links to the demos, and masks of their names."""
+        columns = ["length", "task", "level", "physics_id", "source", "split"]
+        rows = pq.read_table(directory / PROVENANCE, columns=columns).to_pylist()
+        masks: dict[str, list[str]] = defaultdict(list)
+        for index, row in enumerate(rows):
+            task = row["task"]
+            for name in (_split(row, validation), task, f"{task}_L{row['level']}"):
+                masks[name].append(f"demo_{index}")
+        tasks = sorted({row["task"] for row in rows})
+        environment = {"env_name": "+".join(tasks), "type": GYM_TYPE, "env_kwargs": {}}
         with new_hdf5(directory / INDEX) as f:
             data, mask = f.create_group("data"), f.create_group("mask")
-            data.attrs.update(attributes)
-            for index in range(count):
+            data.attrs["total"] = sum(row["length"] for row in rows)
+            data.attrs["env_args"] = json.dumps(environment)
+            for index in range(len(rows)):
                 data[f"demo_{index}"] = h5py.ExternalLink(f"{DEMOS}/demo_{index}.hdf5", "/")
-            for name, demos in masks.items():
-                mask[name] = np.array(demos, "S")
-
-
-def index_of(
-    provenance: Path, validation: float
-) -> tuple[dict[str, Any], dict[str, list[str]], int]:
-    """Attributes, demos by mask, and the number of demos, from an episodes.parquet."""
-    rows = pq.read_table(
-        provenance, columns=["length", "task", "level", "physics_id", "source", "split"]
-    ).to_pylist()
-    masks: dict[str, list[str]] = defaultdict(list)
-    for index, row in enumerate(rows):
-        for name in (_split(row, validation), row["task"], f"{row['task']}_L{row['level']}"):
-            masks[name].append(f"demo_{index}")
-    tasks = sorted({row["task"] for row in rows})
-    environment = {"env_name": "+".join(tasks), "type": GYM_TYPE, "env_kwargs": {}}
-    attributes = {"total": sum(row["length"] for row in rows), "env_args": json.dumps(environment)}
-    return attributes, {name: masks[name] for name in sorted(masks)}, len(rows)
+            for name in sorted(masks):
+                mask[name] = np.array(masks[name], "S")
 
 
 def _split(row: Mapping[str, Any], validation: float) -> str:
+    """Every tenth `physics_id` by hash, or the --validation split."""
     if validation != VALIDATION:
         return "valid" if row["split"] == "validation" else "train"
     identity = row["physics_id"] or row["source"]

@@ -12,7 +12,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 POLYNOMIAL = 0x82F63B78
-"""Of CRC-32C, bits reversed."""
 
 MASK_DELTA = 0xA282EAD8
 
@@ -40,11 +39,11 @@ def _field(number: int, content: bytes) -> bytes:
 
 
 def _varint(value: int) -> bytes:
-    out = bytearray()
+    digits = bytearray()
     while value > 127:
-        out.append(value & 127 | 128)
+        digits.append(value & 127 | 128)
         value >>= 7
-    return bytes([*out, value])
+    return bytes([*digits, value])
 
 
 def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
@@ -53,25 +52,22 @@ def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
     with path.open("wb") as f:
         for message in messages:
             length = struct.pack("<Q", len(message))
-            f.write(length + struct.pack("<I", masked_crc(length)))
-            f.write(message)
-            f.write(struct.pack("<I", masked_crc(message)))
+            for part in (length, message):
+                f.write(part + struct.pack("<I", masked_crc(part)))
             lengths.append(len(message))
     return lengths
 
 
 def masked_crc(data: bytes) -> int:
-    """The checksum that stands beside these bytes."""
+    """The checksum that follows these bytes."""
     crc = int(_crc32c(np.frombuffer(data, np.uint8), _TABLE))
     return ((crc >> 15 | crc << 17) + MASK_DELTA) & 0xFFFFFFFF
 
 
 def _table() -> NDArray[np.uint32]:
-    table = np.arange(256, dtype=np.uint32)
+    table, one = np.arange(256, dtype=np.uint32), np.uint32(1)
     for _ in range(8):
-        table = np.where(
-            table & 1, table >> np.uint32(1) ^ np.uint32(POLYNOMIAL), table >> np.uint32(1)
-        )
+        table = np.where(table & 1, table >> one ^ np.uint32(POLYNOMIAL), table >> one)
     return table
 
 

@@ -5,10 +5,12 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.events import spans
 from pipeline.data.names import SIDES
-from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.paths import trace_ahead
 from pipeline.motion.recorded import Interception
+from pipeline.poses import Floats
+
+from .episodes import ExportError, Facts
 
 
 def interception(facts: Facts) -> Interception:
@@ -21,8 +23,7 @@ def interception(facts: Facts) -> Interception:
 
 
 def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
-    """Kinds (T,) of the events that have happened and not ended at each frame, joined by +, and
-    whether there are any (T,)."""
+    """Kinds (T,) of the events in force at each frame, joined by +, and whether there are any."""
     active = [
         (span.event.kind, span.holds(facts.log.times))
         for span in spans(facts.meta.events, facts.log.events)
@@ -32,26 +33,23 @@ def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
 
 
 def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
-    """(T,2), left and right: 1 where the arm touched the body in the interval that ends at the
-    frame."""
-    log = facts.log
+    """(T,2), left and right: 1 if the arm touched the body in the interval that ends there."""
+    bodies, rows = facts.log.bodies, facts.log.contacts
     flags = np.zeros((len(facts), len(SIDES)), np.float32)
-    of_body = log.bodies.index(body)
+    a, b = rows["a"], rows["b"]
     for column, side in enumerate(SIDES):
-        links = [
+        arm = [
             i
-            for i, b in enumerate(log.bodies)
-            if b.startswith(f"{side}_") and b not in facts.meta.objects
+            for i, name in enumerate(bodies)
+            if name.startswith(f"{side}_") and name not in facts.meta.objects
         ]
-        rows = log.contacts
-        hit = ((rows["a"] == of_body) & np.isin(rows["b"], links)) | (
-            (rows["b"] == of_body) & np.isin(rows["a"], links)
-        )
+        of = bodies.index(body)
+        hit = ((a == of) & np.isin(b, arm)) | ((b == of) & np.isin(a, arm))
         flags[rows["frame"][hit], column] = 1
     return flags
 
 
-def trace_of(facts: Facts, camera: str) -> NDArray[np.float64]:
+def trace_of(facts: Facts, camera: str) -> Floats:
     """(T,H,3) where the target goes within a second in a camera's image (motion/paths.py)."""
     kind = facts.meta.drawing.cameras[camera].camera(camera).type
     return trace_ahead(kind, facts.camera_poses[camera], facts.target[:, :3], facts.fps)

@@ -18,8 +18,9 @@ from pipeline.data.keys import digest, file_hash
 from pipeline.data.names import EXPORT_RECORD
 from pipeline.data.slots.select import VALIDATION
 from pipeline.data.store.place import fetch_below
-from pipeline.export.shared.episodes import EPISODES, ExportError, Progress, source_of
-from pipeline.export.shared.record import ExportRecord, entries, read_record
+
+from .episodes import EPISODES, ExportError, Progress, source_of
+from .record import ExportRecord, entries, read_record
 
 OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
 """Directories of a dataset that nothing else may be written to."""
@@ -33,12 +34,10 @@ PACKAGES = ("av", "h5py", "numpy", "opencv-python-headless", "pyarrow")
 @functools.cache
 def code() -> dict[str, str]:
     """Hash of the code that writes exports, and versions of the packages it uses."""
-    root, h = Path(__file__).parents[2], hashlib.sha256()
-    for path in sorted(
-        [root / "poses.py", *(file for room in ROOMS for file in (root / room).rglob("*.py"))]
-    ):
+    root, h, versions = Path(__file__).parents[2], hashlib.sha256(), dict[str, str]()
+    files = (file for room in ROOMS for file in (root / room).rglob("*.py"))
+    for path in sorted([root / "poses.py", *files]):
         h.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    versions = {}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
@@ -47,10 +46,9 @@ def code() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Job[O]:
-    """One export. `progress(1)` is called after each episode. What is written never depends on
-    `workers`. `describe(folder, summary)` gives the card's text and may write images. `where` names
-    what was selected, `validation` is the share of that split. `origins` are the originals of
-    episodes made for this export; `given` is what export.json has beside the format's options."""
+    """One export. What is written never depends on `workers`. `describe(folder, summary)` gives the
+    card's text and may write images. `origins` are the originals of episodes made for this export;
+    `given` is what export.json has beside the format's options."""
 
     dataset: Path
     out: Path
@@ -66,29 +64,27 @@ class Job[O]:
     given: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def advance(self) -> None:
-        """Count one more written episode."""
         if self.progress is not None:
             self.progress(1)
 
 
 class OlderExport:
     """The export that a new one replaces; it lends nothing if options or code differ. Raises
-    ExportError for a damaged one and one of another format."""
+    ExportError."""
 
     def __init__(self, root: Path, format_: str, options: Mapping[str, Any]) -> None:
         fetch_below(root)
         self.root, self._sound = root, dict[str, bool]()
         self.record = ExportRecord(root, {}, {}, {}, {})
         if (root / EXPORT_RECORD).exists():
-            found = read_record(root)
-            if (other := found.summary.get("format")) != format_:
+            record = read_record(root)
+            if (other := record.summary.get("format")) != format_:
                 held = f"holds an export in the format {str(other)[:40]}"
                 raise ExportError(f"{root}: {held}: remove it or name another directory")
-            if digest([found.summary.get("options"), found.code]) == digest([options, code()]):
-                self.record = found
-        self._names = {
-            entry["from"]: name for name, entry in self.record.contents.items() if "from" in entry
-        }
+            if digest([record.summary.get("options"), record.code]) == digest([options, code()]):
+                self.record = record
+        contents = self.record.contents.items()
+        self._names = {entry["from"]: name for name, entry in contents if "from" in entry}
 
     def made_from(self, key: str) -> str | None:
         """Name of an unchanged file that was made from that, or None."""
@@ -103,13 +99,12 @@ class OlderExport:
 
 
 class ExportDraft:
-    """An export in `folder` before it becomes the job's `out`: `keep` takes over from the older
-    one, `record` notes what is written."""
+    """An export in `folder` before it becomes the job's `out`."""
 
     def __init__(
         self, folder: Path, job: Job[Any], format_: str, options: Mapping[str, Any]
     ) -> None:
-        self.folder, self._job, self.dataset = folder, job, job.dataset
+        self.folder, self._job, self.dataset, self.format = folder, job, job.dataset, format_
         self.validation = job.validation
         self.mixed = "datasets" in job.given
         self.older = OlderExport(job.out, format_, options)
@@ -119,14 +114,13 @@ class ExportDraft:
     def hash_of(self, path: Path) -> str:
         """sha256 of a file of the dataset, recorded as an input. Raises ExportError."""
         name = source_of(path, self.dataset)
-        if (known := self._inputs.get(name)) is not None:
-            return known
-        try:
-            self._inputs[name] = sha = file_hash(self._job.origins.get(path, path))
-        except OSError as error:
-            raise ExportError(
-                f"{path}: cannot be read ({error.strerror}); make it again"
-            ) from error
+        sha = self._inputs.get(name)
+        if sha is None:
+            try:
+                self._inputs[name] = sha = file_hash(self._job.origins.get(path, path))
+            except OSError as error:
+                why = f"cannot be read ({error.strerror})"
+                raise ExportError(f"{path}: {why}; make it again") from error
         return sha
 
     def hash_if_there(self, path: Path) -> str | None:
@@ -137,10 +131,8 @@ class ExportDraft:
         return None
 
     def keep(self, path: Path, made_from: Any) -> Mapping[str, Any] | None:
-        """The entry of the older file made from the same plain data, which is then at `path`; or
-        None."""
-        key = digest([_kind(path), made_from])
-        older = self.older.made_from(key)
+        """Take over the older file made from the same plain data; returns its entry, or None."""
+        older = self.older.made_from(_key(path, made_from))
         if older is None:
             return None
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -150,15 +142,14 @@ class ExportDraft:
 
     def record(self, path: Path, made_from: Any, **facts: Any) -> None:
         """Record what a written file was made from, and `facts`."""
-        key = digest([_kind(path), made_from])
-        self._contents[self._name(path)] = {"from": key, **_entry(path), **facts}
+        entry = {"from": _key(path, made_from), **_entry(path), **facts}
+        self._contents[self._name(path)] = entry
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
-        """Write export.json; files with the older bytes become the older files. Returns the summary
-        with `bytes`."""
+        """Write export.json; files with the older bytes become links. Returns the summary."""
         for name in entries(self.folder):
             if name not in self._contents:
                 self._contents[name] = _entry(self.folder / name)
@@ -180,9 +171,9 @@ def _entry(path: Path) -> dict[str, Any]:
     return {"sha256": file_hash(path), "bytes": path.stat().st_size}
 
 
-def _kind(path: Path) -> str:
-    """ ".tfrecord" of a.tfrecord-00000-of-00002."""
-    return path.suffix.partition("-")[0]
+def _key(path: Path, made_from: Any) -> str:
+    """Of what a file is made from and its kind: ".tfrecord" of a.tfrecord-00000-of-00002."""
+    return digest([path.suffix.partition("-")[0], made_from])
 
 
 def _link(older: Path, path: Path) -> None:
@@ -194,36 +185,28 @@ def _link(older: Path, path: Path) -> None:
 
 @contextmanager
 def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
-    """A temporary directory that replaces `out` when the block ends well. Raises ExportError if
-    `out` is no export, has foreign files, or holds or lies in the dataset, or the disk refuses;
+    """A temporary directory that replaces `out` when the block ends well. Raises ExportError, and
     Busy if another command replaces it."""
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
+    real, record = out.resolve(), out / EXPORT_RECORD
+    problem = ""
     if out.exists() and not out.is_dir():
-        raise ExportError(f"{out}: is a file; name a directory")
-    real = out.resolve()
-    if here.is_relative_to(real):
-        raise ExportError(f"{out}: holds the dataset itself; name another directory")
-    if any(real.is_relative_to(here / own) for own in OWN):
-        raise ExportError(
-            f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports,"
-            " or elsewhere"
-        )
-    if out.exists() and any(out.iterdir()) and not (out / EXPORT_RECORD).exists():
-        raise ExportError(
-            f"{out}: is not an export (it has no {EXPORT_RECORD}); remove it or name another"
-            " directory"
-        )
-    if (out / EXPORT_RECORD).exists() and (foreign := read_record(out).foreign()):
-        raise ExportError(
-            f"{foreign[0]}: is no part of the export that stands there; move it away or name"
-            " another directory"
-        )
+        problem = "is a file"
+    elif here.is_relative_to(real):
+        problem = "holds the dataset itself"
+    elif any(real.is_relative_to(here / own) for own in OWN):
+        problem = "lies among the dataset's own files"
+    elif out.exists() and any(out.iterdir()) and not record.exists():
+        problem = f"is not an export (it has no {EXPORT_RECORD}); remove it"
+    if problem:
+        raise ExportError(f"{out}: {problem}; name another directory")
+    if record.exists() and (foreign := read_record(out).foreign()):
+        raise ExportError(f"{foreign[0]}: is no part of the export there; move it away")
     try:
         sweep(out.parent, f".{out.name}.*.tmp")
-        # what stands there lends its files: they must be those that were judged
+        # what is there lends its files: they must be those that were judged
         with exclusive(out) if out.is_dir() else nullcontext(), atomic_directory(out) as temporary:
             yield temporary
     except OSError as error:
-        raise ExportError(
-            f"{out}: cannot be written: {refusal(error)}; nothing was changed there: export again"
-        ) from error
+        why = f"cannot be written: {refusal(error)}"
+        raise ExportError(f"{out}: {why}; nothing was changed there: export again") from error

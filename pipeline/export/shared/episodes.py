@@ -18,27 +18,19 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import SIDES, exported_names
 from pipeline.data.process.own_code import directories
-from pipeline.data.slots.select import (
-    VALIDATION,
-    Attempts,
-    columns_of,
-    parse_where,
-    select_rows,
-    values_in,
-)
+from pipeline.data.slots import select
 from pipeline.data.spec import EpisodeSpec
-from pipeline.poses import compose, inverse
+from pipeline.poses import Floats, compose, inverse
 
 EPISODES, FAILURES = "episodes", "failures"
-"""Splits of a dataset: what is exported where nothing else is said, and the failed attempts that
-are kept."""
+"""Splits of a dataset: accepted episodes, and the failed attempts that are kept."""
 
 CLOCK_TOLERANCE = 1e-6  # s
 TOOL_TOLERANCE = 1e-3  # m and rad
 Progress = Callable[[int], object] | None
 
 PAD = "pad_"
-"""The first part of the names of numbers in the place of an arm that is missing."""
+"""How names of numbers in the place of a missing arm begin."""
 
 
 class ExportError(DominoError):
@@ -47,14 +39,14 @@ class ExportError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """One episode without its images: T frames on an exact clock. `source` is relative to the
-    dataset, `size` (H, W) that of every camera."""
+    """One episode of T frames without its images. `source` is relative to the dataset, `size`
+    (H, W) that of every camera."""
 
     source: str
     spec: EpisodeSpec
     fps: int
     log: StateLog
-    target: NDArray[np.float64]  # (T, 7) world pose
+    target: Floats  # (T, 7) world pose
     instruction: str
     seen: list[str]
     unseen: list[str]
@@ -62,20 +54,19 @@ class Facts:
     meta: EpisodeMeta
     cameras: tuple[str, ...]
     size: tuple[int, int]
-    camera_poses: Mapping[str, NDArray[np.float64]]  # (T, 7) world poses by camera
-    # the group of that name
+    camera_poses: Mapping[str, Floats]  # (T, 7) world poses
     interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
-    kept: int = 0  # frames that are exported, from the first one on
+    kept: int = 0  # the first frames, which are exported
     representation: Representation = JOINTS
     more: tuple[Representation, ...] = ()  # exported beside it
-    labels: tuple[str, ...] = ()  # of all objects (labels.py)
+    labels: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.log)
 
     @property
     def dataset(self) -> str:
-        """The name of its dataset in an export of several, else ""."""
+        """Its dataset in an export of several, else ""."""
         first, _, rest = self.source.partition("/")
         return first if rest and first not in (EPISODES, FAILURES) else ""
 
@@ -90,35 +81,31 @@ class Facts:
 
     def names_in(self, representation: Representation) -> list[str]:
         """Names of an action's numbers, those of a padded arm included."""
-        log, names = self.log, list(representation.names(self.log.vector_names))
+        names = list(representation.names(self.log.vector_names))
         if not representation.poses or not self.padded:
             return names
         pads = [f"{PAD}{i}" for i in range(len(names))]
-        return names + pads if log.sides == SIDES[:1] else pads + names
+        return names + pads if self.log.sides == SIDES[:1] else pads + names
 
     @property
     def padded(self) -> bool:
-        """Whether vectors have numbers in the place of an arm that is missing."""
-        return len(self.log.sides) < len(SIDES) and any(
-            name.startswith(PAD) for name in self.log.vector_names
-        )
+        """Whether vectors have numbers in the place of a missing arm."""
+        names = self.log.vector_names
+        return len(self.log.sides) < len(SIDES) and any(name.startswith(PAD) for name in names)
 
     @property
-    def action(self) -> NDArray[np.float64]:
+    def action(self) -> Floats:
         """(T, D) the commands for the interval after each frame."""
         return self.written(self.log.action, self.representation)
 
-    def written(
-        self, commanded: NDArray[np.float64], representation: Representation
-    ) -> NDArray[np.float64]:
-        """Joint targets (T,A) in a representation (T,D). Raises ExportError if the installed
-        robot's tools are not the episode's."""
-        codec = self._codec if representation.poses else ActionCodec(JOINTS, self.log.vector_names)
+    def written(self, commanded: Floats, representation: Representation) -> Floats:
+        """Joint targets (T,A) in a representation (T,D). Raises ExportError for another robot."""
+        names = self.log.vector_names
+        codec = self._codec if representation.poses else ActionCodec(JOINTS, names)
         codec = replace(codec, representation=representation)
         actions = codec.encode(commanded, codec.references(self.log.action, self.log.state))
-        if representation.poses and self.padded:
-            return pad_arms(actions, representation, self.log.vector_names)
-        return actions
+        padded = representation.poses and self.padded
+        return pad_arms(actions, representation, names) if padded else actions
 
     @cached_property
     def _codec(self) -> ActionCodec:
@@ -127,29 +114,24 @@ class Facts:
         folders = [directory / "robots" for directory in directories()]
         arms = read_chains(self.spec.embodiment, self.meta.layout, self.meta.table_drop, folders)
         codec = ActionCodec(JOINTS, self.log.vector_names, arms)
-        tools = codec.tools(self.log.state)[0]
-        apart = np.abs(compose(inverse(tools), self.log.tcp))
+        apart = np.abs(compose(inverse(codec.tools(self.log.state)[0]), self.log.tcp))
         if max(apart[..., :3].max(), apart[..., 4:].max()) > TOOL_TOLERANCE:
             raise ExportError(
                 f"{self.source}: was recorded with another {self.spec.embodiment} than the one"
-                " installed, so that its commanded tool poses are not known: export --actions"
-                " joints"
+                " installed, so its tool poses are not known: export --actions joints"
             )
         return codec
 
     @property
     def corrected(self) -> bool:
-        """Whether a policy acts before the expert does."""
         return self.log.intervention is not None
 
     @property
     def eventful(self) -> bool:
-        """Whether events were to happen, in either arm of a pair."""
         return bool(self.meta.events)
 
     @property
     def paired(self) -> bool:
-        """Whether it is one arm of a pair."""
         return bool(self.spec.arm)
 
 
@@ -161,7 +143,7 @@ def described_action(facts: Facts) -> dict[str, Any]:
 
 
 def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
-    """The seen instruction of this episode, by spec and list only."""
+    """The seen instruction of an episode, by spec and list only."""
     return seen[int(spec.rng("export_instruction").integers(len(seen)))]
 
 
@@ -170,18 +152,17 @@ def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")
-    twice = next((a for a, b in pairwise(paths) if a == b), None)
-    if twice is not None:
-        raise ExportError(f"{twice}: given twice")
+    if twice := [a for a, b in pairwise(paths) if a == b]:
+        raise ExportError(f"{twice[0]}: given twice")
     return paths
 
 
 def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, list[Path]]]:
-    """Embodiment -> (directory, episodes): vectors of robots differ, so each has
-    `out/<embodiment>`, a single one `out`."""
+    """Embodiment -> (directory, episodes): `out/<embodiment>`, or `out` for a single one."""
     groups = group_episodes(episodes, lambda spec: spec.embodiment)
-    single = len(groups) == 1
-    return {name: (out if single else out / name, paths) for name, paths in groups.items()}
+    return {
+        name: (out if len(groups) == 1 else out / name, paths) for name, paths in groups.items()
+    }
 
 
 def group_episodes(
@@ -191,13 +172,12 @@ def group_episodes(
     for path in sort_episodes(episodes):
         with reading(path) as file:
             groups.setdefault(key(file.spec), []).append(path)
-    return {name: groups[name] for name in sorted(groups)}
+    return dict(sorted(groups.items()))
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[EpisodeFile]:
-    """Open an episode; what is wrong with the file is an ExportError that names it. Other OSErrors
-    of the block pass."""
+    """Open an episode; what is wrong with the file is an ExportError. Other OSErrors pass."""
     try:
         with EpisodeFile(path) as file:
             yield file
@@ -219,38 +199,28 @@ def read_facts(
     representation: Representation = JOINTS,
 ) -> Facts:
     """Everything but the images, until `after_success` seconds after the success if given. Raises
-    ExportError for frames off the grid, lengths that differ, values that are not finite, no
-    instruction, cameras of different sizes."""
-    episode = file.read()
-    log, path = episode.log, file.path
-    seen, unseen = list(episode.instructions["seen"]), list(episode.instructions["unseen"])
+    ExportError for an episode that breaks its promises."""
+    episode, path, frames = file.read(), file.path, len(file)
+    log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
+    seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
     if not seen:
         raise ExportError(f"{path}: has no instruction")
-    frames = len(file)
     if np.abs(log.times - log.times[0] - np.arange(frames) / file.fps).max() > CLOCK_TOLERANCE:
         raise ExportError(f"{path}: frames are not {file.fps} per second")
-    target = file.array("target/pose")
-    arrays = {"state": log.state, "action": log.action, "target pose": target, "tcp": log.tcp}
-    arrays["target velocity"] = log.target_velocity
-    if log.target_angular_velocity is not None:
-        arrays["target angular velocity"] = log.target_angular_velocity
-    for name, value in arrays.items():
+    for name, value in {"state": log.state, "action": log.action, "target pose": target}.items():
         if len(value) != frames:
             raise ExportError(f"{path}: {name} has {len(value)} rows for {frames} frames")
-    if not episode.cameras:
-        raise ExportError(f"{path}: has no cameras")
-    sizes, camera_poses = set(), {}
-    for camera in episode.cameras:
-        camera_poses[camera] = file.array(f"observation/{camera}/pose")
-        if (count := len(camera_poses[camera])) != frames:
-            raise ExportError(f"{path}: {camera} has {count} images for {frames} frames")
-        sizes.add(file.size(camera))
-    if len(sizes) > 1:
-        raise ExportError(f"{path}: its cameras differ in size: {sorted(sizes)}")
+    poses = {camera: file.array(f"observation/{camera}/pose") for camera in cameras}
+    for camera, values in poses.items():
+        if len(values) != frames:
+            raise ExportError(f"{path}: {camera} has {len(values)} images for {frames} frames")
+    sizes = {file.size(camera) for camera in cameras}
+    if len(sizes) != 1:
+        raise ExportError(f"{path}: cameras of one size are needed, not {sorted(sizes)}")
     return Facts(
         *(source_of(path, dataset), episode.spec, file.fps, log, target),
         *(choose_instruction(episode.spec, seen), seen, unseen, episode.motion, episode.meta),
-        *(episode.cameras, sizes.pop(), camera_poses, episode.interception),
+        *(cameras, sizes.pop(), poses, episode.interception),
         frames if after_success is None else log.frames_until("success", after_success),
         representation,
     )
@@ -264,20 +234,24 @@ def source_of(path: Path, dataset: Path) -> str:
 
 def same(first: Facts, facts: Facts) -> None:
     """Raise ExportError unless two episodes fit into one dataset."""
-    for name, want, got in (
-        ("fps", first.fps, facts.fps),
-        ("cameras", first.cameras, facts.cameras),
-        ("image size", first.size, facts.size),
-        ("joint names", first.log.vector_names, facts.log.vector_names),
-        ("failed", first.meta.failure is not None, facts.meta.failure is not None),
-        ("corrected", first.corrected, facts.corrected),
-        ("events", first.eventful, facts.eventful),
-        ("pairs", first.paired, facts.paired),
-        ("target's angular velocity", first.spins, facts.spins),
-    ):
-        if want != got:
-            what = f"{name} {got} differs from {want} of {first.source}"
-            raise ExportError(f"{facts.source}: {what}; export them separately")
+    told, wanted = (
+        {
+            "fps": one.fps,
+            "cameras": one.cameras,
+            "image size": one.size,
+            "joint names": one.log.vector_names,
+            "failed": one.meta.failure is not None,
+            "corrected": one.corrected,
+            "events": one.eventful,
+            "pairs": one.paired,
+            "target's angular velocity": one.spins,
+        }
+        for one in (facts, first)
+    )
+    for name, value in told.items():
+        if value != wanted[name]:
+            differs = f"{name} {value} differs from {wanted[name]} of {first.source}"
+            raise ExportError(f"{facts.source}: {differs}; export them separately")
 
 
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
@@ -291,21 +265,21 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
 def select_episodes(
     episodes: Sequence[Path],
     where: str,
-    validation: float = VALIDATION,
-    attempts: Callable[[], Attempts] = dict,
+    validation: float = select.VALIDATION,
+    attempts: Callable[[], select.Attempts] = dict,
 ) -> list[Path]:
     """The episodes that an expression selects; all for "". Raises WhereError, and ExportError if
     there are none."""
     if not where:
         return list(episodes)
-    wanted, known = parse_where(where), attempts()
+    wanted, known = select.parse_where(where), attempts()
     columns = list[dict[str, Any]]()
     for path in episodes:
         with reading(path) as file:
-            columns.append(columns_of(file, known, validation))
-    rows = np.flatnonzero(select_rows(columns, wanted))
-    chosen = [episodes[row] for row in rows]
+            columns.append(select.columns_of(file, known, validation))
+    chosen = [episodes[row] for row in np.flatnonzero(select.select_rows(columns, wanted))]
     if not chosen:
-        held = values_in(columns, where) or "`domino-data status` lists what the dataset holds"
+        held = select.values_in(columns, where)
+        held = held or "`domino-data status` lists what the dataset holds"
         raise ExportError(f"no episode fits --where {where!r}: {held}")
     return chosen

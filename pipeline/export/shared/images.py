@@ -1,15 +1,57 @@
-"""JPEG images of an export. In order "rgb" any reader shows the colors; "bgr" is for code that
-decodes with cv2 and never swaps, as RoboTwin's converters."""
+"""Images of an export: color as JPEG, depth and segmentation as PNG; which sensors are stored."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import cv2
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
+from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.jpeg import QUALITY, decode_frame
 
+from .episodes import ExportError
+
 JpegOrder = Literal["rgb", "bgr"]
+"""In "rgb" any reader shows the colors; "bgr" is for code that decodes with cv2 and never swaps."""
+
+DEPTH, SEGMENTATION, POINTCLOUD = SENSORS = ("depth", "segmentation", "pointcloud")
+"""The recipe's keys."""
+
+IMAGES = {DEPTH: "depth", SEGMENTATION: "actor_segmentation"}
+"""Sensor -> its arrays (T,H,W) below a camera."""
+
+IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})
+"""What Hugging Face datasets stores an image as."""
+
+
+def image_column(coded: Sequence[bytes]) -> pa.Array:
+    return pa.array([{"bytes": image, "path": None} for image in coded], IMAGE)
+
+
+def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:
+    """The sensors that an open episode stores, of any of these cameras."""
+    stored = [
+        name
+        for name, key in IMAGES.items()
+        if any(file.has(f"observation/{camera}/{key}") for camera in cameras)
+    ]
+    return (*stored, *([POINTCLOUD] if file.has(POINTCLOUD) else []))
+
+
+def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
+    """A camera's images as PNG: depth 16 bits (mm), segmentation 8. Raises ExportError."""
+    key = f"observation/{camera}/{IMAGES[sensor]}"
+    if not file.has(key):
+        lacks = f"{camera} has no {sensor} images"
+        raise ExportError(f"{file.path}: {lacks}; draw the dataset again with them")
+    return [png(image) for image in file.array(key)]
+
+
+def png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
+    """PNG of an image (H,W[,3])."""
+    return cv2.imencode(".png", image)[1].tobytes()
 
 
 def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
@@ -17,29 +59,18 @@ def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.u
     if size is None:
         return rgb
     shrinks = size[0] * size[1] < rgb.shape[0] * rgb.shape[1]
-    return np.asarray(
-        cv2.resize(
-            rgb, (size[1], size[0]), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        ),
-        np.uint8,
-    )
-
-
-def encode_jpeg(rgb: NDArray[np.uint8], order: JpegOrder) -> bytes:
-    """RGB image (H,W,3) -> JPEG bytes, at the quality of episode files."""
-    # cv2 takes what it encodes for BGR
-    done, data = cv2.imencode(
-        ".jpg", rgb[..., ::-1] if order == "rgb" else rgb, [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    )
-    assert done
-    return data.tobytes()
+    kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(rgb, size[::-1], interpolation=kind), np.uint8)
 
 
 def reencode(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = None) -> bytes:
     """A stored JPEG in another order or size; the same bytes if neither changes."""
     if order == "rgb" and size is None:
         return stored
-    return encode_jpeg(resize(decode_frame(stored), size), order)
+    rgb = resize(decode_frame(stored), size)
+    # cv2 takes what it encodes for BGR
+    image, quality = rgb[..., ::-1] if order == "rgb" else rgb, [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+    return cv2.imencode(".jpg", image, quality)[1].tobytes()
 
 
 def padded(images: list[bytes]) -> NDArray[np.uint8]:

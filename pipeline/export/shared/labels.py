@@ -1,13 +1,13 @@
-"""What the simulator knows of the objects, as further columns of any format: from the state log
-(docs/labels.md)."""
+"""What the simulator knows of the objects, as columns of any format (docs/labels.md)."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline.data.episode.world import contact_forces, twists_of
-from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.poses import Floats
+
+from .episodes import ExportError, Facts
 
 LABELS = {
     "poses": ("x", "y", "z", "qw", "qx", "qy", "qz"),
@@ -21,8 +21,8 @@ PLACES = 8
 
 
 def labelled(facts: Facts) -> list[str]:
-    """The objects of an episode in the order of its labels: the target, what is manipulated, then
-    the others by name, distractors last. Raises ExportError if there are more than PLACES."""
+    """The objects of an episode in the order of its labels: the target, what is manipulated, the
+    others by name, distractors last. Raises ExportError."""
     meta = facts.meta
     first = [meta.target, meta.manipulated]
     names = sorted(
@@ -39,8 +39,7 @@ def labelled(facts: Facts) -> list[str]:
 
 
 def label_names(labels: Sequence[str], joint: str = "_") -> dict[str, list[str]]:
-    """Names of the numbers of each column: "objects_poses" -> ["0_x", ...]; `joint` is what joins
-    the words of a column's name."""
+    """Names of the numbers of each column: "objects_poses" -> ["0_x", ...]."""
     return {
         f"objects{joint}{label}": [f"{i}_{part}" for i in range(PLACES) for part in LABELS[label]]
         for label in labels
@@ -50,27 +49,19 @@ def label_names(labels: Sequence[str], joint: str = "_") -> dict[str, list[str]]
 def label_values(facts: Facts, labels: Sequence[str], joint: str = "_") -> dict[str, Floats]:
     """Values (T,N) of each column of `label_names`."""
     log, names = facts.log, labelled(facts) if labels else []
-    rows = [log.bodies.index(name) for name in names]
-    made = {
-        "poses": lambda: log.poses[:, rows],
-        "twists": lambda: twists_of(log, facts.meta.target)[:, rows],
-        "forces": lambda: _forces(facts)[:, rows, None],
-    }
-    found = dict[str, Floats]()
+    rows, columns = [log.bodies.index(name) for name in names], dict[str, Floats]()
     for label in labels:
         values = np.zeros((len(log), PLACES, len(LABELS[label])))
-        values[:, : len(rows)] = made[label]()
-        found[f"objects{joint}{label}"] = values.reshape(len(log), -1)
-    return found
-
-
-def _forces(facts: Facts) -> Floats:
-    """Sum (T,B) of the contact forces on each body."""
-    log, forces = facts.log, np.zeros((len(facts.log), len(facts.log.bodies)))
-    for side in ("a", "b"):
-        np.add.at(
-            forces,
-            (log.contacts["frame"], log.contacts[side]),
-            contact_forces(log, facts.meta.physics_hz),
-        )
-    return forces
+        if label == "poses":
+            of_bodies = log.poses
+        elif label == "twists":
+            of_bodies = twists_of(log, facts.meta.target)
+        else:  # the sum of the contact forces on each body
+            of_bodies = np.zeros((len(log), len(log.bodies)))
+            forces = contact_forces(log, facts.meta.physics_hz)
+            for side in ("a", "b"):
+                np.add.at(of_bodies, (log.contacts["frame"], log.contacts[side]), forces)
+            of_bodies = of_bodies[..., None]
+        values[:, : len(rows)] = of_bodies[:, rows]
+        columns[f"objects{joint}{label}"] = values.reshape(len(log), -1)
+    return columns

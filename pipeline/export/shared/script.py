@@ -1,8 +1,7 @@
 """What the expert did in every frame, in names and in words, from the runs of skills.
 
 A frame belongs to the runs that act in the physics step after it. Without one the skill is "wait",
-and "policy" where a policy acts.
-"""
+and "policy" where a policy acts."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,8 @@ import numpy as np
 
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.data.names import SIDES
-from pipeline.export.shared.episodes import Facts
+
+from .episodes import Facts
 
 WAIT, POLICY = "wait", "policy"
 
@@ -63,11 +63,11 @@ class Script:
         """Frames at which the subtask changes, the first included."""
         if not any(self.subtask):
             return []
-        return [t for t, said in enumerate(self.subtask) if t == 0 or said != self.subtask[t - 1]]
+        return [t for t, text in enumerate(self.subtask) if t == 0 or text != self.subtask[t - 1]]
 
 
 def script_of(facts: Facts) -> Script:
-    """The script of an episode; texts are empty while no skill runs."""
+    """The script of an episode; texts are empty if it has no skills."""
     runs, frames = facts.log.skills, len(facts)
     if not runs:
         return Script([""] * frames, [""] * frames, [""] * frames)
@@ -77,32 +77,24 @@ def script_of(facts: Facts) -> Script:
     texts, before = Script([], [], []), list[SkillRun]()
     acts = np.ones(frames, bool) if facts.log.intervention is None else facts.log.intervention
     for step, expert in zip(steps, acts, strict=True):
-        idle = WAIT if expert else POLICY
         now = [run for run in runs if run.start <= step < run.end]
         if now and now == before:
             for column in (texts.subtask, texts.skill, texts.stage):
                 column.append(column[-1])
             continue
-        before = now
-        inner = [
-            run
-            for i, run in enumerate(now)
-            if not any(_within(other, run) for other in now[i + 1 :])
-        ]
-        outer = [
-            run for i, run in enumerate(now) if not any(_within(run, other) for other in now[:i])
-        ]
-        texts.skill.append(
-            "+".join(dict.fromkeys(run.skill for run in sorted(inner, key=_order))) or idle
-        )
+        before, idle = now, WAIT if expert else POLICY
+        # a run that is listed before another one may enclose it
+        inner = [a for i, a in enumerate(now) if not any(_within(b, a) for b in now[i + 1 :])]
+        outer = [a for i, a in enumerate(now) if not any(_within(a, b) for b in now[:i])]
+        skills = dict.fromkeys(run.skill for run in sorted(inner, key=_order))
+        texts.skill.append("+".join(skills) or idle)
         texts.subtask.append(describe_runs(outer, names) or idle)
         texts.stage.append(now[0].half if now else ("meet" if step < met else "finish"))
     return texts
 
 
 def rows_of(facts: Facts) -> list[dict[str, Any]]:
-    """The runs as records with `start_frame` (the first whose action they execute) and `end_frame`
-    (exclusive)."""
+    """The runs with `start_frame` (the first whose action they execute) and `end_frame`."""
     every = facts.meta.physics_hz // facts.fps
     return [
         asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)}
@@ -112,53 +104,40 @@ def rows_of(facts: Facts) -> list[dict[str, Any]]:
 
 def spoken_names(facts: Facts) -> dict[str, str]:
     """A body's noun, or its description if another has the noun."""
-    counts = Counter(info.noun for info in facts.meta.objects.values())
-    return {
-        name: "the "
-        + ((info.noun if counts[info.noun] == 1 else info.description) or name.replace("_", " "))
-        for name, info in facts.meta.objects.items()
-    }
+    objects = facts.meta.objects
+    counts = Counter(info.noun for info in objects.values())
+    names = {n: o.noun if counts[o.noun] == 1 else o.description for n, o in objects.items()}
+    return {name: f"the {text or name.replace('_', ' ')}" for name, text in names.items()}
 
 
 def describe_runs(runs: Sequence[SkillRun], names: Mapping[str, str]) -> str:
     """One sentence about simultaneous runs."""
-    alike = groupby(
-        sorted(runs, key=lambda r: (r.skill, r.body, _order(r))), lambda r: (r.skill, r.body)
-    )
-    parts = [
-        (min(map(_order, group)), _sentence(group, names))
-        for _, each in alike
-        for group in [list(each)]
-    ]
+    parts = list[tuple[int, str]]()
+    rising = sorted(runs, key=lambda r: (r.skill, r.body, _order(r)))
+    for _, group in groupby(rising, lambda r: (r.skill, r.body)):
+        alike = list(group)
+        parts.append((min(map(_order, alike)), _sentence(alike, names)))
     return " and ".join(sentence for _, sentence in sorted(parts))
 
 
 def _sentence(runs: Sequence[SkillRun], names: Mapping[str, str]) -> str:
-    first = runs[0]
+    run = runs[0]
     sides = [side for side in SIDES if any(side in run.arms for run in runs)]
-    arms = "both arms" if len(sides) == 2 else f"the {sides[0]} arm"
     words = {
-        "arms": arms,
-        "first": f"the {first.arms[0]} arm",
-        "second": f"the {first.arms[-1]} arm",
+        "arms": "both arms" if len(sides) == 2 else f"the {sides[0]} arm",
+        "first": f"the {run.arms[0]} arm",
+        "second": f"the {run.arms[-1]} arm",
+        "body": names.get(run.body, run.body),
+        "part": f"the {run.part.replace('_', ' ')} of " if run.part not in ("", run.skill) else "",
     }
-    if not first.body:
-        return WITHOUT_BODY.get(first.skill, "move {arms}").format(**words)
-    part = (
-        ""
-        if not first.part or first.part == first.skill
-        else f"the {first.part.replace('_', ' ')} of "
-    )
-    return WITH_BODY.get(first.skill, "carry {body} with {arms}").format(
-        body=names.get(first.body, first.body), part=part, **words
-    )
+    if not run.body:
+        return WITHOUT_BODY.get(run.skill, "move {arms}").format(**words)
+    return WITH_BODY.get(run.skill, "carry {body} with {arms}").format(**words)
 
 
 def _within(inner: SkillRun, outer: SkillRun) -> bool:
-    """Whether a run that is listed before another one encloses it."""
-    return (
-        outer.start <= inner.start and inner.end <= outer.end and set(inner.arms) <= set(outer.arms)
-    )
+    in_time = outer.start <= inner.start and inner.end <= outer.end
+    return in_time and set(inner.arms) <= set(outer.arms)
 
 
 def _order(run: SkillRun) -> int:

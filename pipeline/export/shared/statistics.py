@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.export.shared.video import samples
+from .video import samples
 
 TOGETHER = 8
 """Frames whose colors are counted at once: few enough for the cache of a core."""
@@ -40,7 +40,7 @@ def sample_rows(length: int) -> NDArray[np.int64]:
 def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
     """Counts (3,256) of values in images (H,W,3), large ones thinned to about 150 pixels as LeRobot
     does."""
-    step = thinning(*frames[0].shape[:2])
+    step = _thinning(*frames[0].shape[:2])
     return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
 
 
@@ -59,19 +59,16 @@ class PlaneCounts:
             yield frame
 
     def counts(self) -> NDArray[np.int64]:
-        """How often each value occurred, (3,256)."""
         self._count()
         return self._counts
 
     def _add(self, frame: Any) -> None:
-        self._step = step = thinning(frame.height, frame.width)
-        if frame.format.name != "yuv420p" or frame.width % (2 * step) or frame.height % (2 * step):
+        self._step = step = _thinning(frame.height, frame.width)
+        if frame.format.name != "yuvj420p" or frame.width % (2 * step) or frame.height % (2 * step):
             self._counts += color_counts([frame.to_ndarray(format="rgb24", src_color_range="JPEG")])
             return
         luma, blue, red = (samples(plane) for plane in frame.planes)
-        self._waiting.append(
-            (_thin(luma, step), *(_spread(chroma, step) for chroma in (red, blue)))
-        )
+        self._waiting.append((_thin(luma, step), _spread(red, step), _spread(blue, step)))
         if len(self._waiting) == TOGETHER:
             self._count()
 
@@ -80,11 +77,8 @@ class PlaneCounts:
             return
         luma, *chroma = (np.stack(planes) for planes in zip(*self._waiting, strict=True))
         self._waiting.clear()
-        width = luma.shape[2]
-        planes: Any = [
-            plane.reshape(-1, width)
-            for plane in (luma, *(_at_pixels(plane, self._step) for plane in chroma))
-        ]
+        every = (luma, *(_at_pixels(plane, self._step) for plane in chroma))
+        planes: Any = [plane.reshape(-1, luma.shape[2]) for plane in every]
         # the range is the full one of a JPEG
         self._counts += _counts(cv2.cvtColor(cv2.merge(planes), cv2.COLOR_YCrCb2RGB))
 
@@ -102,12 +96,10 @@ def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     if step % 2:
         return spread
     flat: Any = spread.reshape(-1, spread.shape[2])
-    across: Any = cv2.addWeighted(flat[:, 1:], 0.75, flat[:, :-1], 0.25, 0).reshape(
-        *spread.shape[:2], -1
-    )
-    return cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)[
-        :, :: step // 2, :: step // 2
-    ]
+    across: Any = cv2.addWeighted(flat[:, 1:], 0.75, flat[:, :-1], 0.25, 0)
+    across = across.reshape(*spread.shape[:2], -1)
+    pixels = cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)
+    return pixels[:, :: step // 2, :: step // 2]
 
 
 def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
@@ -118,30 +110,27 @@ def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     return plane[::step].view(f"<u{step}").astype(np.uint8)
 
 
-def thinning(height: int, width: int) -> int:
+def _thinning(height: int, width: int) -> int:
     """Every how many-th pixel, both ways, of an image enters the statistics."""
     return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
 
 
 def _counts(rgb: Any) -> NDArray[np.int64]:
     rgb = np.ascontiguousarray(rgb)
-    return np.stack(
-        [cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]
-    ).astype(np.int64)
+    channels = [cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]
+    return np.stack(channels).astype(np.int64)
 
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
     """Statistics (3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
     values, total = np.arange(256) / 255.0, counts.sum(1)
-    mean = counts @ values / total
-    present = counts > 0
-    below = np.cumsum(counts, axis=1)
-    out = {
+    mean, present, below = counts @ values / total, counts > 0, np.cumsum(counts, axis=1)
+    stats = {
         "min": values[present.argmax(1)],
         "max": values[255 - present[:, ::-1].argmax(1)],
         "mean": mean,
         "std": np.sqrt(np.maximum(counts @ values**2 / total - mean**2, 0.0)),
     }
     for percent in PERCENTILES:
-        out[f"q{percent:02d}"] = values[(100 * below >= percent * total[:, None]).argmax(1)]
-    return {**{k: v.reshape(-1, 1, 1) for k, v in out.items()}, "count": np.array([frames])}
+        stats[f"q{percent:02d}"] = values[(100 * below >= percent * total[:, None]).argmax(1)]
+    return {**{k: v.reshape(-1, 1, 1) for k, v in stats.items()}, "count": np.array([frames])}

@@ -1,10 +1,23 @@
-"""Parquet files being written."""
+"""Parquet files being written, and the one with the origin of each episode."""
 
+import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+from pipeline.data.names import SIDES
+from pipeline.data.setup.rules import rules_of
+from pipeline.data.slots.select import VALIDATION, split_of
+from pipeline.motion.recorded import conditions_of
+
+from .derived import interception
+from .draft import ExportDraft
+from .episodes import Facts, same
+from .script import rows_of
 
 
 class TableWriter(pq.ParquetWriter):
@@ -22,14 +35,9 @@ class TableWriter(pq.ParquetWriter):
         try:
             super().write_table(*given, **options)
         except OSError:
-            self._abandon()
+            with suppress(OSError):
+                self.close()
             raise
-
-    def _abandon(self) -> None:
-        try:
-            self.close()
-        except OSError:
-            return
 
 
 class RowWriter:
@@ -57,7 +65,111 @@ class RowWriter:
         return self._writer.is_open
 
     def close(self) -> None:
-        """Write the remaining rows and the footer, once."""
         if self.is_open:
             self._flush()
             self._writer.close()
+
+
+def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
+    """Where an episode comes from, one value a column. T_meet and x_meet ... (m) are the planned
+    meeting; other t_ are s since the first frame, None for what did not happen. Speeds are m/s
+    along the planned motion. `skills` and `conditions` are JSON."""
+    spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
+    start, first = log.times[0], derived.first_contacts
+    times = {f"t_{event}": log.time_of(event) for event in ("meeting", "release", "success")}
+    times |= {f"t_contact_{side}": first[side].time if side in first else None for side in SIDES}
+    return {
+        "task": spec.task,
+        "category": meta.category,
+        "embodiment": spec.embodiment,
+        "level": spec.level,
+        "alpha": float(spec.alpha),
+        "domain": spec.domain,
+        "rules": rules_of(meta).label,
+        "slot": spec.slot,
+        "seed": spec.seed,
+        "T_meet": meta.meeting_time,
+        **dict(zip(("x_meet", "y_meet", "z_meet"), derived.planned_position.tolist(), strict=True)),
+        "t_motion_start": float(derived.motion_start - start),
+        **{name: None if t is None else float(t - start) for name, t in times.items()},
+        "average_speed": meta.average_speed,
+        "maximum_speed": meta.maximum_speed,
+        "physics_id": meta.physics_id,
+        "variant": meta.variant,
+        "split": split_of(spec.pair or meta.physics_id or spec.to_json(), validation),
+        "target": meta.target,
+        "arms": "+".join(sorted(set(meta.arms.values()))),
+        "physics_key": meta.physics_key,
+        "source": facts.source,
+        **({"dataset": facts.dataset} if facts.dataset else {}),
+        **({"pair": spec.pair, "arm": spec.arm} if facts.paired else {}),
+        "skills": json.dumps(rows_of(facts)),
+        "conditions": json.dumps(_since(facts)),
+        "failure": meta.failure.model_dump_json() if meta.failure else "",
+    }
+
+
+def _since(facts: Facts) -> dict[str, float | None]:
+    """Time (s) from which each condition holds to the end, or None."""
+    since, times = dict[str, float | None](), facts.log.times
+    for name, holds in conditions_of(facts.interception).items():
+        failing = np.flatnonzero(~holds)
+        first = int(failing[-1]) + 1 if len(failing) else 0
+        since[name] = float(times[first] - times[0]) if first < len(holds) else None
+    return since
+
+
+_TEXTS = (
+    *("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"),
+    *("source", "dataset", "skills", "conditions", "failure", "physics_id", "split", "pair", "arm"),
+)
+_NUMBERS = (
+    *("alpha", "T_meet", "t_meeting", "t_release", "t_success", "average_speed", "maximum_speed"),
+    *("x_meet", "y_meet", "z_meet", "t_motion_start", "t_contact_left", "t_contact_right"),
+)
+SCALAR_TYPES = {
+    **dict.fromkeys(_TEXTS, pa.string()),
+    **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
+    **dict.fromkeys(_NUMBERS, pa.float64()),
+}
+
+PROVENANCE = "episodes.parquet"
+"""The file of `Provenance` in most formats."""
+
+
+class Provenance(RowWriter):
+    """A Parquet file of episodes; with the column `dataset` in an export of several."""
+
+    def __init__(self, path: Path, draft: ExportDraft) -> None:
+        without = ("pair", "arm") if draft.mixed else ("pair", "arm", "dataset")
+        texts = pa.list_(pa.string())
+        schema = {
+            **{"episode_index": pa.int64(), "length": pa.int64()},
+            **{name: kind for name, kind in SCALAR_TYPES.items() if name not in without},
+            **{"instruction": pa.string(), "instructions_seen": texts},
+            **{"instructions_unseen": texts},
+            **dict.fromkeys(("motion", "objects", "events"), pa.string()),
+        }
+        super().__init__(path, pa.schema(schema), 100)
+        self.validation = draft.validation
+        self.count = self.frames = 0
+        self._firsts = dict[str, Facts]()
+
+    def append(self, facts: Facts) -> None:
+        """Add an episode. Raises ExportError if it does not fit the first of its robot."""
+        same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
+        objects = {name: info.model_dump() for name, info in facts.meta.objects.items()}
+        row = {
+            "episode_index": self.count,
+            "length": facts.kept,
+            **scalars(facts, self.validation),
+            "instruction": facts.instruction,
+            "instructions_seen": facts.seen,
+            "instructions_unseen": facts.unseen,
+            "motion": facts.motion,
+            "objects": json.dumps(objects, sort_keys=True),
+            "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+        }
+        self.add(row)
+        self.count += 1
+        self.frames += len(facts)

@@ -8,60 +8,44 @@ from pathlib import Path
 from typing import Any
 
 import av
-import cv2
 import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from pipeline.data.episode.jpeg import EpisodeError
-from pipeline.export.shared.episodes import ExportError
 
-DEFAULTS = {"h264": (20, "ultrafast"), "libsvtav1": (32, "12"), "hevc": (25, "ultrafast")}
-"""crf and preset by encoder."""
+from .episodes import ExportError
 
-_X26 = (
-    "ultrafast",
-    "superfast",
-    "veryfast",
-    "faster",
-    "fast",
-    "medium",
-    "slow",
-    "slower",
-    "veryslow",
-    "placebo",
-)
-TAKEN = {"h264": (51, _X26), "libsvtav1": (63, tuple(map(str, range(14)))), "hevc": (51, _X26)}
-"""Largest crf, and presets, by encoder. Encoders clip a larger crf without a word."""
 
-ONE_THREAD = {
-    "h264": {"threads": "1"},
-    "libsvtav1": {"svtav1-params": "fast-decode=0:lp=1:enable-tf=0"},
-    "hevc": {"threads": "1", "x265-params": "pools=none:frame-threads=1:log-level=error"},
+@dataclass(frozen=True)
+class EncoderLimits:
+    """Defaults of an encoder, and the crf above which it clips without a word. `alone` makes its
+    bytes a function of the frames. `predicted` is for frames predicted from others: x264's
+    look-ahead differs now and then, and packets of episodes must follow each other."""
+
+    crf: int
+    largest_crf: int
+    preset: str
+    alone: dict[str, str]
+    predicted: dict[str, str]
+
+
+ONE_THREAD = {"threads": "1"}
+X265 = {"x265-params": "pools=none:frame-threads=1:log-level=error"}
+SVT = {"svtav1-params": "fast-decode=0:lp=1:enable-tf=0"}
+H264_PREDICTED = {"bf": "0", "x264-params": "aq-mode=0:mbtree=0"}
+ENCODERS = {
+    "h264": EncoderLimits(20, 51, "ultrafast", ONE_THREAD, H264_PREDICTED),
+    "libsvtav1": EncoderLimits(32, 63, "12", SVT, {}),
+    "hevc": EncoderLimits(25, 51, "ultrafast", ONE_THREAD | X265, {"bf": "0"}),
 }
-"""Options of an encoder that make its bytes a function of the frames alone."""
-
-PREDICTED = {"h264": {"bf": "0", "x264-params": "aq-mode=0:mbtree=0"}, "hevc": {"bf": "0"}}
-"""Options where frames are predicted from others. Quantisation that follows x264's look-ahead
-differs now and then. Without frames predicted from later ones, packets of episodes of any length
-can follow each other."""
-
-LIMITED_RANGE = ((219 / 255, 16.0), (224 / 255, 128 - 128 * 224 / 255 + 0.0075))
-"""Factor and offset from the range of a JPEG to that of a video, for luma and chroma; rounded, they
-give what libswscale gives."""
-
-VIDEO_FORMAT = b"\xff\xfe\x00\x0cCS=ITU601\0"
-"""Comment in a JPEG that makes FFmpeg call its planes those of a video, so that an encoder takes
-them without a copy."""
-
-CODECS = tuple(DEFAULTS)
+CODECS = tuple(ENCODERS)
 
 
 @dataclass(frozen=True)
 class Codec:
-    """Encoder settings. H.264 with every image a key frame loses as little as AV1 so, in a tenth of
-    the time, for twice the bytes; LeRobot's AV1 draws moving things late
-    (docs/measurements/export.md). None is what DEFAULTS has."""
+    """Encoder settings; None is what ENCODERS has. docs/measurements/export.md says why H.264 with
+    every image a key frame."""
 
     name: str = "h264"
     crf: int | None = None
@@ -71,63 +55,41 @@ class Codec:
 
     @property
     def quality(self) -> int:
-        """The crf used."""
-        return DEFAULTS[self.name][0] if self.crf is None else self.crf
+        return ENCODERS[self.name].crf if self.crf is None else self.crf
 
     def options(self) -> dict[str, str]:
         """Options for libav; one thread, so that the same frames give the same bytes."""
-        preset = self.preset or DEFAULTS[self.name][1]
-        predicted = PREDICTED.get(self.name, {}) if self.gop > 1 else {}
+        encoder = ENCODERS[self.name]
         return {
             "g": str(self.gop),
             "crf": str(self.quality),
-            "preset": preset,
-            **ONE_THREAD[self.name],
-            **predicted,
+            "preset": self.preset or encoder.preset,
+            **encoder.alone,
+            **(encoder.predicted if self.gop > 1 else {}),
         }
 
     def check(self) -> None:
-        """Raise ExportError for an encoder, crf or preset that does not exist here."""
+        """Raise ExportError for an encoder or crf that does not exist here."""
         if self.name not in CODECS or self.name not in av.codecs_available:
-            raise ExportError(
-                f"video codec {self.name!r} is not available: use {', '.join(CODECS)}"
-            )
-        largest, presets = TAKEN[self.name]
+            known = ", ".join(CODECS)
+            raise ExportError(f"video codec {self.name!r} is not available: use {known}")
+        largest = ENCODERS[self.name].largest_crf
         if not 0 <= self.quality <= largest:
             raise ExportError(f"--crf {self.quality}: {self.name} takes 0 to {largest}")
-        if self.preset is not None and self.preset not in presets:
-            raise ExportError(f"--preset {self.preset!r}: {self.name} takes {', '.join(presets)}")
 
 
 def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
-    """JPEG bytes -> av.VideoFrame with the JPEG's own planes and range, since RGB and back costs as
-    much as encoding. Raises EpisodeError."""
+    """JPEG bytes -> av.VideoFrame with the JPEG's own planes and range: RGB and back costs as much
+    as encoding. Raises EpisodeError."""
     decoder: Any = av.CodecContext.create("mjpeg", "r")
     decoder.thread_count, decoder.options = 1, {"err_detect": "explode"}
-    for number, jpeg in enumerate(jpegs):
-        # the comment holds for all images that follow
-        whole = jpeg[:2] + VIDEO_FORMAT + jpeg[2:] if number == 0 and jpeg else jpeg
+    for jpeg in jpegs:
         try:
-            frames = decoder.decode(av.Packet(whole)) if jpeg else []
-        except FFmpegError as error:
+            (frame,) = list(decoder.decode(av.Packet(jpeg)) if jpeg else ())
+        except (FFmpegError, ValueError) as error:
             raise EpisodeError("a frame does not decode as JPEG") from error
-        if len(frames) != 1:
-            raise EpisodeError("a frame does not decode as JPEG")
-        frames[0].pts = None
-        yield frames[0]
-
-
-def limited(frame: Any) -> Any:
-    """A frame of `decoded_planes` in the range of videos, with libswscale's values; 4:2:0 is
-    changed in place."""
-    if frame.format.name != "yuv420p":
-        return frame.reformat(format="yuv420p", src_color_range="JPEG")
-    for plane, (factor, offset) in zip(
-        frame.planes, (LIMITED_RANGE[0], *[LIMITED_RANGE[1]] * 2), strict=True
-    ):
-        values: Any = samples(plane)
-        cv2.convertScaleAbs(values, values, factor, offset)
-    return frame
+        frame.pts = None
+        yield frame
 
 
 def samples(plane: Any) -> NDArray[np.uint8]:
@@ -144,34 +106,26 @@ def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
         with av.open(buffer, "w", format="mp4") as container:
             stream: Any = None
             for given in frames:
-                frame = (
-                    limited(given)
-                    if isinstance(given, av.VideoFrame)
-                    else av.VideoFrame.from_ndarray(given, format="rgb24")
-                )
+                if isinstance(given, av.VideoFrame):
+                    frame = given.reformat(format=codec.pix_fmt, src_color_range="JPEG")
+                else:
+                    frame = av.VideoFrame.from_ndarray(given, format="rgb24")
                 if stream is None:
                     stream = container.add_stream(codec.name, fps, options=codec.options())
-                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = (
-                        frame.height,
-                        frame.width,
-                        codec.pix_fmt,
-                        1,
-                    )
+                    stream.height, stream.width = frame.height, frame.width
+                    stream.pix_fmt, stream.thread_count = codec.pix_fmt, 1
                 container.mux(stream.encode(frame))
             container.mux(stream.encode())
     except FFmpegError as error:
-        raise ExportError(f"{codec.name} cannot encode with {codec.options()}: {error}") from error
+        given = f"{codec.name} cannot encode with {codec.options()} ({error})"
+        raise ExportError(f"{given}: choose another --preset") from error
     return buffer.getvalue()
 
 
 def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     """(time s, RGB image) of every frame of a video, in order."""
     with av.open(path if isinstance(path, io.BytesIO) else str(path), "r") as container:
-        stream = container.streams.video[0]
-        stream.thread_count = 1
-        for frame in container.decode(stream):
-            assert frame.pts is not None and frame.time_base is not None
-            yield (
-                float(frame.pts * frame.time_base),
-                np.asarray(frame.to_ndarray(format="rgb24"), np.uint8),
-            )
+        container.streams.video[0].thread_count = 1
+        for frame in container.decode(video=0):
+            assert frame.time is not None
+            yield frame.time, np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)

@@ -1,20 +1,32 @@
-"""What a card is about: one observation an episode, read from the files that are exported."""
+"""What a card is about: one observation an episode, read from the files that are exported; their
+cameras, how well these show the target, and how many frames are idle."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.cameras import CameraType, visible
+from pipeline.data.cameras import CameraType, intrinsics
 from pipeline.data.episode.file import Episode, open_episode
 from pipeline.data.episode.meta import EpisodeMeta
+from pipeline.data.names import exported_names
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
+from pipeline.html import table
 from pipeline.motion.models import motion_from_json
-from pipeline.motion.recorded import TRACKS, before_meeting
+from pipeline.motion.recorded import (
+    LEAST,
+    SECONDS,
+    TRACKS,
+    before_meeting,
+    is_hidden,
+    is_unoccluded,
+)
+from pipeline.poses import Floats
 
 STILL = 1e-3
 """rad, or share of a gripper's opening; frames with smaller changes of the command count as
@@ -27,13 +39,10 @@ class SurveyedEpisode:
 
     `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that
     motion in x and y (m) until the meeting, `speeds` (N,) its speed there (m/s); `low` and `high`
-    (A,) bound its actions. `target_in_view` (T,) is true, by fixed camera, in the frames whose
-    image contains the origin of the target, occluded or not. `visible` (T,) is, by camera, the
-    share of the target's silhouette that is in the image and not occluded, `last_visible` that of
-    the frames just before the meeting; both are empty for episodes without tracks. `after_success`
-    counts the frames after the success, `still` those over which no command changes by more than
-    STILL.
-    """
+    (A,) bound its actions. `visible` (T,) is, by camera, the share of the target's silhouette that
+    is in the image and not occluded, `last_visible` that of the frames just before the meeting;
+    both are empty for episodes without tracks. `after_success` counts the frames after the success,
+    `still` those over which no command changes by more than STILL."""
 
     file: Path
     spec: EpisodeSpec
@@ -44,13 +53,10 @@ class SurveyedEpisode:
     seconds: float
     names: tuple[str, ...]
     cameras: tuple[str, ...]
-    sizes: dict[str, tuple[int, int]]
-    path: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    instructions: tuple[tuple[str, ...], tuple[str, ...]]
-    target_in_view: dict[str, NDArray[np.bool_]]
+    path: Floats
+    speeds: Floats
+    low: Floats
+    high: Floats
     visible: dict[str, NDArray[np.float32]]
     last_visible: dict[str, NDArray[np.float32]]
     after_success: int
@@ -58,70 +64,50 @@ class SurveyedEpisode:
 
     @property
     def level(self) -> tuple[str, int]:
-        """Model and level of its target's motion."""
         return self.motion, self.spec.level
 
     @property
     def cell(self) -> Cell:
-        """The cell that it belongs to."""
         s = self.spec
         return Cell(s.task, s.embodiment, s.level, s.alpha, s.domain)
 
 
 def look(file: Path) -> SurveyedEpisode:
-    """Read one episode without its images. Raises EpisodeError if it cannot be read."""
     with open_episode(file) as e:
         episode = e.read()
-        infos = e.meta.drawing.cameras
-        sizes = {name: (c.width, c.height) for name, c in infos.items()}
-    motion = motion_from_json(episode.motion)
-    visible_shares = _visible(episode)
-    success = episode.log.time_of("success")
+    motion, visible, log = motion_from_json(episode.motion), _visible(episode), episode.log
+    success, action = log.time_of("success"), log.action
     times = np.linspace(-motion.lead, motion.duration, 30)
-    action = episode.log.action
     return SurveyedEpisode(
         file=file,
         spec=episode.spec,
         meta=episode.meta,
         motion=motion.model,
         start=-motion.lead,
-        frames=len(episode.log),
-        seconds=len(episode.log) / episode.meta.fps,
-        names=tuple(episode.log.vector_names),
+        frames=len(log),
+        seconds=len(log) / episode.meta.fps,
+        names=tuple(log.vector_names),
         cameras=episode.cameras,
-        sizes=sizes,
         path=motion.pose(times)[:, :2],
         speeds=np.linalg.norm(motion.twist(times)[:, :3], axis=1),
         low=action.min(0),
         high=action.max(0),
-        target_in_view={
-            name: visible(
-                CameraType(c.width, c.height, c.fovy),
-                c.pose,
-                episode.log.pose(episode.meta.target)[:, :3],
-            )
-            for name, c in infos.items()
-            if c.link is None
-        },
-        visible=visible_shares,
-        last_visible={
-            camera: before_meeting(episode.log, shares) for camera, shares in visible_shares.items()
-        },
-        after_success=0 if success is None else int((episode.log.times > success + 1e-6).sum()),
+        visible=visible,
+        last_visible={camera: before_meeting(log, shares) for camera, shares in visible.items()},
+        after_success=0 if success is None else int((log.times > success + 1e-6).sum()),
         still=int((np.abs(np.diff(action[:-1], axis=0)).max(-1, initial=0.0) < STILL).sum()),
-        instructions=(tuple(episode.instructions["seen"]), tuple(episode.instructions["unseen"])),
     )
 
 
 def _visible(episode: Episode) -> dict[str, NDArray[np.float32]]:
-    """Shares (T,) of the target's silhouette that are seen, by camera; tracks list the objects in
-    the order of `meta`."""
-    objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
-    column = objects.index(episode.meta.target)
-    stored = {
-        camera: episode.interception.get(f"{TRACKS}{camera}/visible") for camera in episode.cameras
-    }
-    return {camera: shares[:, column] for camera, shares in stored.items() if shares is not None}
+    """Shares (T,) of the target's silhouette that are seen, by camera."""
+    meta, shares = episode.meta, dict[str, NDArray[np.float32]]()
+    column = [name for name in meta.objects if name not in meta.clutter].index(meta.target)
+    for camera in episode.cameras:
+        stored = episode.interception.get(f"{TRACKS}{camera}/visible")
+        if stored is not None:
+            shares[camera] = stored[:, column]
+    return shares
 
 
 def by_cell(seen: Sequence[SurveyedEpisode]) -> dict[Cell, list[SurveyedEpisode]]:
@@ -129,4 +115,69 @@ def by_cell(seen: Sequence[SurveyedEpisode]) -> dict[Cell, list[SurveyedEpisode]
     cells: dict[Cell, list[SurveyedEpisode]] = defaultdict(list)
     for one in seen:
         cells[one.cell].append(one)
-    return {cell: cells[cell] for cell in sorted(cells, key=lambda c: c.path)}
+    return dict(sorted(cells.items(), key=lambda item: item[0].path))
+
+
+VISIBILITY = f"""\
+How much of the target's silhouette is in the image and not behind the robot or another body.
+An episode hides the target if less than {100 * LEAST:.0f} % is visible in all frames of the last
+{SECONDS:g} s before the meeting. The recipe key `view: unoccluded` rejects attempts in which this
+holds for more than half of these frames of the head camera:
+
+"""
+
+
+def visibility(seen: Sequence[SurveyedEpisode], names: Mapping[str, str]) -> str:
+    """How much of the target the cameras see; "" if no episode states it."""
+    rows = []
+    for camera, name in names.items():
+        tracked = [one for one in seen if camera in one.visible]
+        if not tracked:
+            continue
+        shares = np.concatenate([one.visible[camera] for one in tracked])
+        lasts = [one.last_visible[camera] for one in tracked]
+        hidden = np.mean([is_hidden(last) for last in lasts])
+        rejected = np.mean([not is_unoccluded(last) for last in lasts])
+        values = (*np.quantile(shares, (0.1, 0.5, 0.9)), hidden, rejected)
+        rows.append([name, *(f"{100 * value:.0f}" for value in values)])
+    head = (
+        "camera | visible share, 10th percentile of the frames (%) | median (%) |"
+        " 90th percentile (%) | episodes that hide the target (%) |"
+        " episodes that `view: unoccluded` rejects (%)"
+    )
+    return VISIBILITY + table(head, rows) if rows else ""
+
+
+def idle(seen: Sequence[SurveyedEpisode]) -> str:
+    frames = sum(one.frames for one in seen)
+    after = 100 * sum(one.after_success for one in seen) / frames
+    still = 100 * sum(one.still for one in seen) / frames
+    return (
+        f"{after:.1f} % of the frames come after the success; `--after-success` of the LeRobot"
+        f" export leaves them out. In {still:.1f} % no command changes by more than 1 mrad.\n\n"
+    )
+
+
+def camera_names(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Mapping[str, str]:
+    """The cameras as the export calls them, by their names in an episode."""
+    stored = seen[0].cameras
+    names = {camera: camera for camera in stored}
+    if summary["format"] not in ("robotwin", "dynamicwam", "puma-gt"):
+        names = dict(exported_names(stored, summary["options"].get("camera_names", {})))
+    return names | summary.get("cameras", {})
+
+
+def cameras(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
+    names, robots = camera_names(seen, summary), defaultdict[tuple[str, ...], list[str]](list)
+    for robot, one in sorted({one.spec.embodiment: one for one in reversed(seen)}.items()):
+        for camera in one.cameras:
+            info = one.meta.drawing.cameras[camera]
+            focal = intrinsics(CameraType(info.width, info.height, info.fovy))[0, 0]
+            size, link = f"{info.width} x {info.height}", info.link or "fixed in the world"
+            lens = (f"{info.fovy:g}", f"{focal:.1f}")
+            robots[(names.get(camera, camera), size, *lens, link)].append(robot)
+    head = (
+        "camera | pixels | vertical field of view (degrees) | focal length (pixels) | carried by |"
+        " robots"
+    )
+    return table(head, [[*row, ", ".join(carriers)] for row, carriers in sorted(robots.items())])

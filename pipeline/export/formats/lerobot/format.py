@@ -13,17 +13,16 @@ from pipeline.data.actions import JOINTS, Representation
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
 from pipeline.export.shared.derived import contact_flags, event_columns, trace_of
-from pipeline.export.shared.episodes import FAILURES, PAD, Facts
+from pipeline.export.shared.episodes import PAD, ExportError, Facts
 from pipeline.export.shared.labels import label_names, label_values
-from pipeline.export.shared.provenance import SCALAR_TYPES
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats
+from pipeline.export.shared.tables import SCALAR_TYPES
 from pipeline.export.shared.video import Codec
 from pipeline.motion.paths import path_ahead
+from pipeline.poses import Floats
 
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
-DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 EVENT = "event.kind"
 TEXT_FEATURES = ("subtask", "skill", "stage", EVENT)
 """One text a frame: script.Script has the first three, EVENT is there if events are."""
@@ -40,41 +39,36 @@ def image_key(name: str) -> str:
 
 
 def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Features in the order of the columns, the clock last; `names` are the exported cameras."""
+    """Features in the order of the columns; `names` are the exported cameras."""
     features: dict[str, dict[str, Any]] = {
         name: {"dtype": "float32", "shape": [len(parts)], "names": parts}
-        for name, parts in vector_names(facts, names).items()
+        for name, (parts, _) in _vectors(facts, names).items()
     }
     for camera in facts.cameras:
         shape = {"shape": [*facts.size, 3], "names": ["height", "width", "channels"]}
         video = {"dtype": "video", **shape, "info": _video_info(facts, codec)}
         features[image_key(names[camera])] = video
-    features |= {
-        name: {"dtype": "string", "shape": [1], "names": [name]}
-        for name in TEXT_FEATURES
-        if facts.eventful or name != EVENT
-    }
+    for name in TEXT_FEATURES:
+        if facts.eventful or name != EVENT:
+            features[name] = {"dtype": "string", "shape": [1], "names": [name]}
     return features | {
         name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()
     }
 
 
-def before_clock(
-    features: Mapping[str, dict[str, Any]], more: Mapping[str, dict[str, Any]]
-) -> dict[str, dict[str, Any]]:
-    clock = {name: features[name] for name in CLOCK_FEATURES}
-    return {k: v for k, v in features.items() if k not in clock} | dict(more) | clock
-
-
-def widen(facts: Facts, width: int) -> Facts:
-    """The same with vectors of at least `width`: zeros in the place of a missing arm, else at the
-    end."""
-    log = facts.log
-    if (more := width - len(log.vector_names)) <= 0:
+def widen(facts: Facts, width: int | None) -> Facts:
+    """With vectors of this width: zeros in the place of a missing arm, else at the end. Raises
+    ExportError for wider ones."""
+    log, own = facts.log, len(facts.log.vector_names)
+    if width is None or width == own:
         return facts
+    if width < own:
+        vectors = f"{facts.spec.embodiment} has vectors of {own} numbers"
+        raise ExportError(f"--pad {width}: {vectors}; choose {own} or more")
+    more = width - own
     before, after = (more, 0) if log.sides == SIDES[1:] else (0, more)
 
-    def filled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def filled(values: Floats) -> Floats:
         return np.pad(values, ((0, 0), (before, after)))
 
     pads = tuple(f"{PAD}{i}" for i in range(more))
@@ -84,30 +78,40 @@ def widen(facts: Facts, width: int) -> Facts:
     return replace(facts, log=replace(wide, expert_action=expert))
 
 
-def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]:
-    """Names of the numbers of every vector; paths and traces reach one second ahead."""
-    joints, actions = list(facts.log.vector_names), facts.action_names
-    later = range(1, facts.fps + 1)
-    return {
-        "observation.state": joints,
-        "action": actions,
-        **{f"action.{more.actions}": facts.names_in(more) for more in facts.more},
-        "target.pose": POSE_NAMES,
-        "target.velocity": ["vx", "vy", "vz"],
-        **({"target.angular_velocity": ["wx", "wy", "wz"]} if facts.spins else {}),
-        "ee.pose": [f"{side}_{part}" for side in facts.log.sides for part in POSE_NAMES],
-        **{f"camera.{names[camera]}.pose": POSE_NAMES for camera in facts.cameras},
-        "contact.target": list(SIDES),
-        "contact.manipulated": list(SIDES),
-        "target.path": [f"{axis}{k}" for k in later for axis in ("x", "y", "z")],
-        **{
-            f"trace.{names[camera]}": [f"{part}{k}" for k in later for part in ("u", "v", "depth")]
-            for camera in facts.cameras
-        },
-        **({"intervention": ["expert"], "expert_action": actions} if facts.corrected else {}),
-        **({"event.active": ["any"]} if facts.eventful else {}),
-        **label_names(facts.labels, "."),
+def _vectors(facts: Facts, names: Mapping[str, str]) -> dict[str, tuple[list[str], NDArray[Any]]]:
+    """Names of the numbers of every vector, and its values (T,d)."""
+    log, length, later = facts.log, len(facts), range(1, facts.fps + 1)
+    meta, actions = facts.meta, facts.action_names
+    vectors: dict[str, tuple[list[str], NDArray[Any]]] = {
+        "observation.state": (list(log.vector_names), log.state),
+        "action": (actions, facts.action),
     }
+    for more in facts.more:
+        values = facts.written(log.action, more)
+        vectors[f"action.{more.actions}"] = facts.names_in(more), values
+    vectors["target.pose"] = POSE_NAMES, facts.target
+    vectors["target.velocity"] = ["vx", "vy", "vz"], log.target_velocity
+    if log.target_angular_velocity is not None:
+        vectors["target.angular_velocity"] = ["wx", "wy", "wz"], log.target_angular_velocity
+    tools = [f"{side}_{part}" for side in log.sides for part in POSE_NAMES]
+    vectors["ee.pose"] = tools, log.tcp.reshape(length, -1)
+    for camera in facts.cameras:
+        vectors[f"camera.{names[camera]}.pose"] = POSE_NAMES, facts.camera_poses[camera]
+    vectors["contact.target"] = list(SIDES), contact_flags(facts, meta.target)
+    vectors["contact.manipulated"] = list(SIDES), contact_flags(facts, meta.manipulated)
+    path = path_ahead(facts.target[:, :3], facts.fps).reshape(length, -1)
+    vectors["target.path"] = [f"{axis}{k}" for k in later for axis in ("x", "y", "z")], path
+    for camera in facts.cameras:
+        parts = [f"{part}{k}" for k in later for part in ("u", "v", "depth")]
+        vectors[f"trace.{names[camera]}"] = parts, trace_of(facts, camera).reshape(length, -1)
+    if log.intervention is not None and log.expert_action is not None:
+        vectors["intervention"] = ["expert"], log.intervention
+        vectors["expert_action"] = actions, facts.written(log.expert_action, facts.representation)
+    if facts.eventful:
+        vectors["event.active"] = ["any"], event_columns(facts)[1]
+    values = label_values(facts, facts.labels, ".")
+    parts = label_names(facts.labels, ".")
+    return vectors | {name: (parts[name], values[name]) for name in parts}
 
 
 def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
@@ -135,13 +139,11 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
     arrays = []
     for field in schema:
         values = columns[field.name]
-        if isinstance(values, pa.Array):
-            arrays.append(values)
-            continue
-        flat = pa.array(values.ravel())
-        arrays.append(
-            flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=field.type)
-        )
+        if not isinstance(values, pa.Array):
+            wide, values = values.ndim > 1, pa.array(values.ravel())
+            if wide:
+                values = pa.FixedSizeListArray.from_arrays(values, type=field.type)
+        arrays.append(values)
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
@@ -149,50 +151,23 @@ def data_columns(
     facts: Facts, names: Mapping[str, str], index: int, start: int, task: int
 ) -> dict[str, NDArray[Any]]:
     """Columns (T,) or (T,d) of episode `index`, whose first row is `start`."""
-    length, log = len(facts), facts.log
-    vectors = {
-        "observation.state": log.state,
-        "action": facts.action,
-        **{f"action.{more.actions}": facts.written(log.action, more) for more in facts.more},
-        "target.pose": facts.target,
-        "target.velocity": log.target_velocity,
-        **(
-            {"target.angular_velocity": np.array(log.target_angular_velocity)}
-            if facts.spins
-            else {}
-        ),
-        "ee.pose": log.tcp.reshape(length, -1),
-        **{f"camera.{names[camera]}.pose": facts.camera_poses[camera] for camera in facts.cameras},
-        "contact.target": contact_flags(facts, facts.meta.target),
-        "contact.manipulated": contact_flags(facts, facts.meta.manipulated),
-        "target.path": path_ahead(facts.target[:, :3], facts.fps).reshape(length, -1),
-        **{
-            f"trace.{names[camera]}": trace_of(facts, camera).reshape(length, -1)
-            for camera in facts.cameras
-        },
+    length, script = len(facts), script_of(facts)
+    columns: dict[str, NDArray[Any]] = {
+        name: np.ascontiguousarray(values, np.float32)
+        for name, (_, values) in _vectors(facts, names).items()
     }
-    if facts.corrected:
-        vectors |= {
-            "intervention": np.array(log.intervention),
-            "expert_action": facts.written(np.array(log.expert_action), facts.representation),
-        }
-    vectors |= label_values(facts, facts.labels, ".")
-    script = script_of(facts)
-    texts = {
-        name: np.array(getattr(script, name), object) for name in TEXT_FEATURES if name != EVENT
-    }
+    for name in TEXT_FEATURES[:3]:
+        columns[name] = np.array(getattr(script, name), object)
     if facts.eventful:
-        kinds, vectors["event.active"] = event_columns(facts)
-        texts[EVENT] = np.array(kinds, object)
-    numbers = {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()}
-    clock = {
+        columns[EVENT] = np.array(event_columns(facts)[0], object)
+    columns |= {
         "timestamp": (np.arange(length) / facts.fps).astype(np.float32),
         "frame_index": np.arange(length),
         "episode_index": np.full(length, index),
         "index": np.arange(start, start + length),
         "task_index": np.full(length, task),
     }
-    return {name: values[: facts.kept] for name, values in (numbers | texts | clock).items()}
+    return {name: values[: facts.kept] for name, values in columns.items()}
 
 
 def column_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
@@ -222,10 +197,9 @@ def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
 
 def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
     """meta/modality.json as GR00T and StarVLA read it."""
-    action = facts.representation
     return {
         "state": _slices(facts.log.vector_names, "observation.state", JOINTS),
-        "action": _slices(facts.action_names, "action", action),
+        "action": _slices(facts.action_names, "action", facts.representation),
         "video": {name: {"original_key": image_key(name)} for name in names.values()},
         "annotation": {"human.action.task_description": {"original_key": "task_index"}},
     }
@@ -234,8 +208,7 @@ def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
 def _slices(
     names: Sequence[str], key: str, representation: Representation
 ) -> dict[str, dict[str, Any]]:
-    """Slices by side and part. GR00T's 6-D rotations are rows of the matrix, ours columns: no type
-    names them."""
+    """Slices by side and part. GR00T's 6-D rotations are rows, ours columns: no type names them."""
     parts: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(names):
         if name.startswith(PAD):
@@ -254,32 +227,9 @@ def _slices(
 
 
 def described_cameras(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
-    """Each camera's pinhole matrix (pixels) and the link that carries it."""
-    known = facts.meta.drawing.cameras
-    return {
-        names[camera]: {
-            "intrinsic_cv": intrinsics(known[camera].camera(camera).type).tolist(),
-            "link": known[camera].link,
-        }
-        for camera in facts.cameras
-        if camera in known
-    }
-
-
-def split_of(first: Facts) -> str:
-    """The dataset's split by its first episode."""
-    return FAILURES if first.meta.failure else "train"
-
-
-def description(summary: dict[str, Any], first: Facts) -> str:
-    """A paragraph on the content of a dataset, for its card."""
-    action = "the joint target commanded for the interval after it"
-    if first.representation != JOINTS:
-        action = first.representation.describe()
-    return (
-        f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']}"
-        f" Hz) of {first.spec.embodiment} handling moving objects. `observation.state` is measured"
-        f" at the frame, `action` is {action}. Poses"
-        " are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the"
-        " task, level, speed and motion of every episode."
-    )
+    described = {}
+    for camera, info in facts.meta.drawing.cameras.items():
+        if camera in facts.cameras:
+            matrix = intrinsics(info.camera(camera).type).tolist()
+            described[names[camera]] = {"intrinsic_cv": matrix, "link": info.link}
+    return described

@@ -24,11 +24,8 @@ from pipeline.export.shared.video import CODECS, Codec
 
 INDEX = "index.json"
 MEGABYTE = 1024**2
-# a repository of the hub holds at most 100,000 files and lists 10,000 of a folder
 EPISODES_PER_DATASET = 50_000
-
-
-seconds = partial(real, low=-3600, high=3600)
+"""A repository of the hub holds at most 100,000 files and lists 10,000 of a folder."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +50,9 @@ class LerobotOptions(LabelOptions):
     after_success: float | None = option(
         "seconds after the success with which episodes end, negative for before it; without it they"
         " are whole",
-        seconds,
+        partial(real, low=-3600, high=3600),
         None,
     )
-
     more_actions: tuple[str, ...] = option(
         "further representations of the action, as features like action.ee: ee,joints-delta",
         several_of(*ACTIONS),
@@ -67,9 +63,8 @@ class LerobotOptions(LabelOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.actions in self.more_actions:
-            raise ExportError(
-                f"--more-actions {self.actions}: the feature action holds them already"
-            )
+            held = "the feature action holds them already"
+            raise ExportError(f"--more-actions {self.actions}: {held}")
 
     @property
     def representations(self) -> tuple[Representation, ...]:
@@ -80,7 +75,6 @@ class LerobotOptions(LabelOptions):
         return tuple(replace(self.representation, actions=name) for name in self.more_actions)
 
     def video(self) -> Codec:
-        """The encoder settings. Raises ExportError."""
         codec = Codec(self.codec, self.crf, self.gop, self.preset)
         codec.check()
         return codec
@@ -88,8 +82,7 @@ class LerobotOptions(LabelOptions):
 
 @dataclass(frozen=True)
 class LerobotV3Options(LerobotOptions):
-    """When data and videos begin another file, together. lerobot compares float32 times within 1e-4
-    s, whose steps are larger beyond 1024 s."""
+    """lerobot compares float32 times within 1e-4 s, whose steps are larger beyond 1024 s."""
 
     data_bytes: int = option(
         "bytes of a data file after which another begins", whole(1), 100 * MEGABYTE
@@ -108,32 +101,33 @@ class LerobotV3Options(LerobotOptions):
 def datasets_of(
     episodes: Sequence[Path], out: Path, per_task: bool
 ) -> dict[str, tuple[Path, list[Path]]]:
-    """Name -> (directory, episodes): one dataset an embodiment, with per_task one for every task
-    and cell; above EPISODES_PER_DATASET episodes one for every level."""
+    """Name -> (directory, episodes): a dataset an embodiment, with per_task one a cell; above
+    EPISODES_PER_DATASET episodes one a level."""
     if per_task:
         groups = group_episodes(episodes, _cell)
-        return {name: (out / name, paths) for name, paths in groups.items()}
-    levels = group_episodes(episodes, lambda spec: f"{spec.embodiment}/L{spec.level}")
-    sizes: Counter[str] = Counter()
-    for name, paths in levels.items():
-        sizes[name.split("/")[0]] += len(paths)
-    if not sizes or max(sizes.values()) <= EPISODES_PER_DATASET:
-        return by_embodiment(episodes, out)
-    return {name: (out / name, paths) for name, paths in levels.items()}
+    else:
+        groups = group_episodes(episodes, lambda spec: f"{spec.embodiment}/L{spec.level}")
+        sizes = Counter[str]()
+        for name, paths in groups.items():
+            sizes[name.split("/")[0]] += len(paths)
+        if max(sizes.values()) <= EPISODES_PER_DATASET:
+            return by_embodiment(episodes, out)
+    return {name: (out / name, paths) for name, paths in groups.items()}
 
 
 def _cell(spec: EpisodeSpec) -> str:
     cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
-    task, embodiment, level, domain = cell.path.split("/")
-    return f"{embodiment}/{level}/{domain}/{task}"
+    task, rest = cell.path.split("/", 1)
+    return f"{rest}/{task}"
 
 
 def index_row(
     path: str, summary: Mapping[str, Any], specs: Sequence[EpisodeSpec]
 ) -> dict[str, Any]:
-    kinds = {"task": "tasks", "level": "levels", "alpha": "alphas", "domain": "domains"}
-    row: dict[str, Any] = {"path": path, "embodiment": specs[0].embodiment}
-    row |= {
-        plural: sorted({getattr(spec, name) for spec in specs}) for name, plural in kinds.items()
+    kinds = {"tasks": "task", "levels": "level", "alphas": "alpha", "domains": "domain"}
+    return {
+        "path": path,
+        "embodiment": specs[0].embodiment,
+        **{key: sorted({getattr(spec, name) for spec in specs}) for key, name in kinds.items()},
+        **{name: summary[name] for name in ("episodes", "frames", "fps")},
     }
-    return row | {name: summary[name] for name in ("episodes", "frames", "fps")}

@@ -14,13 +14,13 @@ from threading import Thread
 
 import cv2
 
-from pipeline.export.formats.lerobot.depth import depth_images
-from pipeline.export.formats.lerobot.encoded import Encoded, clip_name
-from pipeline.export.formats.lerobot.options import LerobotOptions
 from pipeline.export.shared.episodes import ExportError, Facts, read_facts, reading
+from pipeline.export.shared.images import DEPTH, coded_images
 from pipeline.export.shared.statistics import PlaneCounts, sample_rows
 from pipeline.export.shared.video import decoded_planes, encode
-from pipeline.export.shared.video_file import Clip
+
+from .options import LerobotOptions
+from .videos import Clip, Encoded, clip_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class EpisodeSource:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """An episode ready to be appended."""
+    """An episode ready to be appended; `depth` is PNG by camera."""
 
     sha: str
     facts: Facts
@@ -43,31 +43,27 @@ class Prepared:
 
 
 def prepare(source: EpisodeSource, dataset: Path, options: LerobotOptions, depth: bool) -> Prepared:
-    """Read and encode one episode. Raises ExportError, also for an odd image size, which 4:2:0
-    video cannot hold."""
-    path = source.path
-    with reading(path) as file:
+    """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
+    with reading(source.path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
         facts = replace(facts, more=options.more_representations, labels=options.labels)
         if facts.size[0] % 2 or facts.size[1] % 2:
-            raise ExportError(
-                f"{path}: images of {facts.size} cannot become video; height and width must be even"
-            )
-        maps = depth_images(file, facts.kept) if depth else {}
-        if source.known is not None:
-            return Prepared(source.sha, facts, source.known, maps)
-        rows = frozenset(sample_rows(facts.kept).tolist())
-        videos, colors = {}, {}
-        for camera in facts.cameras:
-            counted = PlaneCounts()
-            frames = counted.passing(
-                decoded_planes(file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]), rows
-            )
-            videos[camera] = Clip.of(
-                encode(frames, facts.fps, options.video()), clip_name(source.sha, camera)
-            )
-            colors[camera] = counted.counts()
-    return Prepared(source.sha, facts, Encoded(videos, colors, len(rows)), maps)
+            odd = f"images of {facts.size} cannot become video; height and width must be even"
+            raise ExportError(f"{source.path}: {odd}")
+        maps, encoded = {}, source.known
+        if depth:
+            maps = {c: coded_images(file, c, DEPTH)[: facts.kept] for c in file.cameras}
+        if encoded is None:
+            encoded = Encoded({}, {}, len(sample_rows(facts.kept)))
+            rows = frozenset(sample_rows(facts.kept).tolist())
+            for camera in facts.cameras:
+                counted = PlaneCounts()
+                jpegs = file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]
+                frames = counted.passing(decoded_planes(jpegs), rows)
+                mp4 = encode(frames, facts.fps, options.video())
+                encoded.videos[camera] = Clip(clip_name(source.sha, camera), len(mp4), mp4)
+                encoded.colors[camera] = counted.counts()
+    return Prepared(source.sha, facts, encoded, maps)
 
 
 def prepare_all(
@@ -92,17 +88,15 @@ def prepare_all(
             while pending:
                 yield pending.popleft().result()
         except BrokenProcessPool as error:
-            raise ExportError(
-                "an encoding process died, perhaps for want of memory; try fewer workers"
-            ) from error
+            died = "an encoding process died, perhaps for want of memory; try fewer workers"
+            raise ExportError(died) from error
         finally:
             for future in pending:
                 future.cancel()
 
 
 def start_worker() -> None:
-    """OpenCV in one thread, and an end with the parent: workers of a killed process would wait
-    forever, each holding the queue open."""
+    """OpenCV in one thread, and an end with the parent: its workers would wait forever."""
     cv2.setNumThreads(1)
     Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,5 +1,7 @@
-"""Numbered files of a LeRobot dataset, and Parquet tables in them."""
+"""Numbered Parquet files of a LeRobot dataset. Depth maps (16-bit PNG, mm) are tables of their own:
+policies would take features for RGB images."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pipeline.export.shared.images import DEPTH, IMAGE, image_column
 from pipeline.export.shared.tables import TableWriter
 
 FILES_PER_CHUNK = 1000
@@ -28,22 +31,19 @@ class Tables:
 
     @property
     def size(self) -> int:
-        """Bytes written so far to the file that the next table goes to."""
+        """Bytes of the file that the next table goes to."""
         path = self.root / chunk_file(self.number, "parquet")
         return path.stat().st_size if self._writer is not None else 0
 
     def roll(self) -> None:
-        """Let the next table begin another file."""
         self.close()
         self.number += 1
 
     @property
     def place(self) -> dict[str, int]:
         """chunk_index and file_index of the file that the next table goes to."""
-        return {
-            "chunk_index": self.number // FILES_PER_CHUNK,
-            "file_index": self.number % FILES_PER_CHUNK,
-        }
+        chunk, file = divmod(self.number, FILES_PER_CHUNK)
+        return {"chunk_index": chunk, "file_index": file}
 
     def write(self, table: pa.Table) -> None:
         """Append a table as one row group."""
@@ -54,18 +54,34 @@ class Tables:
         self._writer.write_table(table, row_group_size=max(len(table), 1))
 
     def close(self) -> None:
-        """Write the footer."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
 
-    def column(self, name: str) -> NDArray[Any]:
-        """A column of all closed files, (N,) or (N,d)."""
-        files = sorted(self.root.rglob("*.parquet"))
-        chunks = [
-            pq.ParquetFile(p).read(columns=[name], use_threads=False)[name].combine_chunks()
-            for p in files
-        ]
-        if isinstance(self.schema.field(name).type, pa.FixedSizeListType):
-            return np.concatenate([c.flatten().to_numpy().reshape(len(c), -1) for c in chunks])
-        return np.concatenate([c.to_numpy() for c in chunks])
+
+def read_column(root: Path, name: str) -> NDArray[Any]:
+    """A column of all Parquet files below a directory, (N,) or (N,d)."""
+    parts = list[NDArray[Any]]()
+    for path in sorted(root.rglob("*.parquet")):
+        table = pq.ParquetFile(path).read(columns=[name], use_threads=False)
+        column = table[name].combine_chunks()
+        if pa.types.is_fixed_size_list(column.type):
+            parts.append(column.flatten().to_numpy().reshape(len(column), -1))
+        else:
+            parts.append(column.to_numpy())
+    return np.concatenate(parts)
+
+
+def depth_schema(names: Sequence[str]) -> pa.Schema:
+    """Three clock columns, and one of images for each camera."""
+    clock = [(name, pa.int64()) for name in ("index", "episode_index", "frame_index")]
+    return pa.schema(clock + [(f"{DEPTH}_{name}", IMAGE) for name in names])
+
+
+def depth_table(
+    images: Mapping[str, Sequence[bytes]], schema: pa.Schema, index: int, start: int
+) -> pa.Table:
+    """The rows of episode `index`, whose first frame is `start`; PNG by camera."""
+    count = len(next(iter(images.values())))
+    clock = [np.arange(start, start + count), np.full(count, index), np.arange(count)]
+    return pa.table([*map(pa.array, clock), *map(image_column, images.values())], schema=schema)

@@ -9,40 +9,24 @@ from typing import Any
 import pyarrow as pa
 
 from pipeline.export.exporter import register
-from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
-from pipeline.export.formats.lerobot.depth import depth_schema, depth_table
-from pipeline.export.formats.lerobot.format import (
-    TEXT_FEATURES,
-    data_table,
-    description,
-    episode_schema,
-    image_key,
-    split_of,
-)
-from pipeline.export.formats.lerobot.language import (
-    EVENTS,
-    PERSISTENT,
-    language_columns,
-    with_language,
-)
-from pipeline.export.formats.lerobot.meta import data_schema, write_meta
-from pipeline.export.formats.lerobot.options import MEGABYTE, LerobotV3Options
-from pipeline.export.formats.lerobot.prepare import Prepared
-from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK, Tables, chunk_file
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import ExportError, Facts
-from pipeline.export.shared.provenance import scalars
-from pipeline.export.shared.sensors import DEPTH
+from pipeline.export.shared.episodes import Facts
+from pipeline.export.shared.images import DEPTH
 from pipeline.export.shared.statistics import image_stats, vector_stats
-from pipeline.export.shared.video_file import Clip, VideoFile
+from pipeline.export.shared.tables import scalars
 
-VERSION = "v3.0"
+from .dataset import LerobotExporter, Writer
+from .format import TEXT_FEATURES, data_table, episode_schema, image_key
+from .meta import EVENTS, PERSISTENT, data_schema, language_columns, with_language, write_meta
+from .options import MEGABYTE, LerobotV3Options
+from .prepare import Prepared
+from .tables import Tables, chunk_file, depth_schema, depth_table, read_column
+from .videos import VideoFile
+
 ROWS_PER_GROUP = 100
 
 
 class V3Writer(Writer):
-    """Version 3.0: many episodes a file."""
-
     def __init__(
         self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options
     ) -> None:
@@ -51,8 +35,8 @@ class V3Writer(Writer):
         if options.language:
             self.features = with_language(self.features)
         self.data = Tables(root / "data", data_schema(self.features))
-        ordered = {camera: self.names[camera] for camera in first.cameras}
-        self.depth = Tables(root / "depth", depth_schema(ordered)) if options.depth else None
+        schema = depth_schema([self.names[camera] for camera in first.cameras])
+        self.depth = Tables(root / "depth", schema) if options.depth else None
         self.rows_to: Tables | None = None
         self.rows: list[dict[str, Any]] = []
         self.videos: dict[str, VideoFile] = {}
@@ -62,32 +46,28 @@ class V3Writer(Writer):
         index, columns, stats = self.begin(episode)
         if self._full(episode):
             self._roll()
-        row: dict[str, Any] = {
-            "episode_index": index,
-            "tasks": [facts.instruction],
-            "length": length,
-        }
-        row |= {f"data/{name}": value for name, value in self.data.place.items()}
+        row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction]}
+        row |= {"length": length} | _below("data", self.data.place)
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-        more = (
-            language_columns(facts, self.names, self.data.schema) if self.options.language else {}
-        )
-        self.data.write(data_table(columns | more, self.data.schema))
+        if self.options.language:
+            columns |= language_columns(facts, self.names, self.data.schema)
+        self.data.write(data_table(columns, self.data.schema))
         if self.depth:
             self.depth.write(depth_table(episode.depth, self.depth.schema, index, self.frames))
         places = {}
         for camera, clip in episode.encoded.videos.items():
             key = image_key(self.names[camera])
-            row |= self._append_video(key, clip, facts)
+            if key not in self.videos:
+                path = self.root / "videos" / key / chunk_file(self.data.number, "mp4")
+                self.videos[key] = VideoFile(path, facts.fps, self.draft)
+            start, end = self.append_video(self.videos[key], clip, facts)
+            times = {"from_timestamp": start, "to_timestamp": end}
+            row |= _below(f"videos/{key}", self.data.place | times)
             places[camera] = self.videos[key].path, self.videos[key].frames - length
-        row |= {
-            f"stats/{name}/{stat}": v.tolist()
-            for name, entry in stats.items()
-            for stat, v in entry.items()
-        }
-        row |= {
-            f"domino.{name}": value for name, value in scalars(facts, self.draft.validation).items()
-        }
+        for name, entry in stats.items():
+            row |= _below(f"stats/{name}", {stat: v.tolist() for stat, v in entry.items()})
+        told = scalars(facts, self.draft.validation)
+        row |= {f"domino.{name}": value for name, value in told.items()}
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
         self.rows.append(row)
@@ -96,17 +76,16 @@ class V3Writer(Writer):
             self._flush()
 
     def _full(self, episode: Prepared) -> bool:
-        if not self.videos:
-            return False
-        frames = self.options.video_seconds * self.first.fps
-        longer = any(video.frames + episode.facts.kept > frames for video in self.videos.values())
-        larger = any(
-            video.size + clip.size > self.options.video_bytes
-            for video, clip in zip(
-                self.videos.values(), episode.encoded.videos.values(), strict=True
+        most, options = self.options.video_seconds * self.first.fps, self.options
+        pairs = zip(self.videos.values(), episode.encoded.videos.values(), strict=True)
+        return bool(self.videos) and (
+            self.data.size >= options.data_bytes
+            or any(
+                video.frames + episode.facts.kept > most
+                or video.size + clip.size > options.video_bytes
+                for video, clip in pairs
             )
         )
-        return longer or larger or self.data.size >= self.options.data_bytes
 
     def _roll(self) -> None:
         for video in self.videos.values():
@@ -116,33 +95,13 @@ class V3Writer(Writer):
         if self.depth:
             self.depth.roll()
 
-    def _append_video(self, key: str, clip: Clip, facts: Facts) -> dict[str, Any]:
-        number = self.data.number
-        if key not in self.videos:
-            self.videos[key] = VideoFile(
-                self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps, self.draft
-            )
-        try:
-            start, end = self.videos[key].append(clip, facts.kept)
-        except ValueError as error:
-            raise ExportError(f"{facts.source}: {key}: {error}") from error
-        chunk, file = divmod(number, FILES_PER_CHUNK)
-        place = {
-            "chunk_index": chunk,
-            "file_index": file,
-            "from_timestamp": start,
-            "to_timestamp": end,
-        }
-        return {f"videos/{key}/{name}": value for name, value in place.items()}
-
     def _flush(self) -> None:
         if self.rows and self.rows_to is not None:
             if self.rows_to.size >= self.options.data_bytes:
                 self.rows_to.roll()
-            place = {f"meta/episodes/{name}": value for name, value in self.rows_to.place.items()}
-            self.rows_to.write(
-                pa.Table.from_pylist([row | place for row in self.rows], schema=self.rows_to.schema)
-            )
+            place = _below("meta/episodes", self.rows_to.place)
+            rows, schema = [row | place for row in self.rows], self.rows_to.schema
+            self.rows_to.write(pa.Table.from_pylist(rows, schema=schema))
             self.rows.clear()
 
     def close(self) -> None:
@@ -150,43 +109,44 @@ class V3Writer(Writer):
             closed.callback(super().close)
             for video in self.videos.values():
                 closed.callback(video.close)
-            closed.callback(lambda: self.rows_to and self.rows_to.close())
-            closed.callback(lambda: self.depth and self.depth.close())
-            closed.callback(self.data.close)
+            for tables in (self.rows_to, self.depth, self.data):
+                if tables:
+                    closed.callback(tables.close)
             closed.callback(self._flush)
 
     def finish(self) -> dict[str, Any]:
-        summary = super().finish()
-        texts = (*TEXT_FEATURES, PERSISTENT, EVENTS)
+        summary, options = super().finish(), self.options
         stats = {
-            name: vector_stats(self.data.column(name))
+            name: vector_stats(read_column(self.root / "data", name))
             for name in self.data.schema.names
-            if name not in texts
+            if name not in (*TEXT_FEATURES, PERSISTENT, EVENTS)
         }
         stats |= {key: image_stats(counts, self.sampled) for key, counts in self.colors.items()}
         info = {
-            "codebase_version": VERSION,
+            "codebase_version": Lerobot.version,
             "fps": self.first.fps,
             "features": self.features,
             "total_episodes": summary["episodes"],
             "total_frames": summary["frames"],
             "total_tasks": summary["tasks"],
-            "data_files_size_in_mb": max(1, self.options.data_bytes // MEGABYTE),
-            "video_files_size_in_mb": max(1, self.options.video_bytes // MEGABYTE),
+            "data_files_size_in_mb": max(1, options.data_bytes // MEGABYTE),
+            "video_files_size_in_mb": max(1, options.video_bytes // MEGABYTE),
             "robot_type": self.first.spec.embodiment,
-            "splits": {split_of(self.first): f"0:{summary['episodes']}"},
+            "splits": self.splits,
         }
-        write_meta(self.root, info, list(self.tasks), stats, description(summary, self.first))
+        write_meta(self.root, info, list(self.tasks), stats)
         return summary
+
+
+def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:
+    return {f"{prefix}/{name}": value for name, value in values.items()}
 
 
 @register
 class Lerobot(LerobotExporter[LerobotV3Options]):
-    """LeRobot v3.0."""
-
     name = "lerobot"
     options = LerobotV3Options
-    version = VERSION
+    version = "v3.0"
     writer = V3Writer
 
     def sensors(self, options: LerobotV3Options) -> Collection[str]:

@@ -8,12 +8,11 @@ import pandas as pd
 import pytest
 
 from pipeline.export.formats.lerobot import meta
-from pipeline.export.formats.lerobot.language import EVENTS, PERSISTENT
-from pipeline.export.shared.card import LICENSE, PAPER, TAGS
+from pipeline.export.formats.lerobot.meta import EVENTS, PERSISTENT
 
 
 def test_what_describes_a_dataset_has_the_bytes_that_lerobot_writes(tmp_path):
-    """Schema, info.json, tasks, statistics and card by our functions and by lerobot's."""
+    """Schema, info.json, tasks and statistics by our functions and by lerobot's."""
     pytest.importorskip("lerobot")
     feature_utils, io_utils, utils = (
         import_module(f"lerobot.datasets.{name}") for name in ("feature_utils", "io_utils", "utils")
@@ -41,16 +40,12 @@ def test_what_describes_a_dataset_has_the_bytes_that_lerobot_writes(tmp_path):
     tasks = ["pick it", "ein Gerät"]
     stats = {"wide": {"min": np.arange(3, dtype=np.float32) / 3, "count": np.array([3])}}
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
-    meta.write_meta(ours, info, tasks, stats, "A <b> & é.")
+    meta.write_meta(ours, info, tasks, stats)
     dataset = utils.DatasetInfo.from_dict({**info, "features": shaped})
     io_utils.write_info(dataset, theirs)
     io_utils.write_stats(stats, theirs)
     index = pd.Index(tasks, name="task")
     io_utils.write_tasks(pd.DataFrame({"task_index": range(2)}, index=index), theirs)
-    words = {"license": LICENSE, "paper": PAPER, "url": PAPER, "dataset_description": "A <b> & é."}
-    card = utils.create_lerobot_dataset_card(tags=list(TAGS), dataset_info=dataset, **words)
-    card.data.size_categories = ["1K<n<10K"]
-    (theirs / "README.md").write_text(str(card))
-    for name in ("README.md", *(f"meta/{part}" for part in ("info.json", "stats.json"))):
+    for name in ("meta/info.json", "meta/stats.json"):
         assert (ours / name).read_text() == (theirs / name).read_text(), name
     assert pd.read_parquet(ours / "meta/tasks.parquet").equals(io_utils.load_tasks(theirs))
