@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.data.episode.schema import faults
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.export.formats.lerobot.format import data_columns
 from pipeline.export.formats.parquet_table import Plan, episode_table
@@ -106,7 +105,6 @@ def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_d
     }
     with reading(path) as file:
         facts = read_facts(file, tmp_path)
-        assert not list(faults(file))
         plan = Plan(facts, names, {}, {}, (), (), ())
         table = episode_table(0, facts, file, plan, tmp_path)
     lerobot = data_columns(facts, names, 0, 0, 0)
