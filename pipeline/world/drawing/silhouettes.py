@@ -220,9 +220,8 @@ def draw(
     depths: Floats,
     drawn: NDArray[np.int64],
 ) -> None:
-    """Draw triangles into a buffer of depths (h,w), and the row of the nearest one into `drawn`
-    (h,w): an entry is the middle of `grid` by `grid` pixels; `place` is the first pixel x0, y0 and
-    grid."""
+    """Draw triangles into depths (h,w), and the row of the nearest one into `drawn` (h,w). An
+    entry is the middle of `grid` by `grid` pixels; `place` is the first pixel x0, y0 and grid."""
     f, cx, cy, near = lens
     x0, y0, grid = place
     # the centre of the pixel in the middle of a grid cell lies on whole numbers

@@ -13,10 +13,9 @@ from pipeline.world.objects.geometry import box, cylinder, sphere
 from pipeline.world.shapes import Collider, Material, Mesh, Parts
 
 TABLE_TOP = 0.74
-"""m; height of the table top."""
+"""m; its height."""
 
-TABLE_HALF = (0.6, 0.35)
-"""m; half extents of the table top in x and y."""
+TABLE_HALF = (0.6, 0.35)  # m, in x and y
 
 TABLE_THICKNESS = 0.05
 
@@ -70,8 +69,6 @@ class Motion(Protocol):
 
 
 class StillMotion:
-    """A motion that stands still at a pose."""
-
     def __init__(self, pose: Pose) -> None:
         self._pose = pose
 

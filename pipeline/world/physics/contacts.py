@@ -73,9 +73,7 @@ class Contacts:
 
     def touching(self, index: Mapping[Any, int]) -> list[Pair]:
         """Pairs of the components of `index` that push each other, sorted."""
-        # A pair of bodies may touch with many pieces: the strongest is the pair's contact, and only
-        # its points are read. Plain floats: for a dozen pairs with four points each numpy takes
-        # five times as long.
+        # The strongest of the pieces of a pair is its contact. Numpy takes five times as long.
         found: dict[tuple[int, int], tuple[float, list[list[Push]]]] = {}
         for k, (first, second) in enumerate(self.pairs):
             a, b = index.get(first), index.get(second)

@@ -1,5 +1,5 @@
-"""The drive of a target under `contact: hold`: it pulls a touched body back to its motion, with
-bounded force, until it is held; and joints that do not follow their commands exactly."""
+"""The drive of a target under `contact: hold`, and joints that do not follow their commands
+exactly."""
 
 from collections import deque
 from collections.abc import Collection
@@ -42,12 +42,12 @@ class Hold:
 
 
 AfterTouch = Literal["stop", "continue"] | Hold
-"""What the first touch does: ends the target's own motion, nothing, or a drive keeps the body on
-its motion until it is held."""
+"""What the first touch does: ends the target's own motion, nothing, or starts a drive."""
 
 
 class Drive:
-    """Keeps one dynamic body on a motion and carries its weight, until it is held."""
+    """Pulls a touched body back to its motion with bounded force and carries its weight, until it
+    is held."""
 
     def __init__(self, body: PhysxRigidDynamicComponent, hold: Hold) -> None:
         self._body, self._hold, self._steps = body, hold, 0

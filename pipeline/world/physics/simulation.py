@@ -190,8 +190,8 @@ class Simulation(PhysicsScene):
         return all(self.speed(name) < _QUIET for name in self._free)
 
     def _watch(self) -> None:
-        """Note the first touch of the target and of every distractor. SAPIEN lists contacts in no
-        fixed order: of several that touch the target in one step, the first of `names` counts."""
+        """Note the first touch of the target and of every distractor. Of several that touch the
+        target in one step, the first of `names` counts."""
         touching, disturbed, contacts = list[int](), set[str](), self.touches
         for k, (a, b) in enumerate(contacts.pairs):
             if (a not in self._watched and b not in self._watched) or not contacts.pushes(k):
@@ -264,10 +264,9 @@ class Simulation(PhysicsScene):
         return {self.names[self._index[b]] for pair in pairs for b in pair if b in self._touchers}
 
     def target_twist(self) -> Floats:
-        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,), world.
-
-        It is that of its motion. Once that has ended or a drive took over, it is that of its pose
-        over the last physics step: PhysX's own differ, those of a held body by 1 rad/s."""
+        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,), world:
+        of its motion, or, once that has ended or a drive took over, of its pose over the last
+        physics step. PhysX's own differ, those of a held body by 1 rad/s."""
         if self._before is None or not (self.released or self._drive):
             known = self.steps - self._upcoming_from
             if 0 <= known < len(self._upcoming):
