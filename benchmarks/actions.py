@@ -36,7 +36,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Cell
 from pipeline.evaluate.actions import Answers
 from pipeline.evaluate.scenes.case import BLIND, Case, expert_actions
-from pipeline.evaluate.scenes.training import NoCase, case_of_seed
+from pipeline.evaluate.scenes.manifests import NoCase, case_of_seed
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.poses import Floats, compose, inverse
 from pipeline.stages.scene import build_scene

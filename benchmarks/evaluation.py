@@ -33,7 +33,7 @@ from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.case import Case, expert_actions
 from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
-from pipeline.evaluate.scenes.views import Eyes
+from pipeline.evaluate.scenes.trial import Eyes
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
 from pipeline.world.drawing.vulkan import ensure_renderer

@@ -2,8 +2,10 @@
 scenes at a time."""
 
 import os
+import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,11 +15,11 @@ from pipeline.crew.contract import SINGLE_THREAD, Crew
 from pipeline.data.names import MOUNTED
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.policies.policy import PolicyName
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.run.evaluation import answer_together, runner
+from pipeline.run.evaluation import runner
 
 POLICY = '''
 import time
@@ -99,6 +101,19 @@ def table(case: Case, episodes: int = 6) -> str:
     return markdown(head, body)
 
 
+@contextmanager
+def _serve(policy: PolicyName, clients: int, wait: float) -> Iterator[int]:
+    """The port of `serve-policy --batch-wait` in a process of its own."""
+    command = ["domino-data", "serve-policy", policy.text, "--port", "0"]
+    command += ["--clients", str(clients), "--batch-wait", str(1000 * wait)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        try:
+            assert process.stdout is not None
+            yield int(process.stdout.readline().rpartition(b":")[2])
+        finally:
+            process.terminate()
+
+
 def _run(
     jobs: Sequence[EpisodeJob], crew: Crew, wait: float | None
 ) -> tuple[list[Spent], float, float]:
@@ -106,10 +121,13 @@ def _run(
     (s) from the first end on."""
     for name, value in SINGLE_THREAD.items():
         os.environ[name] = value
-    wanted = Evaluation((), jobs[0].policy, jobs[0].clock, setup=jobs[0].setup)
     ends: list[tuple[float, float]] = []
-    with answer_together(wanted, crew, wait) as shared:
-        warm = [replace(job, policy=shared.policy) for job in [*jobs[: crew.workers], *jobs]]
+    with ExitStack() as stack:
+        policy = jobs[0].policy
+        if wait is not None:
+            port = stack.enter_context(_serve(policy, 2 * crew.workers, wait))
+            policy = replace(policy, text=f"ws://127.0.0.1:{port}", process="server")
+        warm = [replace(job, policy=policy) for job in [*jobs[: crew.workers], *jobs]]
         found = list[Spent]()
         for _, spent in runner(crew)(time_episode, warm):
             found.append(spent)

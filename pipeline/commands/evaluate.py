@@ -28,7 +28,6 @@ from .common import (
     resumable,
 )
 from .options import CELLS, SETUP, Given, recipe_options
-from .serve import BatchWait
 
 if TYPE_CHECKING:
     from pipeline.evaluate.evaluate import EvaluationResult
@@ -138,7 +137,6 @@ def evaluate(
             "Time limit of one answer of the policy (s); of all of an episode ten times that.",
         ),
     ] = 300.0,
-    batch_wait: BatchWait = None,
     in_process: InProcess = False,
     manifests: Annotated[
         Path | None, option("Directory of admitted seeds to share; OUT/manifests by default.")
@@ -156,7 +154,7 @@ def evaluate(
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scoring.summary import table
-    from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
+    from pipeline.run.evaluation import EPISODE_SECONDS, evaluation_of, runner
     from pipeline.run.names import check_events
 
     if instructions not in ("seen", "unseen"):
@@ -165,7 +163,7 @@ def evaluate(
     frozen = None if benchmark is None else read_benchmark(benchmark)
     recipe = given.recipe(without=(*DEMONSTRATING, "paired", *cameras), levels=[1])
     # each worker is a client, and a server takes one unless it was told otherwise
-    one_client = workers is None and policy.startswith("ws") and batch_wait is None
+    one_client = workers is None and policy.startswith("ws")
     crew = crew_of(executor, 1 if one_client else workers, address)
     # what a policy prints in a process of its own that a worker started
     local = crew.executor == "ray" and address is None
@@ -205,15 +203,13 @@ def evaluate(
         raise UsageError("--paired and --conditions: give one of the two")
     if conditions and len(setup.events) > MOST_CONDITIONS:
         raise UsageError(f"--conditions takes {MOST_CONDITIONS} events at most")
-    together = answer_together(evaluation, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
         _name_file(prints),
         tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar,
-        together as shared,
     ):
         runs = runner(crew, EPISODE_SECONDS + ANSWERS * answer_seconds)
-        outcome = run_evaluation(shared, out, runs, manifests, bar.set_description_str)
+        outcome = run_evaluation(evaluation, out, runs, manifests, bar.set_description_str)
     if outcome.faults:
         count, first = sum(outcome.faults.values()), next(iter(outcome.faults))
         note(

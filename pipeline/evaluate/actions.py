@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,17 +15,15 @@ from pipeline.planning.planner import Planner, planner_of
 from pipeline.poses import Floats, Pose, compose
 from pipeline.world.robots.contract import Embodiment
 
-POSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
-"""Entries of a tool pose: m in the world frame, quaternion wxyz."""
+POSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")  # m in the world frame, quaternion wxyz
 
 
-class ActionError(DominoError):
-    """An action that cannot be used."""
+class ActionError(DominoError): ...
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Bounds of a joint action (A,): positions, and the largest change in one second."""
+    """Of a joint action (A,): positions, and the largest change in one second."""
 
     names: tuple[str, ...]
     lower: Floats
@@ -32,7 +31,7 @@ class JointLimits:
     speed: Floats
 
     def clipped(self, action: Floats, before: Floats, seconds: float) -> Floats:
-        """The action moved into the bounds, from the command `before` in `seconds`."""
+        """Into the bounds, from the command `before` in `seconds`."""
         # np.clip costs five times as much on so few numbers
         action = np.minimum(np.maximum(action, self.lower), self.upper)
         reach = self.speed * seconds
@@ -41,18 +40,13 @@ class JointLimits:
 
 @lru_cache(maxsize=8)
 def joint_limits(embodiment: Embodiment) -> JointLimits:
-    """Limits of the arm joints (rad or m, per s); grippers run over 0-1 at any speed."""
-    lower, upper, speed = list[float](), list[float](), list[float]()
+    """rad or m, per s; grippers run over 0-1 at any speed."""
+    rows = list[tuple[float, float, float]]()
     for arm in embodiment.arms.values():
         joints = {j.name: j for j in arm.joints}
-        for name in arm.arm_joints:
-            lower.append(joints[name].lower)
-            upper.append(joints[name].upper)
-            speed.append(joints[name].velocity)
-        lower.append(0.0)
-        upper.append(1.0)
-        speed.append(np.inf)
-    return JointLimits(embodiment.vector_names, np.array(lower), np.array(upper), np.array(speed))
+        named = (joints[name] for name in arm.arm_joints)
+        rows += [*((j.lower, j.upper, j.velocity) for j in named), (0.0, 1.0, np.inf)]
+    return JointLimits(embodiment.vector_names, *np.array(rows).T.copy())
 
 
 def check_action(action: ArrayLike, length: int) -> Floats:
@@ -64,17 +58,15 @@ def check_action(action: ArrayLike, length: int) -> Floats:
     if values.shape != (length,):
         raise ActionError(f"the action has the shape {values.shape}; this robot takes ({length},)")
     if not np.isfinite(values).all():
-        raise ActionError(
-            f"the action is not finite at index {int(np.flatnonzero(~np.isfinite(values))[0])}"
-        )
+        index = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise ActionError(f"the action is not finite at index {index}")
     return values
 
 
 def interpolate_targets(
     before: Floats, action: Floats, steps: int, seconds: float
 ) -> tuple[Floats, Floats]:
-    """Drive targets (steps,A) that go linearly from the command `before` to exactly `action`, and
-    their velocity (A,)."""
+    """Rows (steps,A) on the line from `before` to exactly `action`, and velocity (A,)."""
     share = np.arange(1, steps + 1)[:, None] / steps
     rows = before + share * (action - before)
     rows[-1] = action
@@ -82,13 +74,12 @@ def interpolate_targets(
 
 
 def pose_action_names(robot: Embodiment) -> tuple[str, ...]:
-    """Names of the end-effector action (8S,): per arm a tool pose and the gripper value."""
+    """(8S,): per arm a tool pose and the gripper value."""
     return tuple(f"{side}_{name}" for side in robot.sides for name in (*POSE_NAMES, "gripper"))
 
 
 class ToolPoses:
-    """Joint actions from end-effector actions (8S,): world poses of the tool frames and gripper
-    values."""
+    """Joint actions from end-effector actions (8S,), poses in the world."""
 
     def __init__(self, embodiment: Embodiment, budget: IkBudget = IK) -> None:
         self._planner: Planner = planner_of(embodiment)
@@ -97,12 +88,9 @@ class ToolPoses:
     def joints(
         self, action: Floats, command: Floats, tools: Floats | None = None
     ) -> tuple[Floats, tuple[str, ...]]:
-        """The joint action (A,) nearest to the command (A,), and the sides whose pose is out of
-        reach: these hold still.
-
-        With `tools` (S,7) the poses are relative to these. Quaternions need not be normalised.
-        Raises ActionError for one of length zero.
-        """
+        """The joint action (A,) nearest to the command (A,), and the sides out of reach, which hold
+        still. With `tools` (S,7) poses are relative to these. Raises ActionError for a quaternion
+        of length zero."""
         now, out, missed = self._planner.split(command), list[Floats](), list[str]()
         for i, side in enumerate(now):
             pose, gripper = action[8 * i : 8 * i + 7].copy(), action[8 * i + 7]
@@ -119,10 +107,7 @@ class ToolPoses:
         return np.concatenate(out), tuple(missed)
 
 
-@dataclass(frozen=True, eq=False)
-class _PlannedArm:
-    """An arm of data/actions.py by the kinematics of planning."""
-
+class _PlannedArm(NamedTuple):
     base: Pose
     chain: Chain
 
@@ -131,22 +116,17 @@ class _PlannedArm:
 
 
 def codec_of(representation: Representation, embodiment: Embodiment) -> ActionCodec:
-    """Conversions between joint targets of a robot and actions of a representation."""
     chains = planner_of(embodiment).chains
     arms = {side: _PlannedArm(arm.base, chains[side]) for side, arm in embodiment.arms.items()}
     return ActionCodec(representation, embodiment.vector_names, arms)
 
 
-EXACT = replace(IK, tolerance=(1e-6, 1e-5))
-"""Inverse kinematics of answers: the errors of delta actions add up."""
+EXACT = replace(IK, tolerance=(1e-6, 1e-5))  # of answers: the errors of delta actions add up
 
 
 class Answers:
-    """Turns the answers of a policy in one episode into joint targets.
-
-    An action has `length` numbers; `unreachable` counts the poses so far that no joints reach: that
-    arm holds still for them.
-    """
+    """Turns a policy's answers in one episode into joint targets. `unreachable` counts poses that
+    no joints reach: that arm holds still."""
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)
@@ -154,8 +134,8 @@ class Answers:
         self.length, self.unreachable = len(self._codec.names), 0
 
     def joints(self, chunk: Floats, state: Floats, command: Floats) -> Floats:
-        """Joint targets (H,A) of a chunk (H,D) that was asked for at the measured joints (A,) and
-        the command (A,). Raises ActionError for a rotation of length zero."""
+        """Joint targets (H,A) of a chunk (H,D) that was asked for at measured joints and command
+        (A,). Raises ActionError."""
         if not self._codec.representation.poses:
             return self._codec.decode_joints(chunk, state, command)
         try:

@@ -1,9 +1,6 @@
-"""Asks a policy: every outcome is a valid answer or one of two faults that end its episode.
-
-ActionError: the answer is no action. NoAnswer: it raised an error, lost its connection or ran out
-of time. What keeps a policy from being tried at all stays a PolicyError. Only policies in other
-processes have a time limit.
-"""
+"""Asks a policy: every outcome is a valid answer or one of two faults that end its episode:
+ActionError (no action), NoAnswer (an error, a lost connection, a time limit). What keeps it from
+being tried at all stays a PolicyError."""
 
 import hashlib
 import time
@@ -19,17 +16,12 @@ from numpy.typing import NDArray
 
 from pipeline.data.actions import JOINTS
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.actions import ActionError, Answers
-from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.names import is_built_in, make_policy
-from pipeline.evaluate.policies.contract import (
-    action_length,
-    actions_of,
-    begin,
-    check_actions,
-    check_contract,
-)
-from pipeline.evaluate.policies.policy import (
+
+from .actions import ActionError, Answers
+from .lines import line_of
+from .names import is_built_in, make_policy
+from .policies import contract as contracts
+from .policies.policy import (
     NoAnswer,
     Observation,
     Policy,
@@ -41,20 +33,18 @@ from pipeline.evaluate.policies.policy import (
     chunk_of,
     count_inferences,
 )
-from pipeline.evaluate.scenes.case import Case
-from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.serving.client import ANSWER_SECONDS
-from pipeline.evaluate.serving.messages import pack
+from .scenes.case import Case
+from .scenes.trial import Trial
+from .serving.client import ANSWER_SECONDS
+from .serving.messages import pack
 
-PROMPT = "hold still"
-"""The instruction of the question by which policies are told apart."""
+PROMPT = "hold still"  # the instruction of the question by which policies are told apart
 
-ANSWERS = 10
-"""All answers of an episode together may take this many times as long as one."""
+ANSWERS = 10  # all answers of an episode may take this many times as long as one
 
 
 def load_once(name: PolicyName) -> Policy:
-    """The policy of a name, made once in a process. Raises PolicyError."""
+    """Raises PolicyError."""
     return _load(name.text, name.process, name.prints)
 
 
@@ -66,13 +56,12 @@ def _load(text: str, process: str, prints: Path | None) -> Policy:
 def introduce(
     name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS
 ) -> PolicyName:
-    """The name of a policy with its probe, after its contract was compared with all `starts`.
-    Raises PolicyError."""
+    """With its probe, after its contract was compared with all `starts`. Raises PolicyError."""
     policy = load_once(name)
     try:
         for start in starts:
-            check_contract(policy, start)
-        check_actions(policy, name.actions)
+            contracts.check_contract(policy, start)
+        contracts.check_actions(policy, name.actions)
         if is_built_in(name) or isinstance(policy, SeesTruth):
             return name
         _limit(name, policy, seconds)
@@ -82,27 +71,22 @@ def introduce(
 
 
 def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
-    """The name of a policy with its probe: a hash of its answer to a fixed question and of a
-    server's metadata.
+    """The name with its probe: a hash of what is the same in two answers to a fixed question, and
+    of metadata. A label that was not given carries it.
 
-    The label carries it unless the user gave one. The question is asked in two episodes, and what
-    is the same in both counts. Raises PolicyError if the policy refuses them, and for an address
-    alone whose answers differ or are none.
-    """
+    Raises PolicyError if the policy refuses, and for an address whose answers differ or are
+    none."""
     anonymous = "://" in name.label
     try:
         first, second = _answer_of(policy, start), _answer_of(policy, start)
     except (ActionError, NoAnswer) as error:
         if not anonymous:
             return name
-        raise PolicyError(
-            f"{name.text}: gives no answer by which to know it ({error}): name it with ?label=NAME"
-        ) from error
+        what = f"{name.text}: gives no answer by which to know it ({error})"
+        raise PolicyError(f"{what}: name it with ?label=NAME") from error
     if first[1] != second[1] and anonymous:
-        raise PolicyError(
-            f"{name.text}: answers the same question differently each time: name it with"
-            " ?label=NAME"
-        )
+        what = "answers the same question differently each time"
+        raise PolicyError(f"{name.text}: {what}: name it with ?label=NAME")
     same = b"|".join(a for a, b in zip(first, second, strict=True) if a == b)
     probe = hashlib.sha256(same).hexdigest()[:8]
     mark = "." if "@" in name.label else "@"
@@ -111,12 +95,12 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
 
 
 def _answer_of(policy: Policy, start: Start) -> tuple[bytes, bytes]:
-    """The packed metadata of a policy, and its answer to the fixed question as bytes."""
-    begin(policy, start)
+    """Packed metadata, and the answer to the fixed question as bytes."""
+    contracts.begin(policy, start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
     joints = np.zeros(len(start.state_names))
     answer = policy.act(Observation(joints, start.instruction, 0.0, images))
-    chunk = chunk_of(answer, action_length(policy, start.action_names))
+    chunk = chunk_of(answer, contracts.action_length(policy, start.action_names))
     return pack(dict(attribute(policy, "metadata") or {})), chunk.tobytes()
 
 
@@ -128,9 +112,8 @@ def _pattern(height: int, width: int) -> NDArray[np.uint8]:
 
 
 class AskedPolicy:
-    """A policy in one episode. One answer may take `seconds`, all together ANSWERS times that.
-    `count` are the answers so far, `inferences` those that its network ran for: all of them if the
-    policy does not count. Raises PolicyError."""
+    """A policy in one episode, with `seconds` for an answer and ANSWERS times that for all. `count`
+    answers so far, `inferences` of them by the network. Raises PolicyError."""
 
     def __init__(self, name: PolicyName, seconds: float = ANSWER_SECONDS) -> None:
         self._name, self._seconds, self._left = name, seconds, ANSWERS * seconds
@@ -140,7 +123,7 @@ class AskedPolicy:
 
     @property
     def unreachable(self) -> int | None:
-        """Tool poses so far that no joints reach; None for joint targets."""
+        """Poses that no joints reach; None for joint targets."""
         return None if self._answers is None else self._answers.unreachable
 
     @property
@@ -148,14 +131,14 @@ class AskedPolicy:
         return isinstance(self.policy, SeesTruth)
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
-        """Begin the episode. Raises NoAnswer, or PolicyError if the policy refuses it."""
+        """Raises NoAnswer, or PolicyError if the policy refuses the episode."""
         policy, self._trial = self.policy, trial
-        check_contract(policy, start)
-        if (representation := actions_of(policy)) != JOINTS:
+        contracts.check_contract(policy, start)
+        if (representation := contracts.actions_of(policy)) != JOINTS:
             self._answers = Answers(representation, trial.simulation.embodiment)
         with self._in_time():
             try:
-                begin(policy, start)
+                contracts.begin(policy, start)
             except (PolicyError, KeyboardInterrupt):
                 raise
             except BaseException as error:
@@ -165,8 +148,7 @@ class AskedPolicy:
                     policy.see(trial, case)
 
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
-        """The next chunk (H,A) of joint targets with `length` numbers. Raises ActionError or
-        NoAnswer."""
+        """A chunk (H,A) of joint targets. Raises ActionError or NoAnswer."""
         answers, trial = self._answers, self._trial
         with self._in_time(), _translated():
             before = count_inferences(self.policy)

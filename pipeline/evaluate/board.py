@@ -1,67 +1,40 @@
 """One table of several evaluations: a line for a policy, a column for a clock."""
 
 import re
-from collections import defaultdict
+from collections import defaultdict, namedtuple
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.evaluate.film import film_id
-from pipeline.evaluate.scoring.compare import check_one_benchmark
-from pipeline.evaluate.scoring.page import PUBLISHED
-from pipeline.evaluate.scoring.summary import (
-    Row,
-    each_scene_once,
-    over_tasks,
-    scene_of,
-    summarise,
-)
 from pipeline.html import render_page
+
+from .evaluate import film_path
+from .scoring.compare import check_one_benchmark
+from .scoring.page import PUBLISHED
+from .scoring.summary import Row, each_scene_once, over_tasks, scene_of, summarise
 
 LINE = ("policy", "rules", "embodiment", "level", "alpha", "domain", "condition")
 ALL = "all tasks"
 
-MOST_SCENES = 12
-"""Scenes whose films stand beside each other."""
+MOST_SCENES = 12  # whose films stand beside each other
 
 
-@dataclass(frozen=True)
-class BoardLine:
-    """A policy at one level in one domain, over all tasks or on one; `scores` by clock. `place` is
-    its number among the lines of the same choice."""
+BoardLine = namedtuple("BoardLine", "head task scores sees_truth own_process")
+"""A policy at one level in one domain, over all tasks or on one; `scores` by clock."""
 
-    head: Mapping[str, Any]
-    task: str
-    scores: Mapping[str, Row]
-    sees_truth: bool
-    own_process: bool
-
-
-@dataclass(frozen=True)
-class Board:
-    """Lines, the best first, and the values that they can be chosen by."""
-
-    lines: Sequence[BoardLine]
-    clocks: Sequence[str]
-    levels: Sequence[int]
-    domains: Sequence[str]
-    tasks: Sequence[str]
+Board = namedtuple("Board", "lines clocks levels domains tasks")
+"""Lines, the best first, and the values that they can be chosen by."""
 
 
 def board(rows: Sequence[Row]) -> Board:
-    """The board of rows of episodes, of those on one scene the last."""
     rows = each_scene_once(rows)
-    cells = [(cell, cell["task"], "success_interval") for cell in summarise(rows)] + [
-        (mean, ALL, "success_rate_interval")
-        for mean in over_tasks(rows)
-        if mean["category"] == "all"
-    ]
+    means = (mean for mean in over_tasks(rows) if mean["category"] == "all")
+    cells = [(cell, cell["task"], "success_interval") for cell in summarise(rows)]
+    cells += [(mean, ALL, "success_rate_interval") for mean in means]
     groups: dict[Any, dict[str, Row]] = defaultdict(dict)
     for cell, task, interval in cells:
-        groups[(*(cell[key] for key in LINE), task)][cell["clock"]] = cell | {
-            "interval": cell[interval]
-        }
+        scores = groups[(*(cell[key] for key in LINE), task)]
+        scores[cell["clock"]] = cell | {"interval": cell[interval]}
     lines = [
         BoardLine(
             dict(zip(LINE, key, strict=False)),
@@ -83,7 +56,7 @@ def board(rows: Sequence[Row]) -> Board:
 
 
 def _clock_order(clock: str) -> tuple[int, float, str]:
-    """Paused first, then latencies by their milliseconds, then asynchronous clocks."""
+    """Paused, then latencies by their ms, then asynchronous clocks."""
     kind, _, rest = clock.partition(":")
     number = re.search(r"\d+(\.\d+)?", rest)
     rank = {"sim": 0, "latency": 2, "async": 3}.get(kind, 1)
@@ -91,7 +64,7 @@ def _clock_order(clock: str) -> tuple[int, float, str]:
 
 
 def clock_title(clock: str) -> str:
-    """The heading of a clock's column: paused, 100 ms, async 100 ms, else its name."""
+    """Paused, 100 ms, async 100 ms, else the clock's name."""
     kind, _, rest = clock.partition(":")
     if clock == "sim":
         return "paused"
@@ -102,12 +75,11 @@ def clock_title(clock: str) -> str:
 
 
 def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tuple[Row, bytes]]]]:
-    """The films of scenes that were filmed: the name of each scene, and rows with their film, most
-    policies first."""
+    """The name of each filmed scene, and its rows with films, most policies first."""
     scenes: dict[Any, list[tuple[Row, Path]]] = defaultdict(list)
     for out, rows in bundles.items():
         for row in rows:
-            path = out / "films" / f"{film_id(row['key'])}.mp4"
+            path = film_path(out, row["key"])
             if path.is_file():
                 scenes[(*scene_of(row), row["level"], row["domain"])].append((row, path))
     chosen = sorted(scenes.items(), key=lambda item: (-len(item[1]), str(item[0])))[:MOST_SCENES]
@@ -121,14 +93,11 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 
 
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
-    """The page's text; `faults` are what check-result found in each bundle. Raises CompareError for
-    bundles on different benchmarks."""
+    """`faults` are what check-result found in each bundle. Raises CompareError for several
+    benchmarks."""
     rows = [row for of_bundle in bundles.values() for row in of_bundle]
     benchmark = check_one_benchmark(rows)
-    checks = [
-        (out.name, len(bundles[out]), "; ".join(faults[out][:3]), len(faults[out]))
-        for out in bundles
-    ]
+    checks = [(out.name, len(bundles[out]), "; ".join(f[:3]), len(f)) for out, f in faults.items()]
     return render_page(
         "pipeline.evaluate",
         "board.html",

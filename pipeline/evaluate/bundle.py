@@ -1,10 +1,10 @@
-"""A result that others can check: OUT of an evaluation with its rows, its scenes, what every
-episode commanded (OUT/actions), and OUT/bundle.json, which states what belongs together."""
+"""A result that others can check: OUT with its rows, its scenes, what every episode commanded
+(OUT/actions), and OUT/bundle.json."""
 
 import gzip
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path, PurePath
 from typing import Any
@@ -17,26 +17,25 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.episode import CONDITIONS, EpisodeJob, play
-from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
-from pipeline.evaluate.scenes.case import Case
-from pipeline.evaluate.scoring.results import TIMES
-from pipeline.evaluate.scoring.summary import Row
 from pipeline.poses import Floats
+
+from .episode import CONDITIONS, EpisodeJob, play
+from .lines import line_of
+from .scenes.benchmark_rows import RecordedBenchmark
+from .scenes.case import Case
+from .scoring.results import TIMES
+from .scoring.summary import Row
 
 BUNDLE, ACTIONS = "bundle.json", "actions"
 
-LONGEST = 1 << 26
-"""Bytes that the commands of one episode may have, and physics steps that one of them may wait."""
+LONGEST = 1 << 26  # bytes of an episode's commands, and physics steps that one of them may wait
 
 
 class BundleError(DominoError): ...
 
 
 class RecordedResult(BaseModel):
-    """One evaluation of a bundle. `options` are those of the keys of its rows, `rows` and `scenes`
-    hashes of its rows and of its cases. `made_by` names packages, Python and processor."""
+    """`options` are those of the keys of its rows, `rows` and `scenes` hashes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -67,11 +66,10 @@ class RecordedResult(BaseModel):
 
     @property
     def identity(self) -> tuple[Any, ...]:
-        """What sets this evaluation apart from others in its directory."""
         return self.code, self.policy, self.clock, self.options, self.seed, self.cells
 
     def owns(self, key: Sequence[Any]) -> bool:
-        """Whether a row of this key is of this policy, clock and options, in whatever scene."""
+        """In whatever scene."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]
 
@@ -91,7 +89,7 @@ class RecordedResult(BaseModel):
 
 
 def run_recorded(job: EpisodeJob) -> tuple[Row, bytes]:
-    """The row of one episode, and what it commanded as the bytes of a file. Raises as `play`."""
+    """The row, and what the episode commanded as the bytes of a file. Raises as `play`."""
     trial, row = play(job)
     commands = pack(trial.commanded)
     return row | {"actions": hashlib.sha256(commands).hexdigest()}, commands
@@ -122,24 +120,23 @@ def unpack(data: bytes) -> Floats:
 
 
 def actions_file(out: Path, key: str) -> Path:
-    """The file with what the episode of a row commanded."""
     return out / ACTIONS / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npy.gz"
 
 
 def hash_rows(rows: Iterable[Row]) -> str:
-    """Hash of rows in any order, without their wall times."""
+    """Whatever their order, without their wall times."""
     lines = sorted(json.dumps({**row, TIMES: None}, sort_keys=True) for row in rows)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def hash_scenes(cases: Iterable[Case]) -> str:
-    """Hash of cases: specs, motions and first states."""
+    """Of specs, motions and first states."""
     lines = sorted(f"{case.spec.to_json()} {case.digest} {case.setup.label}" for case in cases)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def read_bundle(out: Path) -> list[RecordedResult]:
-    """The evaluations of a bundle, none if there is no bundle.json. Raises BundleError, OSError."""
+    """None without a bundle.json. Raises BundleError, OSError."""
     path = out / BUNDLE
     if not path.exists():
         return []
@@ -152,7 +149,7 @@ def read_bundle(out: Path) -> list[RecordedResult]:
 
 
 def note_result(out: Path, result: RecordedResult) -> None:
-    """Write a result into bundle.json, in place of an earlier one of the same evaluation."""
+    """In place of an earlier one of the same evaluation."""
     others = [known for known in read_bundle(out) if known.identity != result.identity]
-    entries: list[Mapping[str, Any]] = [each.model_dump(mode="json") for each in (*others, result)]
+    entries = [each.model_dump(mode="json") for each in (*others, result)]
     write_atomic(out / BUNDLE, (json.dumps(entries, indent=1) + "\n").encode())

@@ -1,10 +1,9 @@
 """Corrections: a policy acts, the reactive expert labels every frame (DAgger, Ross et al. 2011),
-takes over, and finishes the task.
+takes over, and finishes.
 
 It takes over at a drawn time (`time`), or when the policy's hand is farther off its path than a
-drawn distance (`error`; HG-DAgger, Kelly et al. 2019). Before that the robot may be held still or
-pushed (`perturb`): the expert then shows how to recover.
-"""
+drawn distance (`error`; HG-DAgger, Kelly et al. 2019). Before that `perturb` holds or pushes the
+robot: the expert shows how to recover."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,15 +14,6 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
-from pipeline.evaluate.actions import ActionError, interpolate_targets
-from pipeline.evaluate.asking import AskedPolicy
-from pipeline.evaluate.episode import start_of
-from pipeline.evaluate.names import policy_name
-from pipeline.evaluate.policies.contract import check_contract
-from pipeline.evaluate.policies.policy import NoAnswer, PolicyError, observe
-from pipeline.evaluate.scenes.case import Case, blind
-from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion
@@ -34,22 +24,27 @@ from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
 from pipeline.world.robots import get_embodiment
 
+from .actions import ActionError, interpolate_targets
+from .asking import AskedPolicy
+from .episode import start_of
+from .names import policy_name
+from .policies.contract import check_contract
+from .policies.policy import NoAnswer, PolicyError, observe
+from .scenes.case import Case, blind
+from .scenes.trial import Eyes, Trial, instruction_of
+
 STAGE = "correct"
 
 ASTRAY = (0.02, 0.06)
-"""Range (m) of the distance at which an expert that waits for an error takes over."""
+"""m; the distance at which an expert that waits for an error takes over is drawn from this."""
 
-LATE = 2.0
-"""Planned meetings after which it takes over at the latest."""
+LATE = 2.0  # planned meetings after which it takes over at the latest
 
-HELD = (0.3, 1.0)
-"""Range (s) of a perturbation."""
+HELD = (0.3, 1.0)  # range (s) of a perturbation
 
-PUSHED = 0.08
-"""Standard deviation (rad or m) of a push of each arm joint."""
+PUSHED = 0.08  # standard deviation (rad or m) of a push of each arm joint
 
-STIRRED = 1e-3
-"""Distance (m) from its place at which a body counts as moved by the policy."""
+STIRRED = 1e-3  # m at which a body counts as moved by the policy
 
 
 @dataclass(frozen=True)
@@ -74,12 +69,11 @@ class Correction:
             raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
-        """The rollout, whose log says who acted at each frame and what the expert would have done.
+        """The rollout, whose log has who acted at each frame and what the expert would have done.
 
-        Raises Failure: takeover_late (the policy touched the target or moved a body before the
-        expert's turn), no_error (it never erred), policy_failed (no valid answer), and those of
-        stages/replay.py; PolicyError.
-        """
+        Raises PolicyError, and Failure: takeover_late (a touch or a moved body before its turn),
+        no_error (it never erred), policy_failed (no valid answer), and those of
+        stages/replay.py."""
         recipe = self.recipe
         actor = scene.start(motion, fps, STAGE, ReactiveActor)
         actor.recorder.watched = SIDES
@@ -97,40 +91,35 @@ class Correction:
 
 
 def _ask_policy(recipe: Recipe) -> AskedPolicy:
-    """The recipe's policy. Raises PolicyError if it cannot be made or has changed."""
+    """Raises PolicyError if it cannot be made or has changed."""
     corrections = recipe.corrections
     if corrections is None:
         raise PolicyError("the recipe names no policy to correct")
     name = policy_name(corrections.policy)
     if name.label != corrections.label:
-        raise PolicyError(
-            f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more"
-        )
+        changed = f"is {name.label}, not {corrections.label} any more"
+        raise PolicyError(f"--corrections {corrections.policy}: {changed}")
     return AskedPolicy(name)
 
 
 def _choose_setup(asked: AskedPolicy, recipe: Recipe) -> Setup:
-    """The setup of the policy: one that is shown the simulation sees no images."""
+    """A policy that is shown the simulation sees no images."""
     return blind(recipe) if asked.sees_truth else recipe.setup
 
 
 class _Turn:
-    """The policy's part of an episode."""
-
     def __init__(self, recipe: Recipe, trial: Trial, actor: ReactiveActor, case: Case) -> None:
         self._trial, self._actor, self._recipe = trial, actor, recipe
         self._asked, self._case, meeting = _ask_policy(recipe), case, case.meeting
         rng = trial.scene.spec.rng("takeover")
         self._last = LATE * meeting if recipe.takeover == "error" else rng.uniform(0.0, meeting)
         self._astray = rng.uniform(*ASTRAY) if recipe.takeover == "error" else np.inf
-        self._bodies = {
-            name: actor.pose(name) for name in actor.bodies if name != trial.scene.task.target
-        }
+        others = (name for name in actor.bodies if name != trial.scene.task.target)
+        self._bodies = {name: actor.pose(name) for name in others}
         self._adviser: Adviser | None = None
 
     def take(self) -> list[Floats]:
-        """Let the policy act until the expert's turn; the expert's commands (A,), frame by
-        frame."""
+        """The expert's commands (A,) until its turn, frame by frame."""
         setup = _choose_setup(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()
@@ -153,7 +142,7 @@ class _Turn:
         return self._asked.answer(observe(self._trial, eyes, words), self._trial.length)
 
     def _advice(self) -> Floats:
-        """The expert's command (A,): to hold still until it has seen the target move."""
+        """To hold still until the expert has seen the target move."""
         if self._actor.simulation.time < self._actor.watched_for - 1e-9:
             return self._actor.simulation.command.copy()
         if self._adviser is None:
@@ -161,8 +150,7 @@ class _Turn:
         return self._adviser.action()
 
     def _perturb(self, first: Floats) -> list[Floats]:
-        """Hold or push the robot if the recipe asks for it; the expert's commands (A,), of which
-        `first` is that of the first frame. Raises Failure."""
+        """Hold or push the robot if the recipe asks for it; the expert's commands (A,)."""
         if self._recipe.perturb is None:
             return []
         rng, names = self._trial.scene.spec.rng("perturb"), self._trial.limits.names
@@ -177,25 +165,23 @@ class _Turn:
         return labels[:-1]
 
     def _ends(self, frames: int) -> bool:
-        """Whether it is the expert's turn after so many frames. Raises Failure if it is too
-        late."""
+        """Raises Failure if it is too late."""
         self._refuse_contact("no_error" if self._recipe.takeover == "error" else "takeover_late")
         if self._actor.simulation.time >= self._last - 1e-9:
             return frames > 0
         return frames > 0 and self._adviser is not None and self._adviser.off > self._astray
 
     def _refuse_contact(self, reason: str) -> None:
-        """Raise Failure if the target has been touched (with this reason), or a body moved."""
+        """Raise Failure if the target was touched (with this reason), or a body moved."""
         if by := self._actor.simulation.touched_by:
             what = f"{by} touched the {self._trial.scene.task.target}"
             raise Failure(STAGE, reason, f"{what} before the expert took over")
         for name, pose in self._bodies.items():
             if np.linalg.norm(self._actor.pose(name)[:3] - pose[:3]) > STIRRED:
-                what = f"the policy moved the {name}"
-                raise Failure(STAGE, "takeover_late", f"{what} before the expert took over")
+                what = f"the policy moved the {name} before the expert took over"
+                raise Failure(STAGE, "takeover_late", what)
 
     def _execute(self, action: Floats) -> None:
-        """One control period, as in an evaluation."""
         trial, before = self._trial, self._actor.simulation.command
         seconds = trial.per_period / PHYSICS_HZ
         target = trial.limits.clipped(action, before, seconds)

@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.data.spec import CONTROL
-from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.asking import AskedPolicy
-from pipeline.evaluate.policies.policy import (
+from pipeline.world.cameras import setup_cameras
+from pipeline.world.robots import get_embodiment
+from pipeline.world.robots.contract import Embodiment
+
+from .actions import ActionError
+from .asking import AskedPolicy
+from .policies.policy import (
     NoAnswer,
     PolicyError,
     PolicyName,
@@ -23,16 +27,11 @@ from pipeline.evaluate.policies.policy import (
     observe,
     policy_seed,
 )
-from pipeline.evaluate.scenes.case import BLIND, Case, start_of_trial
-from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of
-from pipeline.evaluate.scoring.clock import Clock
-from pipeline.evaluate.scoring.metrics import score, subgoals_reached
-from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
-from pipeline.evaluate.serving.client import ANSWER_SECONDS
-from pipeline.world.cameras import setup_cameras
-from pipeline.world.robots import get_embodiment
-from pipeline.world.robots.contract import Embodiment
+from .scenes.case import BLIND, Case, start_of_trial
+from .scenes.trial import INVALID_ACTION, NO_ANSWER, Eyes, Trial, instruction_of
+from .scoring.clock import Clock, drive_overlapped, in_turn
+from .scoring.metrics import score, subgoals_reached
+from .serving.client import ANSWER_SECONDS
 
 CONDITIONS = "conditions"
 """The option of an episode that is one arm of a scene with events as conditions."""
@@ -40,10 +39,8 @@ CONDITIONS = "conditions"
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """One evaluated episode. `setup`, whose physics is that of the case, says what the policy sees;
-    `code` is the version of this program; one answer may take `answer_seconds`. `benchmark` is the
-    label of the one that the case is of. `paired` runs the scene without its events first: until
-    the first one, both arms get the same answers."""
+    """The policy sees `setup`, whose physics is that of the case. `paired` runs the scene without
+    its events first: until the first one, both arms get the same answers."""
 
     case: Case
     policy: PolicyName
@@ -57,9 +54,8 @@ class EpisodeJob:
     paired: bool = False
 
     def __str__(self) -> str:
-        spec = self.case.spec
-        where = f"{spec.task} on {spec.embodiment}, level {spec.level}, seed {spec.seed}"
-        return f"{self.policy.label} in {where}"
+        s = self.case.spec
+        return f"{self.policy.label} in {s.task} on {s.embodiment}, level {s.level}, seed {s.seed}"
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -79,7 +75,7 @@ class EpisodeJob:
 
 
 def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
-    """The start of an episode with this robot, at its height in the scene."""
+    """With the robot at its height in the scene."""
     sizes = {c.name: (c.type.height, c.type.width) for c in setup_cameras(robot, setup)}
     usual = get_embodiment(robot.name, setup.layout)
     side = robot.sides[0]
@@ -89,13 +85,12 @@ def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
 
 
 def run_episode(job: EpisodeJob) -> dict[str, Any]:
-    """The row of one episode; see `play`."""
     return play(job)[1]
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """As `play_arm`. The row of a paired job has those of the arm without events in `control`, and
-    `same_prefix` says whether both arms were the same until the first event."""
+    """As `play_arm`; a paired row has that of the arm without events in `control`, and
+    `same_prefix`."""
     if not job.paired:
         return play_arm(job)
     tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)
@@ -108,7 +103,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 
 def _same_prefix(control: Trial, trial: Trial) -> bool:
-    """Whether two arms have the same bodies, joints and actions up to the first event."""
+    """The same bodies, joints and actions up to the first event."""
     ends = [_first(arm) for arm in (control, trial)]
     one, two = control.log(), trial.log()
     frames = int((one.times <= ends[1] + 1e-9).sum())
@@ -121,19 +116,14 @@ def _same_prefix(control: Trial, trial: Trial) -> bool:
 
 
 def _first(trial: Trial) -> float:
-    """The time (s) of the first event of a trial, inf for none."""
     script = trial.simulation.script
     return script.first.fired if script and script.first else np.inf
 
 
 def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial, dict[str, Any]]:
-    """The trial of one episode as it ended, and its row, JSON values only, of which only
-    `seconds_spent` (wall times) differ between runs. A policy without a valid answer ends its
-    episode; `fault` says why.
-
-    Raises PolicyError if the policy cannot be made or refuses the episode, Failure if the scene
-    does not rest.
-    """
+    """The trial as it ended, and its row of JSON values, of which only `seconds_spent` (wall times)
+    differ between runs. A policy without a valid answer ends its episode; `fault` says why. Raises
+    PolicyError if the policy refuses, Failure if the scene does not rest."""
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
         scene = job.case.scene(job.setup)
@@ -145,13 +135,10 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
         with spent("policy"):
             asked = AskedPolicy(job.policy, job.answer_seconds)
         try:
-            _drive(job, trial, Asking(eyes, asked, tape), spent)
-        except ActionError as error:
+            _drive(job, trial, eyes, asked, tape, spent)
+        except (ActionError, NoAnswer) as error:
             fault = str(error)
-            trial.end(INVALID_ACTION)
-        except NoAnswer as error:
-            fault = str(error)
-            trial.end(NO_ANSWER)
+            trial.end(INVALID_ACTION if isinstance(error, ActionError) else NO_ANSWER)
         except PolicyError as error:
             raise PolicyError(f"policy {job.policy.label}: {error}") from error
     finally:
@@ -170,9 +157,9 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
         "category": scene.task.category,
         "ending": trial.ending,
         "fault": fault,
-    }
-    row |= result | {"penalties": list(result["penalties"]), "failed": list(result["failed"])}
-    row |= {
+        **result,
+        "penalties": list(result["penalties"]),
+        "failed": list(result["failed"]),
         "periods": round(trial.time * trial.fps),
         "asked": asked.count,
         "inferences": asked.inferences,
@@ -194,30 +181,26 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
             row["condition"] = "+".join(event.drawn.name for event in given) or "none"
         row["event"] = "+".join(event.drawn.kind for event in happened) or "none"
         row["phase"] = script.first.phase if script.first else "none"
-        row["events"] = [
-            {"name": event.drawn.name, "time": event.fired, "phase": event.phase}
-            for event in happened
-        ]
+        names = ("name", "time", "phase")
+        told = ((event.drawn.name, event.fired, event.phase) for event in happened)
+        row["events"] = [dict(zip(names, each, strict=True)) for each in told]
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 
-Answer = tuple[NDArray[np.float64], float]
-"""A chunk (H,A), and the time (s) that its inference took."""
+Answer = tuple[NDArray[np.float64], float]  # A chunk (H,A), and the time (s) of its inference
 
 
-@dataclass(eq=False)
-class Asking:
-    """How a policy is asked, and what it sees through. The arm without events fills the `tape` with
-    answers, which the other arm reads."""
-
-    eyes: Eyes | None
-    policy: AskedPolicy
-    tape: list[Answer] | None
-
-
-def _drive(job: EpisodeJob, trial: Trial, asking: Asking, spent: "_Spent") -> None:
-    """Ask the policy and execute its answers until the trial ends. Raises as `AskedPolicy`."""
-    eyes, asked, script = asking.eyes, asking.policy, trial.simulation.script
+def _drive(
+    job: EpisodeJob,
+    trial: Trial,
+    eyes: Eyes | None,
+    asked: AskedPolicy,
+    tape: list[Answer] | None,
+    spent: "_Spent",
+) -> None:
+    """Ask and execute until the trial ends. The arm without events fills the `tape`, which the
+    other arm reads. Raises as `AskedPolicy`."""
+    script = trial.simulation.script
     records = job.case.spec.arm == CONTROL
     words = instruction_of(trial.scene, job.split)
     rng = job.case.spec.rng("evaluate/latency")
@@ -234,13 +217,13 @@ def _drive(job: EpisodeJob, trial: Trial, asking: Asking, spent: "_Spent") -> No
             chunk = asked.answer(observation, trial.length)
         inferred = asked.inferences > number
         took = spent.seconds["policy"] - before
-        delay = job.clock.delay(number, took, rng) if inferred else 0.0
+        delay = job.clock.delay(took, rng) if inferred else 0.0
         if script is not None and inferred:
             delay += script.active("latency", trial.time)
-        if asking.tape is not None and records:
-            asking.tape.append((chunk.copy(), delay))
-        elif asking.tape and script is not None and script.first is None:
-            chunk, delay = asking.tape[asked.count - 1]
+        if tape is not None and records:
+            tape.append((chunk.copy(), delay))
+        elif tape and script is not None and script.first is None:
+            chunk, delay = tape[asked.count - 1]
         return chunk, delay
 
     with spent("physics"):
@@ -251,7 +234,7 @@ def _drive(job: EpisodeJob, trial: Trial, asking: Asking, spent: "_Spent") -> No
 
 
 class _Spent:
-    """Wall seconds by purpose; a purpose does not include those inside it."""
+    """Wall seconds by purpose, without those inside it."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)

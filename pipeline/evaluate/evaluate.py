@@ -1,6 +1,6 @@
-"""An evaluation, whole: admit seeds, run the missing episodes, film some, summarise, write the
-page."""
+"""An evaluation: admit seeds, run missing episodes, film, summarise, write the page."""
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,48 +10,38 @@ from pathlib import Path
 from random import SystemRandom
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipeline.data.atomic import exclusive, write_atomic
+from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.errors import check_directory
 from pipeline.data.reading import check_plain
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.asking import PROMPT, introduce
-from pipeline.evaluate.bundle import (
-    RecordedResult,
-    actions_file,
-    hash_rows,
-    hash_scenes,
-    note_result,
-    run_recorded,
-)
-from pipeline.evaluate.episode import EpisodeJob, start_of
-from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
-from pipeline.evaluate.names import is_built_in
-from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
-from pipeline.evaluate.scenes.benchmark import Benchmark
-from pipeline.evaluate.scenes.benchmark_rows import RecordedBenchmark
-from pipeline.evaluate.scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
-from pipeline.evaluate.scenes.manifests import Manifests, Runner
-from pipeline.evaluate.scoring.clock import Clock
-from pipeline.evaluate.scoring.page import Film, caption, page
-from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
-from pipeline.evaluate.scoring.summary import Row, each_scene_once, over_tasks, summarise
-from pipeline.evaluate.serving.client import ANSWER_SECONDS
+from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.world.robots import get_embodiment
 
-BASELINES = ("static", "still")
-"""Policies whose scores are printed beside others: one solves still scenes, one does nothing."""
+from .asking import PROMPT, introduce
+from .bundle import RecordedResult, actions_file, hash_rows, hash_scenes, note_result, run_recorded
+from .episode import EpisodeJob, play, start_of
+from .names import is_built_in
+from .policies.policy import PolicyError, PolicyName, Start
+from .scenes.benchmark import Benchmark
+from .scenes.benchmark_rows import RecordedBenchmark
+from .scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
+from .scenes.manifests import Manifests, Runner
+from .scoring.clock import Clock
+from .scoring.page import Film, caption, page
+from .scoring.results import EPISODES, Results, check_episode, text_key
+from .scoring.summary import Row, each_scene_once, over_tasks, summarise
+from .serving.client import ANSWER_SECONDS
+
+BASELINES = ("static", "still")  # one solves still scenes, one does nothing
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is to be evaluated. `code` is the version of this program: results of another one do not
-    count. The first `films` episodes of every cell are filmed. With `baselines`, BASELINES try the
-    same scenes. Those of a `benchmark` are taken from it. `paired` runs every scene with and
-    without its events, `conditions` with every set of them."""
+    """Results of another `code` do not count. The first `films` episodes of every cell are filmed.
+    With `baselines`, BASELINES try the same scenes. `paired` runs every scene with and without its
+    events, `conditions` with every set of them."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -73,10 +63,8 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """A row for every cell, means over tasks, and means of BASELINES on the scenes that they tried.
-
-    `run` is the number of episodes run by this call, `path` the file of all rows.
-    """
+    """A row for every cell, means over tasks, and means of BASELINES on the scenes that they tried;
+    `run` episodes were run by this call."""
 
     cells: list[Row]
     means: list[Row]
@@ -88,18 +76,16 @@ class EvaluationResult:
 
     @property
     def faults(self) -> dict[str, int]:
-        """Why the policy gave no valid answer, the most frequent reason first, and in how many
-        episodes."""
-        return dict(
-            sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]()).most_common()
-        )
+        """In how many episodes the policy gave no valid answer, by reason."""
+        counts = sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]())
+        return dict(counts.most_common())
 
     def to_dict(self) -> dict[str, Any]:
         values: dict[str, Any] = {"results": self.cells, "means": self.means}
-        values["baselines"] = self.baselines
+        values |= {"baselines": self.baselines, "run": self.run}
         if self.benchmark:
             values["benchmark"] = self.benchmark.model_dump()
-        return values | {"run": self.run, "episodes": str(self.path), "page": str(self.page)}
+        return values | {"episodes": str(self.path), "page": str(self.page)}
 
 
 def evaluate(
@@ -109,15 +95,13 @@ def evaluate(
     manifests: Path | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> EvaluationResult:
-    """Evaluate into OUT/episodes.jsonl, or resume; films go to OUT/films, the page to
-    OUT/index.html, and manifests of seeds to `manifests`, by default OUT/manifests.
+    """Evaluate into OUT/episodes.jsonl, or resume; manifests of seeds are in `manifests`, by
+    default OUT/manifests.
 
-    The policy is loaded, and its contract compared, before any scene is admitted. Raises OSError
-    for a file in place of a directory, ProtocolError, ResultsError, PolicyError if the policy
-    cannot be made, refuses or differs from the one that made rows of this label, BenchmarkError for
-    scenes that the benchmark does not have or rows of another one, and Busy if another evaluation
-    writes to `out`.
-    """
+    The policy is loaded, and its contract compared, before any scene is admitted. Raises OSError,
+    ProtocolError, ResultsError, PolicyError (it cannot be made, refuses, or differs from the one
+    that made rows of this label), BenchmarkError for scenes or rows of another one, and Busy if
+    another evaluation writes to `out`."""
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
     seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup.calm, apart)
@@ -172,7 +156,6 @@ def _result(
     admitted: Mapping[Cell, Sequence[Case]],
     results: Results,
 ) -> RecordedResult:
-    """What bundle.json states of an evaluation."""
     cases = [case for of_cell in admitted.values() for case in of_cell]
     return RecordedResult(
         code=evaluation.code,
@@ -192,34 +175,28 @@ def _result(
 
 
 def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
-    """The same evaluation of a baseline."""
     policy = PolicyName(name, name, process="evaluator")
     return replace(evaluation, policy=policy, setup=blind(evaluation.setup), films=0)
 
 
 def _check_identity(evaluation: Evaluation, results: Results) -> None:
-    """Raise PolicyError for rows of this version and label by a policy that answered otherwise,
-    BenchmarkError for rows of this version on another benchmark."""
+    """Raises PolicyError for rows of this label by another policy, BenchmarkError."""
     wanted = evaluation.benchmark.label if evaluation.benchmark else ""
     for row in results.rows():
         policy = evaluation.policy
         if json.loads(row["key"])[0] != evaluation.code:
             continue
         if (tried := row.get("benchmark", "")) != wanted:
-            raise BenchmarkError(
-                f"{results.path} holds episodes on {tried or 'no benchmark'}: give those on"
-                f" {wanted or 'no benchmark'} another --out"
-            )
+            both = f"on {tried or 'no benchmark'}, not on {wanted or 'no benchmark'}"
+            raise BenchmarkError(f"{results.path} holds episodes {both}: give another --out")
         if row["policy"] == policy.label and row["probe"] != policy.probe:
-            raise PolicyError(
-                f"{results.path} holds episodes of another policy with the label {policy.label}:"
-                " give this one another ?label= or --out"
-            )
+            what = f"episodes of another policy with the label {policy.label}"
+            raise PolicyError(f"{results.path} holds {what}: give another ?label= or --out")
 
 
 def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
-    """The episodes of one cell after another, in a cell in an order that nobody can know: a policy
-    that counts its episodes learns nothing of their scenes. The order decides no number."""
+    """In each cell an order that nobody can know: a policy that counts its episodes learns nothing
+    of their scenes."""
     chance, out = SystemRandom(), list[EpisodeJob]()
     for jobs in cells:
         chance.shuffle(jobs)
@@ -234,29 +211,23 @@ def _film(
     run: Runner,
     tell: Callable[[str], None],
 ) -> None:
-    """Film the first episodes of every cell that have no film yet."""
     chosen = chain(*(cases[: evaluation.films] for cases in admitted.values()))
-    jobs = [FilmJob(_job(evaluation, case), str(out / "films")) for case in chosen]
-    missing = [job for job in jobs if not job.strip.exists()]
+    jobs = [FilmJob(_job(evaluation, case), str(out)) for case in chosen]
+    missing = [job for job in jobs if not job.path.exists()]
     for done, _ in enumerate(run(film, missing) if missing else (), 1):
         tell(f"{done} of {len(missing)} films")
 
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
-    """The page of all rows of a version of the program with their films, and the contact sheet."""
+    """All rows of a version of the program, with their films."""
     mine = [row for row in results.rows() if json.loads(row["key"])[0] == code]
     rows = each_scene_once(mine)
     rows.sort(key=lambda row: row["key"])
-    films, strips = list[Film](), list[tuple[str, NDArray[np.uint8]]]()
+    films = list[Film]()
     for row in rows:
-        path = out / "films" / f"{film_id(row['key'])}.jpg"
+        path = film_path(out, row["key"])
         if path.exists():
-            moving, said = path.with_suffix(".mp4"), caption(row)
-            film = moving.read_bytes() if moving.exists() else b""
-            films.append((said, path.read_bytes(), film))
-            strips.append((said, read_strip(path)))
-    if strips:
-        write_atomic(out / "contact_sheet.jpg", jpeg(sheet(strips)))
+            films.append((caption(row), path.read_bytes()))
     path = out / "index.html"
     benchmark = rows[0].get("benchmark", "") if rows else ""
     write_atomic(path, page(summarise(rows), over_tasks(rows), films, code, benchmark).encode())
@@ -271,12 +242,12 @@ def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
 
 
 def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
-    """The policy's name with its probe, asked where the policy runs. Raises PolicyError."""
+    """With its probe, asked where the policy runs. Raises PolicyError."""
     robots = dict.fromkeys(cell.embodiment for cell in evaluation.cells)
-    starts = tuple(start_of(get_embodiment(robot), evaluation.setup, PROMPT) for robot in robots)
+    starts = [start_of(get_embodiment(robot), evaluation.setup, PROMPT) for robot in robots]
     job = (evaluation.policy, starts, evaluation.answer_seconds)
     if not starts or is_built_in(evaluation.policy):
-        return introduce_policy(job)
+        return introduce(*job)
     tell("loading the policy")
     return next(iter(run(introduce_policy, [job])))[1]
 
@@ -284,3 +255,29 @@ def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]
 def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
     """As `introduce`, for a runner."""
     return introduce(*job)
+
+
+def film_path(out: Path, key: str) -> Path:
+    """The film of the episode of a row, by its key."""
+    return out / "films" / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.mp4"
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """An episode to be filmed into OUT/films. Workers must share the file system."""
+
+    episode: EpisodeJob
+    out: str
+
+    @property
+    def path(self) -> Path:
+        return film_path(Path(self.out), text_key(self.episode.key))
+
+
+def film(job: FilmJob) -> None:
+    """Run the episode and draw it. Raises as `play`, and NoRenderer."""
+    trial, _ = play(job.episode)
+    appearance = appearance_of(
+        trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",))
+    )
+    write_atomic(job.path, encode_mp4(render(appearance, trial.log())[0].rgb, trial.fps))

@@ -4,8 +4,7 @@ from pipeline.data.reading import printable
 
 
 def line_of(error: BaseException) -> str:
-    """The type and the message of an error that foreign code raised, in one line of bounded
-    length."""
+    """Type and message of an error that foreign code raised."""
     if isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, str) else f"exit code {error.code or 0}"
         return line_of_text(f"the process ended by itself: {code}")
@@ -17,5 +16,5 @@ def line_of(error: BaseException) -> str:
 
 
 def line_of_text(text: object) -> str:
-    """A text in one printable line of bounded length."""
+    """A text in one printable line of at most 500 characters."""
     return printable(" ".join(str(text)[:5000].split())[:500])

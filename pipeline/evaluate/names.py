@@ -1,8 +1,5 @@
-"""Policies by name: built-in ones, and files with a function `make_policy()`.
-
-Up to a colon a name may be a kind of policy of FORMS, which is given the whole name. Modules that
-distributions announce in the entry points GROUP add to both registries.
-"""
+"""Policies by name: built-in ones, files with a function `make_policy()`, and kinds of FORMS; entry
+points GROUP add to both."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,52 +13,42 @@ from typing import Any, Protocol
 
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import real
-from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.policies.files import digest_of, expected_actions, module_of, name_actions
-from pipeline.evaluate.policies.lerobot import LerobotForm
-from pipeline.evaluate.policies.policy import NoAnswer, Policy, PolicyError, PolicyName
-from pipeline.evaluate.policies.reference import (
-    Chaser,
-    Interceptor,
-    Random,
-    ReplayPolicy,
-    Static,
-    Still,
-    Tapper,
-)
-from pipeline.evaluate.policies.robotwin import RobotwinForm
-from pipeline.evaluate.policies.xpolicylab import XPolicyLabForm
-from pipeline.evaluate.serving.bridges import groot, starvla
-from pipeline.evaluate.serving.client import SCHEMES, BridgeForm, Client, ServerForm
-from pipeline.evaluate.serving.process import Process
 from pipeline.registry import Registry
 
+from .lines import line_of
+from .policies.files import digest_of, expected_actions, module_of, name_actions
+from .policies.lerobot import LerobotForm
+from .policies.policy import NoAnswer, Policy, PolicyError, PolicyName
+from .policies.reference import Chaser, Interceptor, Random, ReplayPolicy, Static, Still, Tapper
+from .policies.robotwin import RobotwinForm
+from .policies.xpolicylab import XPolicyLabForm
+from .serving import groot, starvla
+from .serving.client import SCHEMES, BridgeForm, Client, ServerForm
+from .serving.process import Process
+
 POLICIES = Registry[Callable[..., Policy]]("policy")
-"""Built-in policies by name; their keyword arguments are numbers."""
+"""Built-in ones; their keyword arguments are numbers."""
 
 IN_PROCESS = Registry[Callable[[], Policy]]("policy of this process")
 """Classes and functions that make policies, by the text of their names."""
 GROUP = "domino_data.policies"
 
-MOST = 10_000
-"""No argument of a built-in policy (m, s, actions) is larger."""
+MOST = 10_000  # of an argument of a built-in policy (m, s, actions)
 
 
 class Form(Protocol):
     """A kind of policy that is named KIND:..."""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the policy exists, without making it, and name its process. Raises
-        PolicyError."""
+        """Check that the policy exists. Raises PolicyError."""
         ...
 
     def make(self, text: str) -> Policy:
-        """The policy. Raises PolicyError."""
+        """Raises PolicyError."""
         ...
 
 
 FORMS = Registry[Form]("kind of policy")
-"""Kinds of policies by what stands before the colon."""
 
 for _name, _policy in (
     ("replay", ReplayPolicy),
@@ -91,7 +78,7 @@ STATED = ("lerobot", "starvla", "gr00t", *SCHEMES)
 
 @cache
 def load_entry_points() -> None:
-    """Import the modules of the entry points GROUP. Raises PolicyError."""
+    """Raises PolicyError."""
     for point in entry_points(group=GROUP):
         try:
             import_module(point.module)
@@ -101,9 +88,8 @@ def load_entry_points() -> None:
 
 
 def policy_name(text: str, prints: Path | None = None, like: Path | None = None) -> PolicyName:
-    """Check that a policy exists, without making it. In a process of its own it prints to the end
-    of the file `prints`. `like` is an export that says what an action is: told to a kind of STATED,
-    and a contract must say the same. Raises PolicyError."""
+    """Check that a policy exists, without making it. In a process of its own it prints to `prints`;
+    the export `like` says what an action is. Raises PolicyError."""
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in STATED:
@@ -115,24 +101,22 @@ def policy_name(text: str, prints: Path | None = None, like: Path | None = None)
     if text.endswith(".py"):
         path = Path(text).resolve()
         actions = expected_actions(name_actions("", like))
-        return PolicyName(
-            str(path), f"{path.name}@{digest_of([path])}", prints=prints, actions=actions
-        )
+        label = f"{path.name}@{digest_of([path])}"
+        return PolicyName(str(path), label, prints=prints, actions=actions)
     if kind not in POLICIES:
         known = ", ".join([*POLICIES, *(f"{form}:..." for form in FORMS)])
         raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {known}")
     _, arguments = _arguments(text)
     known = list(signature(POLICIES[kind]).parameters)
     if unknown := [key for key in arguments if key not in known]:
-        raise PolicyError(
-            f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}"
-        )
+        takes = ", ".join(known) or "nothing"
+        raise PolicyError(f"--policy {text}: {kind} has no {unknown[0]}; it takes {takes}")
     return PolicyName(text, text, process="evaluator")
 
 
 def in_process(make: Callable[[], Policy]) -> PolicyName:
-    """The name of a policy that a class or function of this process makes, labelled with a hash of
-    its source text. No other process can make it. Raises PolicyError without a source text."""
+    """The name of a policy that a class or function makes, with a hash of its source text. Raises
+    PolicyError without one."""
     name = getattr(make, "__name__", type(make).__name__)
     try:
         label = f"{name}@{sha256(getsource(make).encode()).hexdigest()[:8]}"
@@ -146,18 +130,17 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
 
 
 def is_ours(text: str) -> bool:
-    """Whether the text names one of POLICIES, and no file, directory or server."""
     kind = text.partition(":")[0]
     return kind in POLICIES and kind not in FORMS and not text.endswith(".py")
 
 
 def is_built_in(name: PolicyName) -> bool:
-    """Whether a policy is one of POLICIES, which the version of this program covers."""
+    """Covered by the version of this program."""
     return is_ours(name.text) and name.process == "evaluator"
 
 
 def make_policy(name: PolicyName) -> Policy:
-    """The policy of a name, in its process. Raises PolicyError, whatever its own code raises."""
+    """In its process. Raises PolicyError, whatever its own code raises."""
     if name.process != "own":
         return make_here(name)
     try:
@@ -167,7 +150,7 @@ def make_policy(name: PolicyName) -> Policy:
 
 
 def make_here(name: PolicyName) -> Policy:
-    """The policy of a name in this process. Raises PolicyError as `make_policy`."""
+    """In this process. Raises PolicyError."""
     try:
         return _make(name)
     except (DominoError, KeyboardInterrupt):

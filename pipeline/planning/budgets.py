@@ -1,23 +1,18 @@
-"""Search budgets, tolerances, margins and motion limits of planning. "rad or m" is the unit of a
-revolute or prismatic joint.
-
-Constants of the numerical methods stand in the kernel files: numba compiles them in, and its disk
-cache notices changes of the kernel's own file only."""
+"""Search budgets, tolerances, margins and motion limits of planning, in rad or m for a revolute or
+prismatic joint. Constants of the methods are in the kernel files: numba's cache notices changes of
+those only."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class IkBudget:
-    """Effort and accuracy of inverse kinematics."""
-
     tolerance: tuple[float, float] = (1e-4, 1e-3)  # largest error of a solution: m, rad
 
     restarts: int = 8  # fixed joint vectors tried after the seeds
 
     give_up_after: int | None = 4
-    """Starts after which a target that is still far away is given up; this halves the time and
-    loses one solution in a hundred. None tries all."""
+    """Starts after which a far target is given up: half the time, 1 % lost."""
 
     iterations: int = 30  # solver steps for each start
 
@@ -32,8 +27,6 @@ class IkBudget:
 
 @dataclass(frozen=True)
 class LineSampling:
-    """Distance between neighbouring poses of a straight tcp line."""
-
     step: float = 0.01  # m
 
     turn: float = 0.08  # rad
@@ -41,8 +34,6 @@ class LineSampling:
 
 @dataclass(frozen=True)
 class PathBudget:
-    """Effort of RRT-Connect and of the shortcuts after it."""
-
     iterations: int = 400  # random samples of one search
 
     shortcuts: int = 60  # random shortcuts tried on the path found
@@ -59,14 +50,12 @@ class PathBudget:
 
 @dataclass(frozen=True)
 class Detours:
-    """How long the way (m) of the tcp on a free motion may be: longer than `ratio` times the
-    straight line and `slack` is a detour, and no motion."""
+    """Longer than `ratio` times the straight line and `slack` (m)."""
 
     ratio: float = 1.5
     slack: float = 0.25
 
-    searches: int = 3
-    """Paths searched in all where the first is a detour or takes what is carried out of view."""
+    searches: int = 3  # if the first is a detour or takes what is carried out of view
 
     unseen: float = 1.0  # m of a detour that one metre out of view is worth
 
@@ -75,8 +64,7 @@ class Detours:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What planned motions ask of the joints. All limits hold for differences of commands at the
-    physics rate, in rad or m per s, s2, s3."""
+    """For differences of commands at the physics rate: rad or m per s, s2, s3."""
 
     speed: float = 1.4  # where the robot's own limit is higher: calm to watch, quick to catch
 
@@ -87,8 +75,7 @@ class MotionLimits:
     jerk: float = 240.0  # commands are averaged over twice acceleration / jerk: 0.05 s
 
     deviations: tuple[float, ...] = (0.01, 0.003, 0.0005)
-    """Largest distance (rad or m) of a rounded corner from the checked polyline. Where the rounded
-    path touches something, the next one is taken."""
+    """rad or m of a rounded corner from the polyline: the next if one touches."""
 
     checked_every: int = 6  # rows between two checked states of a timed motion: 25 ms
 
@@ -103,15 +90,14 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class Margins:
-    """Gaps (m) between the robot with what it carries and everything else, and between its arms."""
+    """m between the robot with what it carries and the rest, and between its arms."""
 
     obstacles: float = 0.002  # of free motions
 
     contact: float = 0.0
     """Into and out of contact: fingers pass the table within 3 mm at low bodies."""
 
-    arms: float = 0.012
-    """Between links of the two arms: 1 cm, and what drives and rounding may be off."""
+    arms: float = 0.012  # 1 cm, and what drives and rounding may be off
 
     hands: float = 0.003  # between two hands where one takes a body, until they have drawn apart
 

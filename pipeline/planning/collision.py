@@ -1,47 +1,40 @@
-"""Collision checking of the arms, the table, furniture and objects: a `CollisionWorld` per
-embodiment, a `CollisionScene` per plan.
+"""Collision checking: a `CollisionWorld` per embodiment, a `CollisionScene` per plan.
 
-Everything that collides has a name: arm links carry their side (`left_link3`), then `table`,
-`furniture` and the objects. Groups of links have names too: `left_fingers`, `left_hand` (hand and
-fingers), `left` (the whole arm); a name that a link and a group share means the group.
-
-Never checked: pieces that do not move against each other, a link and the next one of its arm, the
-fingers of one hand, and the embodiment's reviewed `allowed_overlap`."""
+Names: arm links with their side (`left_link3`), `table`, `furniture`, the objects; groups:
+`left_fingers`, `left_hand` (with fingers), `left`. Never checked: pieces that do not move against
+each other, neighbouring links, the fingers of one hand, the reviewed `allowed_overlap`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
-from pipeline.planning.budgets import MARGINS
-from pipeline.planning.collision_kernels import first_contact
-from pipeline.planning.collision_pieces import Ints, Pieces, frames_of, groups_of, pieces_of
-from pipeline.planning.path import IsFree
 from pipeline.poses import IDENTITY, Floats, Pose, compose
 from pipeline.world.physics.body import TABLE_COLLISION
 from pipeline.world.robots.contract import Arm, Embodiment, jaw_positions
 from pipeline.world.shapes import Collider
+
+from .budgets import MARGINS
+from .collision_kernels import first_contact
+from .collision_pieces import Ints, Pieces, frames_of, groups_of, pieces_of
+from .path import IsFree
 
 Jaws = tuple[float, float]
 OPEN: Jaws = (1.0, 1.0)
 
 
 class CollisionWorld:
-    """Robot, table and furniture, ready to be joined with objects. Immutable: build it once per
-    embodiment.
-
-    `names` are the owners of pieces, first `links` arm links; `groups` maps group names to link
-    names; `hands` maps a side to (frame index, tcp pose in that frame); `pairs` (M,2) are the piece
-    pairs to check. `sides` (links,) numbers the arm of each link, `handlike` (links,) marks those
-    of a hand."""
+    """Robot, table and furniture. `names` own pieces, first `links` arm links; `groups` maps group
+    to link names, `hands` a side to (frame index, tcp pose in it); `pairs` (M,2) are piece pairs to
+    check; `sides` (links,) numbers arms, `handlike` (links,) marks hands."""
 
     def __init__(
         self, embodiment: Embodiment, table: Sequence[Collider] = (TABLE_COLLISION,)
     ) -> None:
-        """`table` are pieces in the world frame, () for none."""
         self.arms: dict[str, Arm] = embodiment.arms
         self.frames, placed = frames_of([(f"{side}_", arm) for side, arm in self.arms.items()])
         still = {"table": table, "furniture": embodiment.furniture_collision}
@@ -62,12 +55,10 @@ class CollisionWorld:
         ]
         self.pieces: Pieces = pieces_of(entries)
         self.groups, self.hands = groups_of(self.arms, self.frames, placed)
-        self.sides = np.array(
-            [k for k, side in enumerate(self.arms) for name in placed if name in self.groups[side]]
-        )
-        self.handlike = np.array(
-            [any(name in self.groups[f"{side}_hand"] for side in self.arms) for name in placed]
-        )
+        sides = {name: k for k, s in enumerate(self.arms) for name in self.groups[s]}
+        hands = {name for side in self.arms for name in self.groups[f"{side}_hand"]}
+        self.sides = np.array([sides[name] for name in placed])
+        self.handlike = np.array([name in hands for name in placed])
         self.pairs: Ints = self._fixed_pairs()
 
     def _fixed_pairs(self) -> Ints:
@@ -76,28 +67,20 @@ class CollisionWorld:
             for s, arm in self.arms.items()
             for a, b in arm.allowed_overlap
         }
-        overlap |= {
-            frozenset((a, b))
-            for s in self.arms
-            for a in self.groups[f"{s}_fingers"]
-            for b in self.groups[f"{s}_fingers"]
-        }
+        for fingers in (self.groups[f"{s}_fingers"] for s in self.arms):
+            overlap |= {frozenset((a, b)) for a in fingers for b in fingers}
         parent = {f + 1: int(p) for f, p in enumerate(self.frames.parent)}
         frame, owner = self.pieces.frame.tolist(), [self.names[i] for i in self.pieces.owner]
 
         def checked(a: int, b: int) -> bool:
             if frame[a] == frame[b] or frozenset((owner[a], owner[b])) in overlap:
                 return False
-            one_arm = any(
-                owner[a] in self.groups[s] and owner[b] in self.groups[s] for s in self.arms
-            )
-            return not (
-                one_arm and (parent.get(frame[a]) == frame[b] or parent.get(frame[b]) == frame[a])
-            )
+            arms = (self.groups[s] for s in self.arms)
+            one_arm = any(owner[a] in arm and owner[b] in arm for arm in arms)
+            chained = parent.get(frame[a]) == frame[b] or parent.get(frame[b]) == frame[a]
+            return not (one_arm and chained)
 
-        pairs = [
-            (a, b) for a in range(len(frame)) for b in range(a + 1, len(frame)) if checked(a, b)
-        ]
+        pairs = [(a, b) for a, b in combinations(range(len(frame)), 2) if checked(a, b)]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def with_objects(
@@ -109,64 +92,49 @@ class CollisionWorld:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """Scene with still `objects` name -> (pieces, world pose) and `carried` ones name -> (side,
-        pieces, pose in the tcp frame). A carried object never collides with the hand that carries
-        it.
+        """The scene with still `objects` name -> (pieces, world pose) and `carried` ones name ->
+        (side, pieces, pose in the tcp frame).
 
-        `ignore` holds pairs of names or group names that may touch, e.g. ("left_fingers", "can").
-        `margin` (m) is the gap kept between the robot with what it carries and everything else.
-        Links of different arms keep MARGINS.arms, those of two hands `hands` (m); links of one arm
-        any. Raises ValueError for a name that is not there, or an object name that is taken."""
+        Pairs of names in `ignore` may touch. The robot with what it carries keeps `margin` (m),
+        links of two arms MARGINS.arms, of two hands `hands` (m). Raises ValueError for an unknown
+        name and for one that is taken."""
         objects, carried = objects or {}, carried or {}
         names = (*self.names, *objects, *carried)
         if len({*names}) != len(names) or self.groups.keys() & {*objects, *carried}:
-            raise ValueError(
-                f"object names must be new and differ from each other: {[*objects, *carried]}"
-            )
+            raise ValueError(f"object names must be new and different: {[*objects, *carried]}")
         entries: list[tuple[int, int, Collider, Pose]] = []
         for owner, (colliders, at) in enumerate(objects.values(), len(self.names)):
             entries += [(owner, 0, c, np.asarray(at, float)) for c in colliders]
-        for owner, (side, colliders, at) in enumerate(
-            carried.values(), len(self.names) + len(objects)
-        ):
+        first = len(self.names) + len(objects)
+        for owner, (side, colliders, at) in enumerate(carried.values(), first):
             frame, tcp = self.hands[side]
             entries += [(owner, frame, c, compose(tcp, at)) for c in colliders]
         pieces = self.pieces.joined(pieces_of(entries))
-        pairs = np.concatenate(
-            [self.pairs, self._object_pairs(pieces, len(self.names) + len(objects))]
-        )
+        pairs = np.concatenate([self.pairs, self._object_pairs(pieces, first)])
         allowed = np.ones((len(names), len(names)), bool)
         for a, b in (*ignore, *((name, f"{side}_hand") for name, (side, _, _) in carried.items())):
             i, j = self._indices(names, a), self._indices(names, b)
             allowed[np.ix_(i, j)] = allowed[np.ix_(j, i)] = False
         owners = pieces.owner[pairs]
-        wanted = allowed[owners[:, 0], owners[:, 1]]
-        return CollisionScene(
-            self, pieces, self._grouped(pieces, pairs[wanted], len(names), (margin, hands))
-        )
+        pairs = pairs[allowed[owners[:, 0], owners[:, 1]]]
+        return CollisionScene(self, pieces, self._grouped(pieces, pairs, len(names), margin, hands))
 
     def between_arms(
         self,
         carried: Mapping[str, tuple[str, Sequence[Collider], Pose]],
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """Scene in which only the arms, with what they carry, count against each other. What is
-        carried may touch the other hand and what that one carries."""
+        """Only the arms count against each other; what one carries may touch the other hand."""
         sides = {name: side for name, (side, _, _) in carried.items()}
-        ignore = [
-            (name, still) for name in (*self.arms, *sides) for still in ("table", "furniture")
-        ]
+        ignore = [*product((*self.arms, *sides), ("table", "furniture"))]
         ignore += [(side, side) for side in self.arms]
+        hands_of = [f"{side}_hand" for side in self.arms]
         for name, own in sides.items():
-            ignore += [
-                (name, own),
-                *((name, f"{side}_hand") for side in self.arms),
-                *((name, other) for other in sides),
-            ]
+            ignore += [(name, other) for other in (own, *hands_of, *sides)]
         return self.with_objects({}, carried, ignore=ignore, margin=MARGINS.contact, hands=hands)
 
     def _grouped(
-        self, pieces: Pieces, pairs: Ints, owners: int, margins: tuple[float, float]
+        self, pieces: Pieces, pairs: Ints, owners: int, margin: float, hands: float
     ) -> "PiecePairs":
         frame, balls = np.zeros(owners, np.int64), np.zeros((owners, 4))
         frame[pieces.owner] = pieces.frame
@@ -174,41 +142,27 @@ class CollisionWorld:
         centre, extent = pieces.local[:, 9:], (pieces.bound + pieces.radius)[:, None]
         np.minimum.at(lower, pieces.owner, centre - extent)
         np.maximum.at(upper, pieces.owner, centre + extent)
-        balls[pieces.owner, :3] = 0.5 * (lower[pieces.owner] + upper[pieces.owner])
-        np.maximum.at(
-            balls[:, 3],
-            pieces.owner,
-            np.linalg.norm(centre - balls[pieces.owner, :3], axis=1) + extent[:, 0],
-        )
+        middle = 0.5 * (lower[pieces.owner] + upper[pieces.owner])
+        balls[pieces.owner, :3] = middle
+        reach = np.linalg.norm(centre - middle, axis=1) + extent[:, 0]
+        np.maximum.at(balls[:, 3], pieces.owner, reach)
         key = pieces.owner[pairs] @ [owners, 1]
         order = np.argsort(key, kind="stable")
         _, starts = np.unique(key[order], return_index=True)
         pairs = pairs[order]
         bodies = pieces.owner[pairs[starts]]
-        objects, hands = margins
-        gaps = np.full(len(bodies), objects)
+        gaps = np.full(len(bodies), margin)
         links = (bodies < self.links).all(axis=1)
         a, b = bodies[links].T
         apart = np.where(self.handlike[a] & self.handlike[b], hands, MARGINS.arms)
         gaps[links] = np.where(self.sides[a] == self.sides[b], 0.0, apart)
         columns = (np.ascontiguousarray(c) for c in pairs.T)
-        return PiecePairs(
-            frame,
-            balls,
-            bodies,
-            np.append(starts, len(pairs)),
-            gaps,
-            *columns,
-        )
+        return PiecePairs(frame, balls, bodies, np.append(starts, len(pairs)), gaps, *columns)
 
     def _object_pairs(self, pieces: Pieces, first_carried: int) -> Ints:
         old = len(self.pieces.owner)
-        b, a = (
-            m.ravel()
-            for m in np.meshgrid(
-                np.arange(old, len(pieces.owner)), np.arange(len(pieces.owner)), indexing="ij"
-            )
-        )
+        every = np.arange(len(pieces.owner))
+        b, a = (m.ravel() for m in np.meshgrid(every[old:], every, indexing="ij"))
         owner_a, owner_b = pieces.owner[a], pieces.owner[b]
         moving_link = (owner_a < self.links) & (pieces.frame[a] > 0)
         wanted = (owner_a < owner_b) & np.where(owner_b < first_carried, moving_link, True)
@@ -222,10 +176,9 @@ class CollisionWorld:
 
 
 class PiecePairs(NamedTuple):
-    """Piece pairs a, b (M,) sorted by the owners they belong to.
-
-    Owners (O): frame and bounding ball (O,4) in it. Owner pairs (G): `bodies` (G,2), `margins` (G,)
-    m, their piece pairs are starts[g]:starts[g+1]."""
+    """Piece pairs a, b (M,) sorted by owners. Owners (O): frame and bounding ball (O,4) in it.
+    Owner pairs (G): `bodies` (G,2), `margins` (G,) m; their piece pairs are
+    starts[g]:starts[g+1]."""
 
     frame: Ints
     balls: Floats
@@ -238,24 +191,22 @@ class PiecePairs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CollisionScene:
-    """A collision world with its objects; immutable and cheap to make. Jaws are gripper values, 0
-    closed, 1 open."""
+    """Jaws: 0 closed, 1 open."""
 
     world: CollisionWorld
     pieces: Pieces
     pairs: PiecePairs
 
     def first_blocked(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws = OPEN) -> int | None:
-        """Index of the first colliding row of joint rows (K,n), None when all are free. A single
-        (n,) stands still; what is given for an arm that does not exist is ignored."""
+        """Index of the first colliding row of joint rows (K,n), or None. A single (n,) stands
+        still."""
         frames, rows = self.world.frames, self._rows(q_left, q_right, jaws)
         chain = frames.parent, frames.origin, frames.prismatic
         row, _ = first_contact(*chain, tuple(self.pieces), tuple(self.pairs), rows)
         return None if row < 0 else row
 
     def free(self, side: str, other: ArrayLike, jaws: Jaws = OPEN) -> IsFree:
-        """Checker of one arm while the other stands at `other` (n,): True when all of joints (n,)
-        or rows (K,n) are free."""
+        """Of one arm while the other stands at `other` (n,)."""
         if side == "left":
             return lambda q: self.first_blocked(q, other, jaws) is None
         return lambda q: self.first_blocked(other, q, jaws) is None
@@ -264,15 +215,7 @@ class CollisionScene:
         columns: list[Floats] = []
         for side, q, value in zip(SIDES, (q_left, q_right), jaws, strict=True):
             if side in self.world.arms:
-                columns += [
-                    np.asarray(q, float),
-                    jaw_positions(self.world.arms[side].gripper, value),
-                ]
-        rows = np.empty(
-            (max(c.size // c.shape[-1] for c in columns), sum(c.shape[-1] for c in columns))
-        )
-        at = 0
-        for column in columns:
-            rows[:, at : at + column.shape[-1]] = column
-            at += column.shape[-1]
-        return rows
+                jaw = jaw_positions(self.world.arms[side].gripper, value)
+                columns += [np.asarray(q, float), jaw]
+        count = max(c.size // c.shape[-1] for c in columns)
+        return np.hstack([np.broadcast_to(c, (count, c.shape[-1])) for c in columns])

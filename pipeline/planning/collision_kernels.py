@@ -1,12 +1,12 @@
-"""Numba kernels of collision checking between convex pieces; `collision.py` is the public face.
+"""Numba kernels of collision checking between convex pieces.
 
-A piece is a convex core (box, cylinder, segment or points) swept by a ball. Pieces touch when their
-cores are at most the radii and the pair's margin apart, by the Gilbert-Johnson-Keerthi algorithm
-(van den Bergen, 2003) with two early exits: a separating direction, or a close point of the
-Minkowski difference. The closest point of a simplex follows Ericson, 2005, section 5.1.
+A piece is a convex core (box, cylinder, segment or points) swept by a ball. Cores at most the radii
+and the margin apart touch: the Gilbert-Johnson-Keerthi algorithm (van den Bergen, 2003), which ends
+early at a separating direction or a close point of the Minkowski difference. Closest points of a
+simplex: Ericson, 2005, section 5.1.
 
-Transforms are rows of 12: rotation matrix by rows, translation. `core` (P,3) is kind, first and
-last vertex. One file: numba's disk cache notices changes of a function's own file only."""
+Transforms are rows of 12: rotation by rows, translation. One file: numba's cache notices changes of
+a function's own file only."""
 
 import numpy as np
 from numba import njit
@@ -18,7 +18,7 @@ MAX_ITERATIONS = 40
 
 @kernel
 def chain_transforms(a, i, b, j, out, k):
-    """Write the product of transforms a[i] and b[j] into out[k]; slices cost more than the work."""
+    """Write a[i] b[j] into out[k]; slices cost more than the work."""
     for r in range(3):
         x, y, z = a[i, 3 * r], a[i, 3 * r + 1], a[i, 3 * r + 2]
         out[k, 3 * r] = x * b[j, 0] + y * b[j, 3] + z * b[j, 6]
@@ -81,7 +81,7 @@ def dot(a, b):
 
 @kernel
 def closest_on_triangle(s, i, j, k, weights):
-    """Write the weights (3,) of the point of a triangle closest to the origin (5.1.5)."""
+    """Write the weights (3,) of a triangle's point closest to the origin (5.1.5)."""
     abx, aby, abz = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
     acx, acy, acz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
     d1 = -(abx * s[i, 0] + aby * s[i, 1] + abz * s[i, 2])
@@ -113,7 +113,7 @@ def closest_on_triangle(s, i, j, k, weights):
 
 @kernel
 def origin_outside(s, i, j, k, opposite):
-    """True when the plane s[i], s[j], s[k] parts the origin from s[opposite], or all is flat."""
+    """Whether the plane s[i], s[j], s[k] parts the origin from s[opposite], or all is flat."""
     ax, ay, az = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
     bx, by, bz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -124,7 +124,7 @@ def origin_outside(s, i, j, k, opposite):
 
 @kernel
 def keep(s, count, weights, v):
-    """Drop points of weight zero, write the weighted point into v (3,), return the new count."""
+    """Drop points of weight zero, write the weighted point into v (3,); the new count."""
     v[0] = v[1] = v[2] = 0.0
     kept = 0
     for i in range(count):
@@ -138,8 +138,7 @@ def keep(s, count, weights, v):
 
 @kernel
 def reduce_simplex(s, count, weights, trial, v):
-    """Write the point of simplex s[:count] closest to the origin into v; its number of points, or
-    4."""
+    """Write the point of s[:count] nearest to the origin into v; its number of points."""
     weights[:] = 0.0
     if count == 1:
         weights[0] = 1.0
@@ -174,7 +173,7 @@ def reduce_simplex(s, count, weights, trial, v):
 
 @kernel
 def within(core, size, points, t, a, b, reach, s, weights, trial, v):
-    """True when the cores of a and b are at most `reach` m apart; s, weights, trial, v are
+    """Whether the cores of a and b are at most `reach` m apart; s, weights, trial, v are
     scratch."""
     for c in range(3):
         v[c] = t[a, 9 + c] - t[b, 9 + c]
@@ -200,7 +199,7 @@ def within(core, size, points, t, a, b, reach, s, weights, trial, v):
 
 @kernel
 def centre_far_from(t, a, half, b, distance):
-    """True when the centre of piece b is over `distance` m from the box half[a]."""
+    """Whether the centre of piece b is over `distance` m from the box half[a]."""
     x, y, z = t[b, 9] - t[a, 9], t[b, 10] - t[a, 10], t[b, 11] - t[a, 11]
     dx = max(abs(t[a, 0] * x + t[a, 3] * y + t[a, 6] * z) - half[a, 0], 0.0)
     dy = max(abs(t[a, 1] * x + t[a, 4] * y + t[a, 7] * z) - half[a, 1], 0.0)
@@ -236,7 +235,7 @@ def place_balls(frames, frame, balls, out):
 
 @kernel
 def first_contact(parent, origin, prismatic, pieces, pairs, q):
-    """(row, pair) of the first contact over joint rows q (K,F), or (-1, -1), from plain tuples."""
+    """(row, pair) of the first contact over joint rows q (K,F), or (-1, -1)."""
     _, frame, local, core, size, radius, half, bound, points = pieces
     owner_frame, balls, bodies, starts, margin, pair_a, pair_b = pairs
     frames, t = np.empty((parent.shape[0] + 1, 12)), np.empty((frame.shape[0], 12))
@@ -269,7 +268,7 @@ def first_contact(parent, origin, prismatic, pieces, pairs, q):
 
 @kernel
 def place_pieces(frames, frame, local, out):
-    """Write the world transforms (S,P,12) of pieces from those of their frames (S,F,12)."""
+    """Write world transforms (S,P,12) of pieces from those of their frames (S,F,12)."""
     for row in range(frames.shape[0]):
         for p in range(frame.shape[0]):
             chain_transforms(frames[row], frame[p], local, p, out[row], p)
@@ -277,11 +276,9 @@ def place_pieces(frames, frame, local, out):
 
 @kernel
 def first_swept_contact(pieces, t, own, at, ball, margin):
-    """First row at which a moving body is within `margin` m of the pieces 0 .. own - 1, or -1.
-
-    The last P - own of `pieces` are the moving body's, placed from its transform at (S,12). `t`
-    (S,P,12) are world transforms. `ball` is the body's bounding ball (x, y, z in its frame,
-    radius)."""
+    """First row at which a moving body is within `margin` m of the pieces 0 .. own - 1, or -1. The
+    other pieces are the body's, at transforms `at` (S,12), in `ball` (x, y, z, radius); `t`
+    (S,P,12) are world transforms."""
     _, _, local, core, size, radius, half, bound, points = pieces
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
     for row in range(at.shape[0]):

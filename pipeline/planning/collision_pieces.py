@@ -1,5 +1,4 @@
-"""Robot specs and colliders as the arrays of the collision kernels: joint frames, convex pieces,
-and the sweep of a moving body."""
+"""Robots and colliders as arrays of the kernels, and the sweep of a moving body."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.planning import collision_kernels as kernels
-from pipeline.planning.collision_kernels import first_swept_contact, place_pieces
-from pipeline.planning.kinematics import z_onto
 from pipeline.poses import IDENTITY, Floats, Pose, compose, from_matrix, inverse, quat_to_matrix
 from pipeline.world.robots.contract import Arm
 from pipeline.world.shapes import Collider
+
+from . import collision_kernels as kernels
+from .collision_kernels import first_swept_contact, place_pieces
+from .kinematics import z_onto
 
 KINDS = {
     "box": kernels.BOX,
@@ -27,8 +27,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Joint frames (F): names, parent frame (0 is the world), placement (F,12) with the axis on
-    local z, kind."""
+    """Joint frames (F): names, parents (0 is the world), placement (F,12), axis on local z."""
 
     names: tuple[str, ...]
     parent: Ints
@@ -37,11 +36,9 @@ class Frames:
 
 
 class Pieces(NamedTuple):
-    """Convex pieces (P), as the kernels read them.
-
-    Owner and frame index (P,), placement (P,12) in that frame, kind, first and last vertex (P,3)
-    and size (P,3) of the core, radius (P,) of the ball that sweeps it, half extents (P,3) and
-    bounding radius (P,) of the core, vertices (V,3)."""
+    """Convex pieces (P): owner and frame index (P,), placement (P,12) in that frame. Of the core:
+    kind, first and last vertex (P,3), size (P,3), half extents (P,3), bounding radius (P,),
+    vertices (V,3). `radius` (P,) is that of the ball that sweeps it."""
 
     owner: Ints
     frame: Ints
@@ -54,7 +51,7 @@ class Pieces(NamedTuple):
     points: Floats
 
     def joined(self, other: "Pieces") -> "Pieces":
-        """These pieces followed by others whose vertex ranges count from 0."""
+        """Followed by others whose vertex ranges count from 0."""
         shift = np.array([0, len(self.points), len(self.points)])
         after = other._replace(core=other.core + shift)
         columns: Any = (np.concatenate(both) for both in zip(self, after, strict=True))
@@ -62,9 +59,9 @@ class Pieces(NamedTuple):
 
 
 def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[int, Pose]]]:
-    """Joint frames of arms given as (name prefix, arm): arm joints in order, then the two jaws; and
-    for every prefixed link its (frame index, pose (7,) in that frame). Raises ValueError for a
-    movable joint that is neither."""
+    """Joint frames of arms given as (name prefix, arm), and for every prefixed link its (frame
+    index, pose (7,) in it). Raises ValueError for a movable joint that is neither of the arm nor a
+    jaw."""
     names, parents, origins, prismatic = [], [], [], []
     links: dict[str, tuple[int, Pose]] = {}
     for prefix, arm in arms:
@@ -72,14 +69,10 @@ def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[
         first = 1 + len(names)
         moving = [j.name for j in arm.joints if j.kind != "fixed"]
         if sorted(moving) != sorted(order):
-            raise ValueError(
-                f"{arm.model}: movable joints {moving} are not the arm joints and jaws"
-                f" {list(order)}"
-            )
+            raise ValueError(f"{arm.model}: movable joints {moving} are not {list(order)}")
         children = {j.child for j in arm.joints}
-        links |= {
-            prefix + link.name: (0, arm.base) for link in arm.links if link.name not in children
-        }
+        roots = (link.name for link in arm.links if link.name not in children)
+        links |= {prefix + name: (0, arm.base) for name in roots}
         rows = {}
         for joint in arm.joints:
             frame, at = links[prefix + joint.parent]
@@ -110,19 +103,15 @@ def groups_of(
         jaws = {frames.names.index(f"{side}_{name}") + 1 for name in arm.gripper.joints}
         # a jaw that is part of the hand does not move
         named = {f"{side}_{name}" for name in arm.gripper.fingers}
-        groups[f"{side}_fingers"] = frozenset(
-            n for n, (f, _) in placed.items() if f in jaws or n in named
-        )
-        groups[f"{side}_hand"] = groups[f"{side}_fingers"] | {
-            n for n, (f, _) in placed.items() if f == frame
-        }
+        fingers = frozenset(n for n, (f, _) in placed.items() if f in jaws or n in named)
+        groups[f"{side}_fingers"] = fingers
+        groups[f"{side}_hand"] = fingers | {n for n, (f, _) in placed.items() if f == frame}
         groups[side] = frozenset(n for n in placed if n.startswith(f"{side}_"))
     return groups, hands
 
 
 def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
-    """Pieces from (owner index, frame index, collider, pose (7,) of its body in that frame). Raises
-    ValueError for an unknown kind."""
+    """From (owner index, frame index, collider, pose (7,) of its body). Raises ValueError."""
     count = len(entries)
     core, size, half = np.zeros((count, 3), np.int64), np.zeros((count, 3)), np.zeros((count, 3))
     radius, centre, total = np.zeros(count), np.zeros((count, 7)), 0
@@ -130,9 +119,8 @@ def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
     clouds: list[Floats] = [np.zeros((0, 3))]
     for i, (_, _, collider, _) in enumerate(entries):
         if collider.kind not in KINDS:
-            raise ValueError(
-                f"a collision piece of kind {collider.kind!r}: choose {', '.join(KINDS)}"
-            )
+            what = f"a collision piece of kind {collider.kind!r}"
+            raise ValueError(f"{what}: choose {', '.join(KINDS)}")
         core[i, 0] = KINDS[collider.kind]
         if collider.kind == "box":
             size[i] = half[i] = collider.size
@@ -159,13 +147,13 @@ def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
 
 
 def transform_rows(poses: Floats) -> Floats:
-    """Poses (...,7) as the kernels' rows (...,12)."""
+    """Poses (...,7) as rows (...,12)."""
     rotation = quat_to_matrix(poses[..., 3:]).reshape(*poses.shape[:-1], 9)
     return np.concatenate([rotation, poses[..., :3]], axis=-1)
 
 
 def bounding_ball(pieces: Pieces) -> Floats:
-    """Ball (x, y, z, radius) around pieces of one frame, in that frame."""
+    """(x, y, z, radius) around pieces of one frame, in that frame."""
     extent = (pieces.bound + pieces.radius)[:, None]
     centres = pieces.local[:, 9:]
     middle = 0.5 * ((centres - extent).min(axis=0) + (centres + extent).max(axis=0))
@@ -173,8 +161,7 @@ def bounding_ball(pieces: Pieces) -> Floats:
 
 
 class Sweep:
-    """Recorded bodies and one moving body, placed once and tested against any number of its
-    motions."""
+    """Recorded bodies and a moving one, tested against any number of its motions."""
 
     def __init__(
         self,
@@ -183,26 +170,20 @@ class Sweep:
         own: Sequence[Collider],
         margin: float,
     ) -> None:
-        """`pieces` are (body index, collider) of bodies at world `poses` (S,B,7); `own` those of
-        the moving body. `margin` (m) is the distance that counts as contact."""
+        """`pieces` are (body index, collider) of bodies at world `poses` (S,B,7); those within
+        `margin` (m) are in contact."""
         others = pieces_of([(index, index, c, IDENTITY) for index, c in pieces])
         mine = pieces_of([(0, 0, c, IDENTITY) for c in own])
-        self._pieces, self._count, self._margin, self._ball = (
-            others.joined(mine),
-            len(pieces),
-            margin,
-            bounding_ball(mine),
-        )
+        self._pieces, self._count = others.joined(mine), len(pieces)
+        self._margin, self._ball = margin, bounding_ball(mine)
         self._placed = np.empty((len(poses), len(pieces) + len(own), 12))
         place_pieces(transform_rows(poses), others.frame, others.local, self._placed)
 
     def first_contact(self, poses: Floats) -> int | None:
-        """Index of the first pose (S,7) at which the moving body is within the margin of something,
-        or None. Raises ValueError for another number of poses than recorded."""
+        """Index of the first pose (S,7) of the moving body in contact, or None. Raises ValueError
+        for another number of poses."""
         if len(poses) != len(self._placed):
-            raise ValueError(
-                f"{len(poses)} poses of the moving body for {len(self._placed)} recorded ones"
-            )
+            raise ValueError(f"{len(poses)} poses of a body, {len(self._placed)} recorded ones")
         at = transform_rows(poses)
         row = first_swept_contact(
             tuple(self._pieces), self._placed, self._count, at, self._ball, self._margin

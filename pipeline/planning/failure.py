@@ -1,5 +1,3 @@
-"""The one exception of planning."""
-
 from typing import TYPE_CHECKING
 
 from pipeline.poses import Floats
@@ -9,11 +7,8 @@ if TYPE_CHECKING:
 
 
 class PlanFailure(Exception):
-    """Planning found no solution. `reason` is a snake-case code for the attempts table, `detail` a
-    line for people.
-
-    `arm` (an ArmPlanner) was to bring its tcp to one of the world poses `wanted` (N,7), if the
-    failure is about poses. The actor sets `skill`."""
+    """`reason` is a snake-case code, `detail` a line for people. `arm` (an ArmPlanner) was to bring
+    its tcp to one of the world poses `wanted` (N,7). The actor sets `skill`."""
 
     def __init__(
         self, reason: str, detail: str = "", arm: object = None, wanted: "Floats | None" = None

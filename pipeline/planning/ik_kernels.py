@@ -1,14 +1,10 @@
-"""Numba kernels of forward and inverse kinematics of a serial chain; `kinematics.py` is the public
-face.
+"""Numba kernels of kinematics of a serial chain: `pre` (n,3,4), the transform in front of each
+joint with its axis on local z, `prismatic` (n,), `tool` (3,4), and limits.
 
-A chain of n joints: `pre` (n,3,4), the transform in front of each joint with its axis on local z,
-`prismatic` (n,), `tool` (3,4), and joint limits. One file: numba's disk cache notices changes of a
-function's own file only. Rows are copied entry by entry: an assignment of arrays takes 2 s more to
-compile.
-
-The solver is Levenberg-Marquardt with the damping of Sugihara (T-RO 2011): H = J^T W J + (E + eps)
-I with E the squared weighted error. A joint at its limit that is asked to move outwards is left
-out."""
+Levenberg-Marquardt with the damping of Sugihara (T-RO 2011): H = J^T W J + (E + eps) I, E the
+squared weighted error. A joint at its limit that is asked to move outwards is left out. One file:
+numba's cache notices changes of a function's own file only. Rows are copied entry by entry:
+assigning arrays takes 2 s more to compile."""
 
 import numpy as np
 from numba import njit
@@ -67,7 +63,7 @@ def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
 
 @kernel
 def quaternion(m, out):
-    """Write the quaternion wxyz (w >= 0) of the rotation matrix m (3,3), by Shepperd's method."""
+    """Write the quaternion wxyz (w >= 0) of a rotation matrix (3,3), by Shepperd's method."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace >= m[0, 0] and trace >= m[1, 1] and trace >= m[2, 2]:
         out[0] = 1 + trace
@@ -92,7 +88,7 @@ def quaternion(m, out):
 
 @kernel
 def poses_of(pre, prismatic, tool, q):
-    """Tool poses (N,7) of joint vectors q (N,n)."""
+    """Tool poses (N,7) of q (N,n)."""
     count, n = q.shape
     axes, origins, rotation = np.empty((n, 3)), np.empty((n, 3)), np.empty((3, 3))
     out = np.empty((count, 7))
@@ -104,7 +100,7 @@ def poses_of(pre, prismatic, tool, q):
 
 @kernel
 def column(axis, origin, position, prismatic, weight, out):
-    """Write one Jacobian column (6,); the angular part is scaled by `weight`."""
+    """Write a Jacobian column (6,), its angular part times `weight`."""
     if prismatic:
         out[0], out[1], out[2] = axis[0], axis[1], axis[2]
         out[3], out[4], out[5] = 0.0, 0.0, 0.0
@@ -118,14 +114,12 @@ def column(axis, origin, position, prismatic, weight, out):
 
 @kernel
 def dot(a, b):
-    """Inner product of two rows (3,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def pose_error(goal_r, goal_p, rotation, position, weight, out):
-    """Write the twist (6,) to the goal, angular part times `weight`; return (distance m, angle
-    rad)."""
+    """Write the twist (6,) to the goal, angular part times `weight`; (distance m, angle rad)."""
     px, py, pz = goal_p[0] - position[0], goal_p[1] - position[1], goal_p[2] - position[2]
     g, r = goal_r, rotation
     # E = G R^T; its skew part is axis * sin(angle), its trace 1 + 2 cos(angle).
@@ -150,7 +144,7 @@ def pose_error(goal_r, goal_p, rotation, position, weight, out):
 
 @kernel
 def solve_spd(a, b, n):
-    """Solve a x = b in place for symmetric positive definite a (n,n), by Cholesky; destroys a."""
+    """Solve a x = b in place for symmetric positive definite a (n,n); destroys a."""
     for i in range(n):
         for j in range(i + 1):
             s = a[i, j]
@@ -170,7 +164,7 @@ def solve_spd(a, b, n):
 
 @kernel
 def descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
-    """Move q (n,) in place towards the goal; True when it is within `tolerance` (m, rad)."""
+    """Move q (n,) in place towards the goal; whether it is within `tolerance` (m, rad)."""
     pre, prismatic, tool, lower, upper = chain
     axes, origins, rotation, position, jac, error, h, step = work
     n = q.shape[0]
@@ -221,7 +215,6 @@ def descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
 
 @kernel
 def workspace(n):
-    """Scratch arrays of `descend` for n joints."""
     return (
         np.empty((n, 3)),
         np.empty((n, 3)),
@@ -236,7 +229,7 @@ def workspace(n):
 
 @kernel
 def rotation_of(quat, out):
-    """Write the rotation matrix (3,3) of a quaternion wxyz, which is normalised first."""
+    """Write the rotation matrix (3,3) of a quaternion wxyz of any length."""
     norm = np.sqrt(quat[0] ** 2 + quat[1] ** 2 + quat[2] ** 2 + quat[3] ** 2)
     w, x, y, z = quat[0] / norm, quat[1] / norm, quat[2] / norm, quat[3] / norm
     out[0, 0], out[1, 1], out[2, 2] = y * y + z * z, x * x + z * z, x * x + y * y
@@ -249,11 +242,9 @@ def rotation_of(quat, out):
 
 @kernel
 def solve_many(chain, reach, targets, seeds, restarts, iterations, tolerance, few):
-    """Solutions (N,n) and success (N,) for targets (N,7); every target tries the seeds (M,n), then
-    `restarts` (R,n).
-
-    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that `few`
-    starts leave FAR away early."""
+    """Solutions (N,n) and success (N,) for targets (N,7), from seeds (M,n), then `restarts` (R,n).
+    Targets outside the ball `reach` are given up at once, those that `few` starts leave FAR away
+    early."""
     count, n = targets.shape[0], seeds.shape[1]
     out, ok = np.zeros((count, n)), np.zeros(count, np.bool_)
     work, goal_r, q = workspace(n), np.empty((3, 3)), np.empty(n)
@@ -282,8 +273,7 @@ def solve_many(chain, reach, targets, seeds, restarts, iterations, tolerance, fe
 
 @kernel
 def solve_path(chain, poses, start, iterations, tolerance, jump):
-    """Joint vectors (K,n) along poses (K,7), each from the one before, and how many were reached
-    without a jump."""
+    """Joints (K,n) along poses (K,7), each from the one before, and how many before a jump."""
     count, n = poses.shape[0], start.shape[0]
     out, work, goal_r, q = np.empty((count, n)), workspace(n), np.empty((3, 3)), start.copy()
     before = start

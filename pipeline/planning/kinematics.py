@@ -1,5 +1,4 @@
-"""Forward and inverse kinematics of one arm in the world frame, without randomness: the same
-question always has the same answer."""
+"""Kinematics of one arm in the world frame, without randomness: equal questions, equal answers."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,19 +6,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.planning import ik_kernels
-from pipeline.planning.budgets import IK, LINE, IkBudget, LineSampling
 from pipeline.poses import Floats, Pose, matrix
 from pipeline.world.robots.contract import Arm, Joint
+
+from . import ik_kernels
+from .budgets import IK, LINE, IkBudget, LineSampling
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The joints from the world to the tool frame as arrays for the kernels (see ik_kernels.py).
-
-    `lower` and `upper` (n,) are the joint limits less the margin; `home` (n,); `reach` is (x, y, z,
-    radius) of a ball around the first joint that contains every tool position; `restarts` (R,n) are
-    joint vectors spread over the joint ranges."""
+    """From the world to the tool frame. `lower`, `upper` (n,) are limits less the margin; the ball
+    `reach` (x, y, z, radius) contains every tool position; `restarts` (R,n) are spread over the
+    joint ranges."""
 
     pre: Floats
     prismatic: NDArray[np.bool_]
@@ -32,18 +30,15 @@ class Chain:
 
     @property
     def dof(self) -> int:
-        """Number of joints n."""
         return len(self.home)
 
     @cached_property
     def kernel(self) -> tuple[Floats, NDArray[np.bool_], Floats, Floats, Floats]:
-        """The chain as the solvers take it."""
         return self.pre, self.prismatic, self.tool, self.lower, self.upper
 
 
 def chain_of(arm: Arm) -> Chain:
-    """Chain from the world to `arm.tcp`. Raises ValueError when the joints between root link and
-    hand are not exactly `arm.arm_joints` and fixed ones."""
+    """To `arm.tcp`. Raises ValueError if its joints are not `arm.arm_joints` and fixed ones."""
     by_child = {joint.child: joint for joint in arm.joints}
     path: list[Joint] = []
     link = arm.hand
@@ -53,10 +48,8 @@ def chain_of(arm: Arm) -> Chain:
     path.reverse()
     moving = [joint for joint in path if joint.kind != "fixed"]
     if tuple(joint.name for joint in moving) != arm.arm_joints:
-        raise ValueError(
-            f"{arm.model}: joints to {arm.hand} are {[j.name for j in moving]}, expected"
-            f" {list(arm.arm_joints)}"
-        )
+        names = [joint.name for joint in moving]
+        raise ValueError(f"{arm.model}: joints to {arm.hand} are {names}, not {arm.arm_joints}")
     pre, carried = [], matrix(arm.base)
     for joint in path:
         carried = carried @ matrix(joint.origin)
@@ -95,8 +88,8 @@ def fk_batch(chain: Chain, q: ArrayLike) -> Floats:
 def ik_many(
     chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Joints (N,n) within the limits and success (N,) for world poses `targets` (N,7); rows without
-    success are zero. Each target tries every row of `seeds` (M,n), M >= 0, then the restarts."""
+    """Joints (N,n) within the limits, else zero, and success (N,) for world poses (N,7). Each tries
+    every row of `seeds` (M,n), then the restarts."""
     return ik_kernels.solve_many(
         chain.kernel,
         chain.reach,
@@ -110,8 +103,7 @@ def ik_many(
 
 
 def ik_path(chain: Chain, poses: ArrayLike, q0: ArrayLike) -> Floats | None:
-    """Joints (K,n) that follow world poses (K,7) without leaving their branch, or None. Every pose
-    is warm-started from the one before, the first from `q0` (n,), which should be close to it."""
+    """Joints (K,n) along world poses (K,7) on one branch from `q0` (n,), or None."""
     rows = _rows(poses)
     start = np.clip(np.asarray(q0, float), chain.lower, chain.upper)
     q, reached = ik_kernels.solve_path(
@@ -121,43 +113,31 @@ def ik_path(chain: Chain, poses: ArrayLike, q0: ArrayLike) -> Floats | None:
 
 
 def line_poses(start: Pose, goal: Pose, sampling: LineSampling = LINE) -> Floats:
-    """Poses (K,7), K >= 2, on the straight line from `start` to `goal`, both included; rotation by
-    slerp."""
+    """Poses (K,7), K >= 2, from `start` to `goal`; rotation by slerp."""
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     a, b = start[3:], goal[3:] if start[3:] @ goal[3:] >= 0 else -goal[3:]
     # a quarter of the rotation angle
     half = float(np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
-    count = 1 + max(
-        1,
-        int(
-            np.ceil(
-                max(np.linalg.norm(goal[:3] - start[:3]) / sampling.step, 4 * half / sampling.turn)
-                - 1e-9
-            )
-        ),
-    )
-    s = np.linspace(0.0, 1.0, count)[:, None]
+    steps = max(np.linalg.norm(goal[:3] - start[:3]) / sampling.step, 4 * half / sampling.turn)
+    s = np.linspace(0.0, 1.0, 1 + max(1, int(np.ceil(steps - 1e-9))))[:, None]
     omega = 2 * half
-    weights = (
-        (1 - s, s)
-        if omega < 1e-9
-        else (np.sin((1 - s) * omega) / np.sin(omega), np.sin(s * omega) / np.sin(omega))
-    )
+    weights = 1 - s, s
+    if omega >= 1e-9:
+        weights = np.sin((1 - s) * omega) / np.sin(omega), np.sin(s * omega) / np.sin(omega)
     quats = weights[0] * a + weights[1] * b
     quats /= np.linalg.norm(quats, axis=1, keepdims=True)
     return np.hstack([start[:3] + s * (goal[:3] - start[:3]), quats])
 
 
 def limit_margin(chain: Chain, q: ArrayLike) -> Floats:
-    """Smallest distance to a joint limit as a fraction of the half range, (...,) for q (...,n)."""
+    """Distance to a joint limit as a share of the half range, (...,) for q (...,n)."""
     q = np.asarray(q, float)
     half = 0.5 * (chain.upper - chain.lower)
     return np.min(np.minimum(q - chain.lower, chain.upper - q) / half, axis=-1)
 
 
 def _spread(lower: Floats, upper: Floats, count: int) -> Floats:
-    """Points (count,n) spread evenly over a box, the first in its middle: the additive recurrence
-    R_n of Roberts (2018)."""
+    """(count,n) evenly over a box: the recurrence R_n of Roberts (2018)."""
     n = len(lower)
     golden = 2.0
     for _ in range(40):
@@ -171,7 +151,7 @@ def _rows(values: ArrayLike) -> Floats:
 
 
 def z_onto(axis: Floats) -> Floats:
-    """Homogeneous rotation (4,4) whose z axis is `axis` in the old frame."""
+    """Rotation (4,4) whose z axis is `axis` in the old frame."""
     z = axis / np.linalg.norm(axis)
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)

@@ -1,8 +1,5 @@
-"""Collision-free joint paths: the straight line if it is free, otherwise RRT-Connect with
-shortcuts; and straight lines into contact.
-
-A checker `is_free` takes joint rows (K,n) and tells whether all are free; one call per edge keeps
-Python out of the inner loop."""
+"""Collision-free joint paths, and straight lines into contact. A checker `is_free` tells whether
+all of joint rows (K,n) are free: one call per edge keeps Python out of the inner loop."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,8 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.planning.budgets import PATH, PathBudget
 from pipeline.poses import Floats
+
+from .budgets import PATH, PathBudget
 
 BISECTIONS = 14  # of a line into contact: of 10 cm, to a hundredth of a millimetre
 IsFree = Callable[[ArrayLike], bool]
@@ -20,8 +18,7 @@ Edge = Callable[[Floats, Floats], bool]
 
 
 def straight(q0: ArrayLike, q1: ArrayLike, resolution: float = PATH.resolution) -> Floats:
-    """Rows (K,n), K >= 2, on the straight joint-space line from q0 to q1, both included, at most
-    `resolution` apart in every joint."""
+    """Rows (K,n), K >= 2, from q0 to q1, at most `resolution` apart in every joint."""
     a, b = np.asarray(q0, float), np.asarray(q1, float)
     count = 1 + max(1, int(np.ceil(np.abs(b - a).max() / resolution - 1e-9)))
     rows = np.asarray(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a), np.float64)
@@ -30,8 +27,7 @@ def straight(q0: ArrayLike, q1: ArrayLike, resolution: float = PATH.resolution) 
 
 
 def dense(waypoints: ArrayLike, resolution: float = PATH.resolution) -> Floats:
-    """Rows (M,n) on the polyline through `waypoints` (K,n), corners included, at most `resolution`
-    apart in every joint."""
+    """Rows (M,n) through `waypoints` (K,n), at most `resolution` apart."""
     corners = np.atleast_2d(np.asarray(waypoints, float))
     edges = [straight(a, b, resolution)[1:] for a, b in pairwise(corners)]
     return np.concatenate([corners[:1], *edges])
@@ -45,23 +41,18 @@ def connect(
     limits: tuple[ArrayLike, ArrayLike],
     budget: PathBudget = PATH,
 ) -> Floats | None:
-    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), (2,n) when the straight line is
-    free, or None.
-
-    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` (lower (n,), upper (n,)), then
-    shortcuts. A path that touches something between checked states is searched again with finer
-    edges."""
+    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), or None: the line, else
+    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` and shortcuts; again with finer
+    edges if the path touches something between checked states."""
     a, b = np.asarray(q0, float), np.asarray(q1, float)
     if not is_free(np.stack([a, b])):
         return None
     box = np.asarray(limits[0], float), np.asarray(limits[1], float)
     for halving in range(budget.searches):
         edge = partial(_edge_free, is_free, budget.resolution / 2**halving)
-        path = (
-            np.stack([a, b])
-            if edge(a, b)
-            else _search(edge, _Tree(a, budget.step), _Tree(b, budget.step), rng, box, budget)
-        )
+        path = np.stack([a, b])
+        if not edge(a, b):
+            path = _search(edge, _Tree(a, budget.step), _Tree(b, budget.step), rng, box, budget)
         if path is None:
             return None
         path = shorten(path, edge, rng, budget.shortcuts)
@@ -84,7 +75,7 @@ def _search(
     limits: tuple[Floats, Floats],
     budget: PathBudget,
 ) -> Floats | None:
-    """States (K,n) from the root of `grow` to that of `aim`, or None."""
+    """From the root of `grow` to that of `aim`, or None."""
     for iteration in range(budget.iterations):
         new = grow.extend(rng.uniform(*limits), edge)
         if new is not None:
@@ -97,8 +88,7 @@ def _search(
 
 
 def shorten(path: Floats, edge: Edge, rng: np.random.Generator, tries: int) -> Floats:
-    """Waypoints (K,n) with detours cut: corners that can be skipped, then random pairs of points
-    joined where the edge is free."""
+    """Corners skipped, then random pairs of points joined, where edges are free."""
     path = _skip_corners(path, edge)
     for _ in range(tries):
         if len(path) < 3:
@@ -135,13 +125,12 @@ class _Tree:
         self.parents = [-1]
 
     def extend(self, goal: Floats, edge: Edge) -> int | None:
-        """Grow one step from the nearest state towards `goal`; the new state's index, or None when
-        blocked."""
+        """One step from the nearest state; its index, or None when blocked."""
         near = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
         return self._grow(near, goal, edge)
 
     def reach(self, goal: Floats, edge: Edge) -> int | None:
-        """Grow step by step until `goal` is in the tree; its index, or None when blocked before."""
+        """Until `goal` is in the tree; its index, or None when blocked before."""
         at = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
         while True:
             new = self._grow(at, goal, edge)
@@ -150,7 +139,6 @@ class _Tree:
             at = new
 
     def branch(self, index: int) -> list[Floats]:
-        """States from `index` back to the root."""
         out = []
         while index >= 0:
             out.append(self.points[index])
@@ -169,8 +157,7 @@ class _Tree:
 
 
 def first_touch(apart: IsFree, line: Floats) -> float:
-    """Share of joint rows (K,n), evenly spread over a way into contact, at which `apart` ceases to
-    hold; 1 where it never does."""
+    """Share of joint rows (K,n) into contact at which `apart` ceases to hold, else 1."""
     if apart(line[-1]):
         return 1.0
     before, behind = 0.0, 1.0
@@ -181,14 +168,13 @@ def first_touch(apart: IsFree, line: Floats) -> float:
 
 
 def between(line: Floats, first: float, last: float) -> Floats:
-    """The part of joint rows (K,n), evenly spread, between two shares of the way."""
+    """The part of joint rows (K,n) between two shares of the way."""
     inner = np.arange(len(line)) / (len(line) - 1)
     return np.vstack([_at(line, first), line[(inner > first) & (inner < last)], _at(line, last)])
 
 
 def ending_clear(line: Floats, clear: IsFree, least: float) -> Floats | None:
-    """The line (K,n) up to where `clear` ceases to hold; None if that is before the share
-    `least`."""
+    """Up to where `clear` ceases to hold; None if that is before `least`."""
     if clear(line):
         return line
     end = first_touch(clear, line)

@@ -1,5 +1,4 @@
-"""From wanted joints or a straight line to timed joint rows, for one arm of a robot while the other
-one stands still."""
+"""From wanted joints or a line to timed joint rows, for one arm while the other stands still."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -10,16 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.names import SIDES
-from pipeline.planning.budgets import DETOURS, LIMITS, MARGINS
-from pipeline.planning.collision import CollisionWorld
-from pipeline.planning.failure import PlanFailure
-from pipeline.planning.kinematics import Chain, chain_of, fk, fk_batch, ik_many, ik_path, line_poses
-from pipeline.planning.path import IsFree, connect, dense
-from pipeline.planning.scene import Carried, PlanningScene, Sees
-from pipeline.planning.trajectory import ArmTrajectory, time_parameterise
 from pipeline.poses import Floats, Pose, transform
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Arm, Embodiment
+
+from .budgets import DETOURS, LIMITS, MARGINS
+from .collision import CollisionWorld
+from .failure import PlanFailure
+from .kinematics import Chain, chain_of, fk, fk_batch, ik_many, ik_path, line_poses
+from .path import IsFree, connect, dense
+from .scene import Carried, PlanningScene, Sees
+from .trajectory import ArmTrajectory, time_parameterise
 
 
 def tool_way(chain: Chain, path: Floats) -> Floats:
@@ -28,8 +28,7 @@ def tool_way(chain: Chain, path: Floats) -> Floats:
 
 
 def unseen_length(way: Floats, carried: Carried, sees: Sees) -> float:
-    """Length (m) of a way (M,7) on which the middle of what is carried is out of view; 0 if it
-    begins or ends there."""
+    """m of a way (M,7) on which the load is out of view; 0 if it begins or ends there."""
     middle = np.mean([piece.pose[:3] for piece in carried.pieces], axis=0)
     seen = sees(np.array([transform(tcp, transform(carried.pose, middle)) for tcp in way]))
     if not (seen[0] and seen[-1]):
@@ -46,8 +45,7 @@ Apart = Callable[[ArrayLike, ArrayLike], bool]
 
 
 class MotionBounds(NamedTuple):
-    """Speed (n,) that motions keep to, the fastest (n,) that a skill may ask for, and acceleration
-    (n,): rad or m per s and s2."""
+    """Speed (n,), the fastest (n,) a skill may ask for, acceleration (n,)."""
 
     speed: Floats
     fastest: Floats
@@ -55,18 +53,14 @@ class MotionBounds(NamedTuple):
 
 
 class Planner:
-    """Chains, motion limits and the collision world of one embodiment; see `planner_of`."""
-
     def __init__(self, embodiment: Embodiment) -> None:
         self.embodiment = embodiment
-        self.chains: dict[str, Chain] = {
-            side: chain_of(arm) for side, arm in embodiment.arms.items()
-        }
+        self.chains = {side: chain_of(arm) for side, arm in embodiment.arms.items()}
         self.world = CollisionWorld(embodiment)
         self.limits = {side: _motion_limits(arm) for side, arm in embodiment.arms.items()}
 
     def split(self, vector: Floats) -> dict[str, tuple[Floats, float]]:
-        """Command vector -> arm joints (n,) and gripper value per side."""
+        """Arm joints (n,) and gripper value per side."""
         found, at = dict[str, tuple[Floats, float]](), 0
         for side, arm in self.embodiment.arms.items():
             n = at + len(arm.arm_joints)
@@ -79,12 +73,10 @@ class Planner:
         return fk(self.chains[side], q)
 
     def home(self, side: str) -> Floats:
-        """Home joints (n,) of a side."""
         return np.array(self.embodiment.arms[side].home)
 
     def command_limits(self) -> tuple[Floats, Floats, list[slice]]:
-        """Speed (A,) and acceleration (A,) of all commands, jaws included, per s and s2, and the
-        columns of each arm's joints."""
+        """Speed and acceleration (A,) of commands, per s and s2, and columns of each arm."""
         speeds, accelerations, arms = list[Floats](), list[Floats](), list[slice]()
         for side, arm in self.embodiment.arms.items():
             gripper, limits, first = arm.gripper, self.limits[side], sum(map(len, speeds))
@@ -95,10 +87,8 @@ class Planner:
         return np.concatenate(speeds), np.concatenate(accelerations), arms
 
     def apart(self, scene: PlanningScene) -> Apart:
-        """The test for arms with what they carry in a scene; one row may stand for all of an arm's.
-
-        Links keep MARGINS.arms. Hands that stand nearer to each other now, as after a hand-over,
-        must not touch."""
+        """The test for arms with what they carry; one row may stand for all of an arm's. Hands that
+        are nearer than MARGINS.arms now, as after a hand-over, must not touch."""
         left, right = (scene.arms[side].q if side in scene.arms else NO_ARM for side in SIDES)
         jaws = scene.jaws
         for hands in (MARGINS.arms, MARGINS.hands, MARGINS.contact):
@@ -119,26 +109,21 @@ class ArmPlanner:
 
     @property
     def q(self) -> Floats:
-        """Commanded joints (n,)."""
         return self.scene.arms[self.side].q
 
     @property
     def gripper(self) -> float:
-        """Commanded gripper value, 0 closed to 1 open."""
         return self.scene.arms[self.side].gripper
 
     @property
     def chain(self) -> Chain:
-        """The joints from the world to the tcp."""
         return self.planner.chains[self.side]
 
     @property
     def home(self) -> Floats:
-        """Home joints (n,)."""
         return self.chain.home
 
     def within(self, scene: PlanningScene) -> "ArmPlanner":
-        """The same arm in another scene."""
         return replace(self, scene=scene)
 
     def bare(self) -> "ArmPlanner":
@@ -152,14 +137,12 @@ class ArmPlanner:
     def solve(
         self, targets: Floats, seeds: Floats | None = None
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Inverse kinematics of tcp poses (N,7) from joint seeds (M,n), by default the command and
-        home: joints (N,n) and which ones were reached (N,)."""
-        given = np.stack([self.q, self.home]) if seeds is None else seeds
-        return ik_many(self.chain, targets, given)
+        """Joints (N,n) of tcp poses (N,7) and which were reached (N,), from seeds (M,n)."""
+        seeds = np.stack([self.q, self.home]) if seeds is None else seeds
+        return ik_many(self.chain, targets, seeds)
 
     def line(self, q0: Floats, goal: Pose) -> Floats | None:
-        """Joints (K,n) that carry the tcp straight from where q0 (n,) has it to the world pose
-        `goal` (7,), or None."""
+        """Joints (K,n) straight from q0 (n,) to the tcp pose `goal` (7,), or None."""
         return ik_path(self.chain, line_poses(self.fk(q0), goal), q0)
 
     def checker(
@@ -170,11 +153,8 @@ class ArmPlanner:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> IsFree:
-        """`free(q)` for joints (n,) or rows (K,n) among the bodies of the scene, the other arm at
-        its expected joints.
-
-        `jaws` replaces the gripper value of this arm; `ignore`, `margin` and `hands` are those of
-        CollisionWorld.with_objects."""
+        """`free(q)` for joints (n,) or rows (K,n) among the bodies, the other arm at its expected
+        joints. `jaws` replaces this arm's gripper value; see CollisionWorld.with_objects."""
         scene = self.scene
         collision = self.planner.world.with_objects(
             scene.obstacles, scene.carried, ignore=tuple(ignore), margin=margin, hands=hands
@@ -186,14 +166,11 @@ class ArmPlanner:
 
     @property
     def _other(self) -> Floats:
-        """Where the other arm is expected (n,)."""
-        return next(
-            (state.expected for side, state in self.scene.arms.items() if side != self.side), NO_ARM
-        )
+        others = (state.expected for side, state in self.scene.arms.items() if side != self.side)
+        return next(others, NO_ARM)
 
     def apart(self) -> IsFree:
-        """`apart(q)`: as `Planner.apart` for joints (n,) or rows (K,n) of this arm, the other one
-        at its expected joints."""
+        """As `Planner.apart` for this arm, the other one at its expected joints."""
         both, other = self.planner.apart(self.scene), self._other
         return (lambda q: both(q, other)) if self.side == "left" else (lambda q: both(other, q))
 
@@ -205,11 +182,9 @@ class ArmPlanner:
         speed_scale: float = 1.0,
         deviation: float = LIMITS.deviations[0],
     ) -> ArmTrajectory:
-        """A motion through waypoints (K,n), at rest at both ends, the gripper as it is, of at least
-        `minimum` s.
-
-        `speed_scale` multiplies the planned joint speeds, up to the share of the robot's own that
-        is used; corners are rounded by `deviation`. Raises PlanFailure("time_parameterisation")."""
+        """A motion of at least `minimum` s through waypoints (K,n), at rest at both ends.
+        `speed_scale` multiplies the planned joint speeds, up to the share of the robot's own.
+        Raises PlanFailure("time_parameterisation")."""
         limits = self.planner.limits[self.side]
         speed = np.minimum(limits.speed * speed_scale, limits.fastest)
         t = time_parameterise(
@@ -222,20 +197,18 @@ class ArmPlanner:
     def free_trajectory(
         self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0
     ) -> ArmTrajectory:
-        """A motion from the command to joints `goal` (n,) on which `free` holds, no detour, within
-        the camera's view if possible. Raises PlanFailure: path_blocked, path_detour."""
+        """To joints `goal` (n,), `free`, no detour. Raises PlanFailure: path_blocked,
+        path_detour."""
         path = self._course(goal, free)
         for deviation in LIMITS.deviations:
             motion = self.timed(path, speed_scale=speed_scale, deviation=deviation)
             if len(path) == 2 or free(motion.q[:: LIMITS.checked_every]):
                 return motion
-        raise PlanFailure(
-            "path_blocked", f"the {self.side} arm touches something in a rounded corner"
-        )
+        what = f"the {self.side} arm touches something in a rounded corner"
+        raise PlanFailure("path_blocked", what)
 
     def _course(self, goal: Floats, free: IsFree) -> Floats:
-        """Waypoints (K,n) from the command to joints `goal` (n,): of some searches the shortest way
-        of the tcp in view."""
+        """Waypoints (K,n): of some searches the shortest tcp way in view."""
         held = next((c for c in self.scene.carried.values() if c.side == self.side), None)
         best, least, shortest = None, np.inf, np.inf
         for _ in range(DETOURS.searches):
@@ -261,8 +234,7 @@ class ArmPlanner:
     def line_trajectory(
         self, goal: Pose, *, metres_per_second: float = LIMITS.line_speed, speed_scale: float = 1.0
     ) -> ArmTrajectory:
-        """A straight motion of the tcp from the command to the world pose `goal` (7,). Raises
-        PlanFailure("line_unreachable")."""
+        """Straight to the world pose `goal` (7,). Raises PlanFailure("line_unreachable")."""
         path = self.line(self.q, goal)
         if path is None:
             raise PlanFailure("line_unreachable", f"the {self.side} arm cannot go straight there")
@@ -279,10 +251,9 @@ def _motion_limits(arm: Arm) -> MotionBounds:
 
 @lru_cache(maxsize=4)
 def planner_of(embodiment: Embodiment) -> Planner:
-    """The planner of an embodiment; the latest ones are kept."""
     return Planner(embodiment)
 
 
 def planner_for(name: str) -> Planner:
-    """The planner of an embodiment by its name, with its placement in the clean domain."""
+    """The planner of an embodiment by its name, placed as in the clean domain."""
     return planner_of(get_embodiment(name))

@@ -1,5 +1,3 @@
-"""What the planner is told about the world at one moment."""
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -27,8 +25,8 @@ class Obstacle(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """A body in the hand of arm `side`: collision pieces in the body frame, its pose (7,) in the
-    tcp frame."""
+    """A body in the hand of arm `side`: pieces in the body frame, its pose (7,) in the tcp
+    frame."""
 
     side: str
     pieces: tuple[Collider, ...]
@@ -37,9 +35,8 @@ class Carried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """Commanded joints q (n,) of an arm and its gripper value, 0 closed to 1 open. `expected` (n,)
-    are the joints that the other arm has to avoid: those about to be reached when both move, else
-    q."""
+    """Commanded joints q (n,) of an arm and its gripper value, 0 closed to 1 open. The other arm
+    avoids `expected` (n,): joints about to be reached, or q."""
 
     q: Floats
     gripper: float
@@ -48,8 +45,7 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
-    """Both arms by side, the bodies that stand still and those that are carried, by name;
-    read-only. `sees` tells which world points (N,3) the head camera has in its image."""
+    """By side or name; read-only. `sees` tells which world points (N,3) the camera sees."""
 
     arms: Mapping[str, ArmState]
     obstacles: Mapping[str, Obstacle]
@@ -62,27 +58,19 @@ class PlanningScene:
 
     @property
     def jaws(self) -> tuple[float, float]:
-        """Gripper values, left and right; 1 for an arm that the robot does not have."""
+        """Left and right; 1 for an arm that the robot does not have."""
         left, right = (self.arms[side].gripper if side in self.arms else 1.0 for side in SIDES)
         return left, right
 
     def holding(self, name: str, carried: Carried) -> "PlanningScene":
-        """The scene in which body `name` is carried, and no longer an obstacle."""
+        """Body `name` is carried, and no longer an obstacle."""
         others = {n: obstacle for n, obstacle in self.obstacles.items() if n != name}
         return replace(self, obstacles=others, carried={**self.carried, name: carried})
 
     def commanding(self, side: str, q: ArrayLike) -> "PlanningScene":
-        """The scene in which arm `side` stands at joints q (n,)."""
-        return replace(
-            self,
-            arms={
-                **self.arms,
-                side: replace(self.arms[side], q=np.array(q, float), expected=np.array(q, float)),
-            },
-        )
+        state = replace(self.arms[side], q=np.array(q, float), expected=np.array(q, float))
+        return replace(self, arms={**self.arms, side: state})
 
     def expecting(self, side: str, q: ArrayLike) -> "PlanningScene":
-        """The scene in which arm `side` is expected to have joints q (n,)."""
-        return replace(
-            self, arms={**self.arms, side: replace(self.arms[side], expected=np.array(q, float))}
-        )
+        state = replace(self.arms[side], expected=np.array(q, float))
+        return replace(self, arms={**self.arms, side: state})

@@ -1,8 +1,5 @@
-"""Time-optimal speed along a path: the two passes of TOPP-RA, compiled.
-
-H. Pham and Q.-C. Pham, "A new approach to time-optimal path parameterization based on reachability
-analysis", T-RO 2018. Some fifty times faster than the toppra package on a plan's few dozen grid
-points; the tests compare the two."""
+"""Time-optimal speed along a path: TOPP-RA (H. Pham and Q.-C. Pham, T-RO 2018), compiled: some
+fifty times faster than the toppra package."""
 
 import numpy as np
 from numba import njit
@@ -15,11 +12,9 @@ HIGHEST = 1e4
 
 @kernel
 def acceleration_range(x, delta, slope, i, bend, limit, highest):
-    """Bounds of the path acceleration u over interval i for squared speed x at its start: (lowest,
-    highest), empty if low > high.
-
-    Joint accelerations q' u + q'' x are linear in s over the interval: it is enough to bound them
-    at both ends. The squared speed at the end must lie in [0, highest]."""
+    """Bounds (lowest, highest) of the path acceleration u over interval i for squared speed x at
+    its start, empty if low > high. Joint accelerations q' u + q'' x are linear in s: bounding both
+    ends is enough. The squared speed at the end must lie in [0, highest]."""
     low, high = -x / (2 * delta), (highest - x) / (2 * delta)
     for j in range(limit.shape[0]):
         for end in range(2):
@@ -35,9 +30,8 @@ def acceleration_range(x, delta, slope, i, bend, limit, highest):
 
 @kernel
 def fastest(s, slope, bend, velocity, limit):
-    """Squared path speeds (G,) at grid points s (G,), zero at both ends, the largest that the
-    limits (n,) allow everywhere. slope (G,n) is q' at the grid points, bend (G-1,n) q'' between
-    them."""
+    """Largest squared path speeds (G,) at grid points s (G,), zero at both ends. slope (G,n) is q'
+    there, bend (G-1,n) q'' between."""
     count, n = slope.shape
     reachable = np.empty(count)
     for i in range(count):

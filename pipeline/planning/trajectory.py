@@ -1,104 +1,87 @@
-"""From waypoints to joint rows at the physics rate, at rest at both ends and within velocity,
-acceleration and jerk limits.
-
-Two waypoints are a straight joint move with a trapezoidal speed profile. More are a polyline whose
-corners are rounded by parabolas within `deviation`, so that a path checked with a margin stays
-free; `timing.py` finds the fastest speed along it. `smoothed` limits the jerk."""
+"""From waypoints to joint rows at the physics rate, at rest at both ends. Two waypoints are a
+straight move with a trapezoidal speed profile, more a polyline with rounded corners; `timing.py`
+finds the fastest speed along it, `smoothed` limits the jerk."""
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.planning.budgets import LIMITS
-from pipeline.planning.failure import PlanFailure
-from pipeline.planning.timing import fastest
 from pipeline.poses import Floats
 
+from .budgets import LIMITS
+from .failure import PlanFailure
+from .timing import fastest
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """Joints q (M,n) and joint velocities qd (M,n) at k / rate seconds, k = 0 .. M-1."""
+
+class Trajectory(NamedTuple):
+    """Joints q (M,n) and joint velocities qd (M,n) at the physics rate."""
 
     q: Floats
     qd: Floats
-    rate: int = PHYSICS_HZ
-
-    @property
-    def duration(self) -> float:
-        """Seconds from the first to the last row."""
-        return (len(self.q) - 1) / self.rate
 
 
 @dataclass(frozen=True, eq=False)
 class ArmTrajectory:
-    """Rows of one arm at the physics rate: joints (M,n), joint velocities (M,n), gripper values
-    (M,)."""
+    """Joints and velocities (M,n), gripper values (M,), at the physics rate."""
 
     q: Floats
     qd: Floats
     gripper: Floats
 
     def then(self, other: "ArmTrajectory") -> "ArmTrajectory":
-        """This one and, from where it ends, another."""
         both = ((self.q, other.q), (self.qd, other.qd), (self.gripper, other.gripper))
         return ArmTrajectory(*(np.concatenate(rows) for rows in both))
 
     def holding(self, seconds: float) -> "ArmTrajectory":
-        """This one and then its end for a while."""
         rows = round(seconds * PHYSICS_HZ)
         still = np.zeros((rows, self.qd.shape[1]))
-        return self.then(
-            ArmTrajectory(self.q[-1:].repeat(rows, 0), still, self.gripper[-1:].repeat(rows))
-        )
+        end = self.q[-1:].repeat(rows, 0), still, self.gripper[-1:].repeat(rows)
+        return self.then(ArmTrajectory(*end))
 
 
 def time_parameterise(
     waypoints: ArrayLike,
     velocity: ArrayLike,
     acceleration: ArrayLike,
-    rate: int = PHYSICS_HZ,
     *,
     minimum_duration: float = 0.0,
     deviation: float = LIMITS.deviations[0],
 ) -> Trajectory:
     """Timed rows through `waypoints` (K,n) within velocity (n,) rad/s and acceleration (n,) rad/s2,
-    at rest at both ends.
-
-    Time is stretched to a whole number of rows and to at least `minimum_duration` s. Corners are
-    rounded by at most `deviation` (rad or m). Raises PlanFailure("time_parameterisation")."""
+    of at least `minimum_duration` s. Corners are rounded by at most `deviation` (rad or m). Raises
+    PlanFailure("time_parameterisation")."""
     corners = np.atleast_2d(np.asarray(waypoints, float))
     v, a = np.asarray(velocity, float), np.asarray(acceleration, float)
     if not (np.isfinite(corners).all() and (v > 0).all() and (a > 0).all()):
         raise PlanFailure("time_parameterisation", "waypoints must be finite and limits positive")
     corners = _without_repeats(corners)
     if len(corners) == 1:
-        return _still(corners[0], minimum_duration, rate)
+        rows = _rows(minimum_duration) if minimum_duration > 0 else 1
+        return Trajectory(np.repeat(corners, rows, axis=0), np.zeros((rows, len(corners[0]))))
     if len(corners) == 2:
-        return _trapezoid(corners[0], corners[1], v, a, rate, minimum_duration)
-    return _along(RoundedPolyline(corners, deviation), corners, (v, a), rate, minimum_duration)
+        return _trapezoid(corners[0], corners[1], v, a, minimum_duration)
+    return _along(RoundedPolyline(corners, deviation), corners, v, a, minimum_duration)
 
 
 def smoothed(rows: Floats, before: Floats) -> Floats:
-    """Rows (M,A) at the physics rate as the moving average of `rows` (N,A), which begin at rest at
-    `before` (A,) and end at rest.
+    """The moving average of `rows` (N,A) at the physics rate, which begin at rest at `before` (A,).
 
-    The jerk is at most twice the acceleration limit divided by the window, which is LIMITS.jerk.
-    Rows leave the path by at most an acceleration times the window squared / 24: 0.6 mrad. M is N,
-    or up to a window more where the rows move until their end."""
+    The jerk is at most twice the acceleration limit over the window: LIMITS.jerk; rows leave the
+    path by an acceleration times the window squared / 24: 0.6 mrad. Rows that move until their end
+    get up to a window more."""
     window = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
     offset = rows - before
     changes = np.flatnonzero(np.diff(offset, axis=0, prepend=0.0 * before[None]).any(axis=1))
     if not len(changes):
         return rows
     settled = int(changes[-1]) + window - 1
-    ahead, behind = (
-        np.zeros((window - 1, len(before))),
-        np.repeat(offset[-1:], max(0, settled + 1 - len(rows)), axis=0),
-    )
+    ahead = np.zeros((window - 1, len(before)))
+    behind = np.repeat(offset[-1:], max(0, settled + 1 - len(rows)), axis=0)
     windows = sliding_window_view(np.concatenate([ahead, offset, behind]), window, axis=0)
     out = before + windows.mean(axis=-1)
     out[settled:] = rows[-1]
@@ -107,11 +90,11 @@ def smoothed(rows: Floats, before: Floats) -> Floats:
 
 class RoundedPolyline:
     """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: q(s), C1, q''
-    constant between `knots`.
+    constant between `knots`; s is the length in the joint that moves most.
 
-    s is the length in the joint that moves most. A parabola starts and ends d before and after its
-    corner and misses it by d |u1 - u0| / 4, where u0, u1 = q' on the two segments; d is chosen so
-    that this is at most `deviation` in every joint, and at most half of each segment."""
+    A parabola starts and ends d before and after its corner and misses it by d |u1 - u0| / 4, where
+    u0, u1 = q' on the two segments; d keeps that within `deviation`, and is at most half of each
+    segment."""
 
     def __init__(self, waypoints: Floats, deviation: float) -> None:
         segments = np.diff(waypoints, axis=0)
@@ -136,7 +119,7 @@ class RoundedPolyline:
         self.knots = np.concatenate([[0.0], np.cumsum(span[real])])
 
     def __call__(self, path_positions: ArrayLike, order: int = 0) -> Floats:
-        """q (M,n) at path positions (M,), or its first or second derivative by s."""
+        """q (M,n) at path positions (M,), or a derivative by s."""
         s = np.asarray(path_positions, float)
         k = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.base) - 1)
         t = (s - self.knots[k])[..., None]
@@ -145,20 +128,17 @@ class RoundedPolyline:
         return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
 
     def grid(self, spacing: float = LIMITS.grid) -> Floats:
-        """All knots and points between them at most `spacing` apart, at least three in a piece:
-        where a bend forces a stop at a knot, a piece without a free point inside could not be
-        crossed."""
-        pieces = [
-            np.linspace(a, b, 5 + int((b - a) / spacing))[1:]
-            for a, b in pairwise(self.knots.tolist())
-        ]
+        """Knots and points between, at most `spacing` apart, at least three in a piece: a bend may
+        force a stop at both knots."""
+        spans = pairwise(self.knots.tolist())
+        pieces = [np.linspace(a, b, 5 + int((b - a) / spacing))[1:] for a, b in spans]
         return np.concatenate([self.knots[:1], *pieces])
 
 
 def _along(
-    path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats], rate: int, minimum: float
+    path: RoundedPolyline, corners: Floats, v: Floats, a: Floats, minimum: float
 ) -> Trajectory:
-    s, (v, a) = path.grid(), limits
+    s = path.grid()
     x = fastest(s, path(s, 1), path(0.5 * (s[:-1] + s[1:]), 2), v, a)
     speeds, accelerations = np.sqrt(x), np.diff(x) / (2 * np.diff(s))
     if not (speeds[1:-1] > 0).all():
@@ -174,58 +154,50 @@ def _along(
 
     duration = float(times[-1])
     if not duration < LIMITS.longest:
-        raise PlanFailure(
-            "time_parameterisation",
-            f"a path of {len(corners)} waypoints would take {duration:.0f} s",
-        )
-    rows = max(_rows(duration, rate), _rows(minimum, rate))
+        what = f"a path of {len(corners)} waypoints would take {duration:.0f} s"
+        raise PlanFailure("time_parameterisation", what)
+    rows = max(_rows(duration), _rows(minimum))
     while True:
         q, qd = sample(np.linspace(0.0, duration, rows))
         # Limits hold at grid points only: slow down uniformly by what the samples in between exceed
         # them.
-        over = _excess(q, v, a, rate)
+        over = _excess(q, v, a)
         if over <= 1.0 + 1e-9:
-            return _finished(q, qd * (duration * rate / (rows - 1)), corners, rate)
-        rows = max(rows + 1, _rows((rows - 1) / rate * over, rate))
+            return _finished(q, qd * (duration * PHYSICS_HZ / (rows - 1)), corners)
+        rows = max(rows + 1, _rows((rows - 1) / PHYSICS_HZ * over))
 
 
-def _excess(q: Floats, v: Floats, a: Floats, rate: int) -> float:
-    """By what factor rows q (M,n), at rest before and after, are too fast for limits (n,)."""
-    speeds = np.diff(q, axis=0) * rate
-    changes = np.diff(np.pad(speeds, ((1, 1), (0, 0))), axis=0) * rate
+def _excess(q: Floats, v: Floats, a: Floats) -> float:
+    """By what factor rows q (M,n) are too fast for limits (n,)."""
+    speeds = np.diff(q, axis=0) * PHYSICS_HZ
+    changes = np.diff(np.pad(speeds, ((1, 1), (0, 0))), axis=0) * PHYSICS_HZ
     return max(float((np.abs(speeds) / v).max()), float(np.sqrt((np.abs(changes) / a).max())))
 
 
-def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, rate: int, minimum: float) -> Trajectory:
-    """Closed form: s from 0 to 1 with speed at most w and acceleration b, as the tightest joint
-    allows."""
+def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, minimum: float) -> Trajectory:
+    """s from 0 to 1 with speed at most w and acceleration b."""
     span = np.abs(q - p)
     w, b = float((v / np.maximum(span, 1e-12)).min()), float((a / np.maximum(span, 1e-12)).min())
     ramp = min(w / b, np.sqrt(1.0 / b))
     top = b * ramp
     duration = 1.0 / top + ramp
-    rows = max(_rows(duration, rate), _rows(minimum, rate))
+    rows = max(_rows(duration), _rows(minimum))
     t = np.linspace(0.0, duration, rows)
     up, down = np.minimum(t, ramp), np.maximum(t - (duration - ramp), 0.0)
     s = 0.5 * b * up**2 + top * np.maximum(t - ramp, 0.0) - 0.5 * b * down**2
-    speed = (b * up - b * down) * (duration * rate / (rows - 1))
-    return _finished(p + s[:, None] * (q - p), speed[:, None] * (q - p), np.stack([p, q]), rate)
+    speed = (b * up - b * down) * (duration * PHYSICS_HZ / (rows - 1))
+    return _finished(p + s[:, None] * (q - p), speed[:, None] * (q - p), np.stack([p, q]))
 
 
-def _finished(q: Floats, qd: Floats, corners: Floats, rate: int) -> Trajectory:
+def _finished(q: Floats, qd: Floats, corners: Floats) -> Trajectory:
     q[0], q[-1] = corners[0], corners[-1]
     qd[0] = qd[-1] = 0.0
-    return Trajectory(q, qd, rate)
+    return Trajectory(q, qd)
 
 
-def _still(q: Floats, duration: float, rate: int) -> Trajectory:
-    rows = _rows(duration, rate) if duration > 0 else 1
-    return Trajectory(np.repeat(q[None], rows, axis=0), np.zeros((rows, len(q))), rate)
-
-
-def _rows(duration: float, rate: int) -> int:
-    """Rows of a motion of at least `duration` s: both ends included, at least two."""
-    return 1 + max(1, int(np.ceil(duration * rate - 1e-6)))
+def _rows(duration: float) -> int:
+    """Of at least `duration` s: both ends included, at least two."""
+    return 1 + max(1, int(np.ceil(duration * PHYSICS_HZ - 1e-6)))
 
 
 def _without_repeats(points: Floats) -> Floats:

@@ -2,8 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import replace
+from contextlib import closing
 from typing import Any
 
 from pipeline.crew.contract import Crew, CrewError, Died
@@ -12,10 +11,9 @@ from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.evaluate.evaluate import Evaluation
-from pipeline.evaluate.policies.policy import PolicyError, PolicyName
+from pipeline.evaluate.policies.policy import PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.serving.process import host_policy
 
 from .identity.slot_keys import code_version, policy_version
 from .provenance import machine
@@ -43,23 +41,6 @@ def evaluation_of(
         made_by=machine(),
         **more,
     )
-
-
-@contextmanager
-def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
-    """The evaluation with its policy made once, in a process of its own, for all workers; batches
-    wait `wait` seconds. The same for None and one worker. Raises PolicyError."""
-    if wait is None or crew.executor == "inline":
-        yield wanted
-        return
-    if crew.address is not None:
-        raise PolicyError(
-            "--batch-wait is for workers on this machine: on a cluster, name a server of"
-            " serve-policy --batch-wait"
-        )
-    # a worker that was replaced may still hold its place
-    with host_policy(wanted.policy, 2 * crew.workers, wait) as policy:
-        yield replace(wanted, policy=policy)
 
 
 def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:

@@ -434,22 +434,6 @@ CASES = [
             )
         )
     ),
-    *(
-        Case(
-            (
-                "evaluate",
-                "--policy",
-                "random",
-                "--out",
-                "OUT",
-                "--clock",
-                f"latency:trace:odd/{name}",
-            ),
-            name,
-        )
-        for name in ODD
-        if name != "list.yaml"
-    ),
     Case(("build", "--out", "OUT", "--seed", "3"), "--yes"),
     *(
         Case(

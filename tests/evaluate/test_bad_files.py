@@ -244,17 +244,3 @@ def test_hosts_are_names_of_machines(host):
     if host not in ("a" * 64, "a..b"):
         with pytest.raises(ServeError):
             ServerAddress(host, token="x" * 20)
-
-
-def test_a_trace_of_latencies_is_named_by_what_it_holds(tmp_path):
-    path = tmp_path / "trace.json"
-    path.write_text("[10, 20]")
-    first = parse_clock(f"latency:trace:{path}")
-    path.write_text("[10, 30]")
-    second = parse_clock(f"latency:trace:{path}")
-    assert first.name != second.name and first.name.startswith("latency:trace:trace.json@")
-    for bad in (DEEP, b"[true]", b"[NaN]", b"\xff", b"{}"):
-        path.write_bytes(bad)
-        with pytest.raises(DominoError) as error:
-            parse_clock(f"latency:trace:{path}")
-        assert "trace.json" in str(error.value)

@@ -20,7 +20,7 @@ from pipeline.evaluate.evaluate import Evaluation, evaluate
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, inline
-from pipeline.evaluate.scenes.views import instruction_of
+from pipeline.evaluate.scenes.trial import instruction_of
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
 from tests.evaluate.environment.test_env import case_of

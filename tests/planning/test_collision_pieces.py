@@ -65,7 +65,7 @@ def test_the_margin_counts_as_contact(gap: float, contact: int | None) -> None:
 def test_poses_must_match_the_recorded_ones_in_number() -> None:
     cube = Collider("box", (0.05, 0.05, 0.05))
     sweep = Sweep([(0, cube)], np.tile(IDENTITY, (4, 1, 1)), [cube], MARGIN)
-    with pytest.raises(ValueError, match="3 poses of the moving body for 4 recorded ones"):
+    with pytest.raises(ValueError, match="3 poses of a body, 4 recorded ones"):
         sweep.first_contact(np.tile(IDENTITY, (3, 1)))
 
 

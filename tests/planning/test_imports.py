@@ -17,8 +17,10 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path} imports by a relative name"
-            names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
+            module = node.module or ""
+            if node.level:  # from a module of the same folder
+                module = f"{module_of(path).rpartition('.')[0]}.{module}".rstrip(".")
+            names |= {module} | {f"{module}.{alias.name}" for alias in node.names}
     return {name for name in names if name.startswith("pipeline.")}
 
 

@@ -9,8 +9,7 @@ from pipeline.data.episode.events import EventSpec
 from pipeline.data.setup import Setup
 from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import CONTROL, EVENTFUL, EpisodeSpec
-from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import Eyes
+from pipeline.evaluate.scenes.trial import Eyes, Trial
 from pipeline.motion.planar import PlanarMotion, Segment
 from pipeline.stages.drawing.render import appearance_of, capture
 from pipeline.stages.scene import build_scene

@@ -9,7 +9,7 @@ import pytest
 from pipeline.data.imperfections import Sensors
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.scenes.views import Eyes
+from pipeline.evaluate.scenes.trial import Eyes
 from pipeline.motion.planar import PlanarMotion
 from pipeline.stages.drawing.render import appearance_of, body_poses, capture, renderer
 from pipeline.stages.scene import build_scene

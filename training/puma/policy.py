@@ -17,7 +17,7 @@ from pipeline.evaluate.policies.contract import Contract
 from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError, Start
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.serving.bridges.history import CLOCK_TOLERANCE, Recent
+from pipeline.evaluate.serving.history import CLOCK_TOLERANCE, Recent
 from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute

@@ -1,13 +1,5 @@
-"""The gymnasium environment of one task: images, measured joints and an instruction in, joint
-targets or tool poses out.
-
-    import gymnasium, pipeline.evaluate
-    env = gymnasium.make("domino/click_bell-v0", embodiment="aloha", level=1, alpha=0.1)
-
-One step is one control period. `reset(seed=n)` takes the scene of seed n if the expert solves it,
-else that of the next seed derived from n; `reset(options={"case": case})` takes an admitted case.
-docs/reinforcement_learning.md says how to train in it.
-"""
+"""The gymnasium environment of one task, one control period a step:
+docs/reinforcement_learning.md."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -23,25 +15,19 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pose_action_names
-from pipeline.evaluate.environment.observation import EnvironmentView, Moment, PolicyView, StateView
-from pipeline.evaluate.environment.reward import (
-    NOTHING,
-    Meter,
-    Shaped,
-    TaskProgress,
-    check_discount,
-)
 from pipeline.evaluate.policies.policy import observe
 from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
-from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
-from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
-from pipeline.evaluate.scenes.views import Eyes, instruction_of
+from pipeline.evaluate.scenes.manifests import case_of_seed, check_case, training_scenes
+from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Eyes, Trial, instruction_of
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
 from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world.robots import get_embodiment
+
+from .observation import PolicyView, StateView
+from .reward import NOTHING, Meter, Shaped, TaskProgress, check_discount
 
 ACTIONS = ("joint", "ee", "delta_ee")
 OBSERVATIONS = ("policy", "state")
@@ -49,35 +35,27 @@ REWARDS = ("score", "dense")
 
 
 class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
-    """One task x embodiment x level x alpha x domain.
+    """One task x embodiment x level x alpha x domain. `setup` is a Setup, keys of one, or the
+    directory of a dataset.
 
-    `setup` is a Setup, keys of one (`{"cameras": ["head"], "fps": 30}`), or the directory of a
-    dataset whose setup is taken.
+    Observation "policy": "agent_pos" (A,) measured joints, grippers 0-1; "instruction"; "pixels"
+    (H,W,3) uint8 by camera; by the setup "depth" (H,W) uint16, mm along the viewing axis,
+    "segmentation" (H,W) uint8, "pointcloud" (N,6). "state": the true state as one vector (N,) with
+    `state_names`. Numbers beyond the spaces are cut.
 
-    Observation: `observations="policy"` is a dictionary with "agent_pos" (A,) measured joints,
-    grippers 0-1; "instruction"; "pixels" with (H,W,3) uint8 by camera, and, where the setup has
-    them, "depth" with (H,W) uint16 in mm along the viewing axis, "segmentation" with (H,W) uint8,
-    and "pointcloud" (N,6) of the head camera. `observations="state"` is one vector (N,) of the true
-    state, whose numbers `state_names` names: measured joints, drive targets, joint velocities,
-    poses of the tools and of all bodies of the task, the target's velocity, the progress of
-    reward.py, and the share of time left. Numbers beyond the bounds of the spaces are cut.
+    Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose (x,
+    y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
+    measured ones.
 
-    Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"`
-    (8S,) per arm a tool pose (x, y, z, qw, qx, qy, qz; world frame) and a gripper value;
-    `actions="delta_ee"` the same, poses in the frames of the measured ones.
+    Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
+    change of a potential with `discount` (reward.py); the step limit is then `terminated`, because
+    `time_left` shows it.
 
-    Reward: `reward="score"` is 0 until the episode ends and then its manipulation score (0-100).
-    `reward="dense"` is 1 at a success plus the change of a potential with `discount` (reward.py);
-    there the step limit ends an episode as `terminated`, because `time_left` shows it.
-
-    `scenes=N` draws every episode from N scenes that the expert solved at the first reset, kept in
-    the directory `manifests` if it is given; no evaluation with a `--seed` below 10000 shows them.
-    With `scenes=0` every reset without a seed runs the expert on a new scene. With a `benchmark`, a
-    name or a file, seed n takes its frozen scene n of the cell, modulo their number, and a reset
-    without a seed the next one. `info["is_success"]`
-    is always there; at the end `info["score"]` has all of EpisodeScore. Raises ValueError, and
-    RecipeError for a wrong key of a setup.
-    """
+    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; no
+    evaluation with a `--seed` below 10000 shows them. With `scenes=0` a reset without a seed runs
+    the expert on a new scene. With a `benchmark`, a name or a file, seed n takes its frozen scene n
+    of the cell, modulo their number, and a reset without a seed the next one. `info` has
+    "is_success", at the end "score" (EpisodeScore). Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -135,11 +113,11 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             low = np.array([-2.0, -2.0, lowest, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides))
             high = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides))
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
-        self._view: EnvironmentView = (
+        self._view = (
             PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
         )
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
-        self.observation_space = self._view.space
+        self.observation_space: gymnasium.Space[Any] = self._view.space
         self._discount = check_discount(discount) if reward == "dense" else None
         self._measures = reward == "dense" or observations == "state"
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
@@ -155,7 +133,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     @property
     def trial(self) -> Trial:
-        """The running trial. Raises RuntimeError before the first reset."""
+        """Raises RuntimeError before the first reset."""
         if self._trial is None:
             raise RuntimeError("reset the environment before it is used")
         return self._trial
@@ -163,8 +141,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode. Raises NoCase if the expert solves none of 30 seeds, OtherCase for a
-        case of another cell or setup."""
+        """Seed n is its scene if the expert solves it, else that of the next seed derived from n;
+        `options` may have a "case". Raises NoCase if it solves none of 30, OtherCase for another
+        cell or setup."""
         super().reset(seed=seed)
         case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)
@@ -184,8 +163,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control period. Raises ActionError for an action of another shape or that is not
-        finite."""
+        """Raises ActionError for an action that cannot be used."""
         trial, info = self.trial, dict[str, Any]()
         values = check_action(action, len(self.action_names))
         if self._tools is not None:
@@ -206,7 +184,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), reward, over, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The image (H,W,3) now of the setup's first camera, by default the head camera."""
+        """The image (H,W,3) of the first camera, by default the head camera."""
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))
@@ -229,7 +207,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def _observe(self, progress: TaskProgress) -> Any:
         eyes = self._eyes if self.setup.cameras else None
         seen = observe(self.trial, eyes, self.task_description)
-        return self._view.observe(self.trial, Moment(seen, progress))
+        return self._view.observe(self.trial, seen, progress)
 
     def _draw_case(self, seed: int | None) -> Case:
         if self._frozen:

@@ -2,8 +2,7 @@
 
 import string
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
-from pipeline.evaluate.environment.reward import NOTHING, TaskProgress
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.tasks import Draw, Task
@@ -20,39 +18,18 @@ from pipeline.world.drawing.sensing import HIGHEST, POINTS
 from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.robots.contract import Embodiment
 
+from .reward import TaskProgress
+
 Box = gymnasium.spaces.Box
 
-SLACK = 0.1
-"""rad, m and share of a gripper by which a measured joint may overshoot its limits."""
+SLACK = 0.1  # rad, m and share of a gripper by which a measured joint may overshoot its limits
 
-FAR, FAST, SPIN = 3.0, 5.0, 20.0
-"""m, m/s and rad/s; larger numbers of the state vector are cut to these."""
+FAR, FAST, SPIN = 3.0, 5.0, 20.0  # m, m/s and rad/s; larger numbers are cut to these
 
 _TEXT = string.ascii_letters + string.digits + string.punctuation + " "
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What a view is made from besides the simulation: what a policy sees, and the progress."""
-
-    seen: Observation
-    progress: TaskProgress = NOTHING
-
-
-class EnvironmentView(Protocol):
-    """What an environment observes."""
-
-    @property
-    def space(self) -> gymnasium.Space[Any]: ...
-
-    def observe(self, trial: Trial, moment: Moment) -> Any:
-        """The observation of the trial now."""
-        ...
-
-
 class PolicyView:
-    """The observation "policy" of DominoEnv."""
-
     def __init__(self, robot: Embodiment, setup: Setup) -> None:
         limits = joint_limits(robot)
         lower, upper = limits.lower - SLACK, limits.upper + SLACK
@@ -79,8 +56,7 @@ class PolicyView:
             parts["pointcloud"] = Box(low, high)
         self.space = gymnasium.spaces.Dict(parts)
 
-    def observe(self, trial: Trial, moment: Moment) -> dict[str, Any]:
-        seen = moment.seen
+    def observe(self, trial: Trial, seen: Observation, progress: TaskProgress) -> dict[str, Any]:
         out: dict[str, Any] = {
             "agent_pos": _within(self._joints, seen.joints),
             "instruction": seen.instruction,
@@ -93,8 +69,7 @@ class PolicyView:
 
 
 class StateView:
-    """The observation "state" of DominoEnv: the true state as one vector of numbers with
-    `names`."""
+    """One vector of numbers with `names`."""
 
     def __init__(self, robot: Embodiment, task: Task) -> None:
         limits = joint_limits(robot)
@@ -115,7 +90,7 @@ class StateView:
         low, high = map(np.concatenate, ends)
         self.space = Box(low, high)
 
-    def observe(self, trial: Trial, moment: Moment) -> NDArray[np.float32]:
+    def observe(self, trial: Trial, seen: Observation, progress: TaskProgress) -> Any:
         s = trial.simulation
         qpos, qvel = s.qpos()
         velocity = dict(zip(s.joint_names, qvel, strict=True))
@@ -123,7 +98,7 @@ class StateView:
         parts += [s.tcp(side) for side in s.embodiment.sides]
         parts += [s.pose(name) for name in self._bodies]
         left = 1.0 - s.steps / trial.max_steps
-        parts += [s.target_twist()[:3], moment.progress, [left]]
+        parts += [s.target_twist()[:3], progress, [left]]
         return _within(self.space, np.concatenate(parts))
 
 
@@ -131,8 +106,7 @@ _POSES = ([-FAR] * 3 + [-1.0] * 4, [FAR] * 3 + [1.0] * 4)
 
 
 def bodies_of(task: Task) -> tuple[str, ...]:
-    """Names of the bodies of a task in the order of its layout, the same in every scene; the target
-    first."""
+    """The same in every scene; the target first."""
     placed = [p.name for p in task.layout(Draw(np.random.default_rng(0), np.random.default_rng(0)))]
     return (task.target, *(name for name in placed if name != task.target))
 

@@ -1,9 +1,5 @@
-"""The dense reward of an environment: the change of a potential of how far an episode is.
-
-Potential-based shaping (Ng, Harada, Russell 1999, ICML): the discounted sum of an episode's rewards
-is that of the base reward, 1 at a success, minus the potential of its first state, so that an
-optimal policy stays optimal. It holds for learners with the same `discount`.
-"""
+"""The dense reward of an environment, by potential-based shaping (Ng, Harada, Russell 1999, ICML):
+an optimal policy stays optimal for learners with the same `discount`."""
 
 from typing import NamedTuple
 
@@ -13,18 +9,16 @@ from pipeline.data.errors import DominoError
 from pipeline.evaluate.scenes.trial import SUCCESS, Trial
 from pipeline.tasks.contract import TRACKING
 
-NEARNESS = 3.0
-"""1/m; a distance d is worth 1 - tanh(3 d): 10 cm are worth 0.71."""
+NEARNESS = 3.0  # 1/m; a distance d is worth 1 - tanh(3 d): 10 cm are worth 0.71
 
-LIFT = 0.05
-"""m; a rise that counts as lifted."""
+LIFT = 0.05  # m
 
 
 class RewardError(DominoError, ValueError): ...
 
 
 class TaskProgress(NamedTuple):
-    """How far an episode is, each number in 0-1."""
+    """How far an episode is, each number in 0-1; their mean is the potential."""
 
     approach: float
     hold: float
@@ -33,7 +27,6 @@ class TaskProgress(NamedTuple):
 
     @property
     def potential(self) -> float:
-        """Their mean."""
         return sum(self) / len(self)
 
 
@@ -41,16 +34,17 @@ NOTHING = TaskProgress(0.0, 0.0, 0.0, 0.0)
 
 
 class Meter:
-    """Measures the progress of a trial; call `measure` once a control period, because `hold` and
-    `lift` are the best so far.
+    """Measures the progress of a trial once a control period; `hold` and `lift` are the best so
+    far.
 
     - approach: nearness of the nearest acting tool to the handled body; 1 once it was held
+
     - hold: 1 once both fingers of an acting arm touched it; where the target is pressed, one finger
+
     - lift: its greatest rise over LIFT
-    - place: from the first touch of the target on, the share of the success conditions that hold;
-      where something is brought to another body, the mean of that and the nearness of the two, seen
-      from above
-    """
+
+    - place: from the first touch on, the share of success conditions that hold; if something is
+    brought to another body, the mean of that and their nearness, seen from above"""
 
     def __init__(self, trial: Trial) -> None:
         scene = trial.scene
@@ -82,28 +76,25 @@ class Meter:
 
 
 class Shaped:
-    """The dense reward of one episode, from the potential of its first state on."""
+    """From the potential of the first state on."""
 
     def __init__(self, discount: float, potential: float) -> None:
         self._discount, self._before = discount, potential
 
     def reward(self, potential: float, ending: str) -> float:
-        """The reward of a step to a state of this potential; every ending has the potential 0."""
+        """Every ending has the potential 0."""
         after = 0.0 if ending else potential
         before, self._before = self._before, after
         return float(ending == SUCCESS) + self._discount * after - before
 
 
 def near(distance: float) -> float:
-    """The worth of a distance (m), 1 at none and towards 0 far away."""
+    """Of a distance (m): 1 at none, towards 0 far away."""
     return 1.0 - float(np.tanh(NEARNESS * distance))
 
 
 def check_discount(discount: float) -> float:
-    """The discount. Raises RewardError for one outside 0-1."""
+    """Raises RewardError for one outside 0-1."""
     if not 0 < discount <= 1:
-        raise RewardError(
-            f"discount {discount!r}: give a number above 0 and at most 1, the discount of the"
-            " learner"
-        )
+        raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1")
     return discount

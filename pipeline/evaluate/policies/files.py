@@ -1,4 +1,4 @@
-"""Names of policies in files, KIND:PATH?key=value&key=value, and the code in those files."""
+"""Names of policies in files, KIND:PATH?key=value&key=value, and the code in them."""
 
 import hashlib
 import importlib.util
@@ -13,34 +13,30 @@ from pipeline.data.actions import Representation
 from pipeline.data.names import EXPORT_RECORD
 from pipeline.data.parsing import parse_json, parse_yaml
 from pipeline.data.reading import open_regular, read_regular
-from pipeline.evaluate.policies.policy import PolicyError, foreign
+
+from .policy import PolicyError, foreign
 
 ACTION_OPTIONS = ("actions", "rotation", "frame")
-"""Options of a policy's name that say what an action is; `like`, an export, stands for all."""
+"""What an action is; `like`, an export, stands for all."""
 
 
 def stated_actions(options: Mapping[str, Any]) -> Representation:
-    """What an action is by the options of a policy's name, joints by default. Raises PolicyError
-    for an unknown word."""
+    """Joints by default. Raises PolicyError for an unknown word."""
     try:
-        return Representation(
-            **{key: str(options[key]) for key in ACTION_OPTIONS if key in options}
-        )
+        return Representation(**{k: str(options[k]) for k in ACTION_OPTIONS if k in options})
     except ValueError as error:
         raise PolicyError(str(error)) from error
 
 
 def expected_actions(text: str) -> Representation | None:
-    """What an action is by the options of a policy's name, None without such options. Raises
-    PolicyError for an unknown word."""
+    """Of the options of a policy's name, None without such options."""
     options = dict(parse_qsl(text.partition("?")[2]))
     return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
 
 
 def name_actions(text: str, like: Path | None = None) -> str:
-    """The name of a policy with the options of the export that its option `like`, or else `like`,
-    names, which those written out override. Raises PolicyError for an export that cannot be
-    read."""
+    """The name with the options of an export, its option `like` or else `like`, unless written out.
+    Raises PolicyError for an export that cannot be read."""
     rest, _, query = text.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     export = given.pop("like", like)
@@ -56,7 +52,7 @@ def name_actions(text: str, like: Path | None = None) -> str:
 
 
 def digest_of(files: Iterable[Path]) -> str:
-    """Short hash of the bytes of files. Raises PolicyError."""
+    """Raises PolicyError."""
     digest = hashlib.sha256()
     for path in files:
         try:
@@ -68,7 +64,7 @@ def digest_of(files: Iterable[Path]) -> str:
 
 
 def module_of(path: Path) -> ModuleType:
-    """The module in a file. Raises PolicyError."""
+    """Raises PolicyError."""
     spec = importlib.util.spec_from_file_location(f"domino_policy_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise PolicyError(f"{path}: is no Python file")
@@ -80,7 +76,7 @@ def module_of(path: Path) -> ModuleType:
 
 @dataclass(frozen=True)
 class PolicySettings:
-    """A path and options; values are read as YAML (3, 0.5, true, text). `query` is their text."""
+    """A path and options, read as YAML; `query` is their text."""
 
     kind: str
     path: str
@@ -89,34 +85,29 @@ class PolicySettings:
 
     @property
     def text(self) -> str:
-        """The options, sorted."""
         return "".join(f",{key}={value}" for key, value in sorted(self.options.items()))
 
     def at(self, path: Path) -> str:
-        """The name with an absolute path, as any process finds it."""
         return f"{self.kind}:{path.resolve()}{self.query and f'?{self.query}'}"
 
     def take(self, *known: str) -> dict[str, Any]:
         """The options. Raises PolicyError for one that is not known."""
         if unknown := sorted(set(self.options) - set(known)):
-            raise PolicyError(
-                f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: options are"
-                f" {', '.join(known)}"
-            )
+            what = f"option {unknown[0]!r} is unknown: options are {', '.join(known)}"
+            raise PolicyError(f"--policy {self.kind}:{self.path}: {what}")
         return self.options
 
 
 def parse_settings(text: str) -> PolicySettings:
-    """The parts of a name. Raises PolicyError."""
+    """Raises PolicyError."""
     kind, _, rest = text.partition(":")
     path, mark, query = rest.partition("?")
     try:
         pairs = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(mark)))
         options = {key: parse_yaml(value) for key, value in pairs.items()}
     except ValueError as error:
-        raise PolicyError(
-            f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value"
-        ) from error
+        form = f"{kind}:PATH?key=value&key=value"
+        raise PolicyError(f"--policy {text!r}: write options as {form}") from error
     if not path:
         raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
     return PolicySettings(kind, path, options, query)

@@ -7,19 +7,18 @@ from numpy.typing import NDArray
 from pipeline.data.names import EXPORTED_CAMERAS
 
 DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAMERAS.items()}
-"""Cameras of an episode by their exported names."""
+"""By their exported names."""
 
 
 def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """The image (H,W,3) at another (height, width), whatever its proportions were."""
+    """The image (H,W,3) at another (height, width)."""
     if image.shape[:2] == size:
         return image
     return np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """The image (H,W,3) scaled to fit into a square of `size` pixels, in its middle, black around
-    it."""
+    """The image (H,W,3) in the middle of a black square of `size` pixels."""
     height, width = image.shape[:2]
     scale = size / max(height, width)
     h, w = max(1, round(height * scale)), max(1, round(width * scale))
@@ -33,6 +32,5 @@ def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
 
 
 def first_rows(actions: NDArray[np.generic], execute: int | None) -> NDArray[np.generic]:
-    """The rows of a chunk (H,A) that are executed before the server is asked again: all, or the
-    first `execute`."""
+    """The first `execute` rows of a chunk (H,A), or all."""
     return actions if execute is None or actions.ndim < 2 else actions[:execute]

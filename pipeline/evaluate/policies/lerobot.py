@@ -1,12 +1,8 @@
-"""LeRobot policies by lerobot's own factory and processors: --policy
-lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true&like=EXPORT
+"""LeRobot policies: --policy lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true&like=EXPORT
 
 Cameras have the names of our exports (cam_high, ...) or of episodes (head_camera, ...). Policies
-that see one observation are asked for `n_action_steps` actions at once, others for one at a time.
-With `resize` images are scaled to the sizes of training; without it other sizes are refused. `like`
-is the export that the policy was trained on: it names what an action is, as do the options
-`actions`, `rotation` and `frame`.
-"""
+that see one observation are asked for `n_action_steps` actions at once, others for one. `resize`
+scales images to the sizes of training; otherwise other sizes are refused."""
 
 import logging
 from dataclasses import astuple, replace
@@ -17,16 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.actions import JOINTS, Representation
-from pipeline.evaluate.policies.contract import Contract, mismatch
-from pipeline.evaluate.policies.files import (
-    ACTION_OPTIONS,
-    PolicySettings,
-    digest_of,
-    parse_settings,
-    stated_actions,
-)
-from pipeline.evaluate.policies.fit import DATASET_CAMERAS, scaled
-from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
+
+from .contract import Contract, mismatch
+from .files import ACTION_OPTIONS, PolicySettings, digest_of, parse_settings, stated_actions
+from .fit import DATASET_CAMERAS, scaled
+from .policy import Observation, Policy, PolicyError, PolicyName, Start
 
 OPTIONS = ("device", "resize", "revision", *ACTION_OPTIONS)
 IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"
@@ -34,8 +25,6 @@ ENVIRONMENT = "observation.environment_state"
 
 
 class LerobotPolicy:
-    """A pretrained policy with its pre- and postprocessor."""
-
     def __init__(
         self,
         policy: Any,
@@ -68,8 +57,7 @@ class LerobotPolicy:
         self._needed = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises PolicyError for another robot or other cameras than the
-        policy's."""
+        """Raises PolicyError for another robot or other cameras."""
         import torch
 
         needed, shown = self._needed.image_sizes or {}, dict(start.image_sizes)
@@ -92,7 +80,7 @@ class LerobotPolicy:
         return torch.cat(actions).to("cpu", torch.float64).numpy()
 
     def _select(self, batch: dict[str, Any]) -> Any:
-        """The next action (1,A); counts the runs of the network, of any number of steps."""
+        """The next action (1,A); counts the runs of the network."""
         self._ran = False
         action = self._policy.select_action(batch)
         self.inferences += self._ran
@@ -102,21 +90,18 @@ class LerobotPolicy:
         self._ran = True
 
     def batch(self, observation: Observation) -> dict[str, Any]:
-        """The batch of one observation for LeRobot's preprocessor."""
         import torch
 
         state = torch.from_numpy(np.asarray(observation.joints, np.float32))[None]
-        batch: dict[str, Any] = {
-            self._given.get(STATE, STATE): state,
-            "task": [observation.instruction],
-        }
+        key = self._given.get(STATE, STATE)
+        batch: dict[str, Any] = {key: state, "task": [observation.instruction]}
         for key, (camera, size) in self._keys.items():
             image = scaled(observation.images[camera], size).transpose(2, 0, 1)
             batch[key] = torch.from_numpy(np.ascontiguousarray(image))[None].float() / 255
         return batch
 
     def _other_lengths(self, start: Start) -> str:
-        """What is wrong with the number of joints or of an action's numbers, if anything."""
+        """What is wrong with the number of joints or of an action's numbers."""
         config = self._policy.config
         features = dict(config.input_features or {}) | dict(config.output_features or {})
         names = start.state_names
@@ -128,10 +113,10 @@ class LerobotPolicy:
 
 
 class LerobotForm:
-    """The form lerobot:DIRECTORY_OR_REPO?key=value of a policy's name."""
+    """lerobot:DIRECTORY_OR_REPO?key=value"""
 
     def name(self, text: str) -> PolicyName:
-        """Check the directory; a repository is not asked before it is used. Raises PolicyError."""
+        """A repository is not asked before it is used. Raises PolicyError."""
         settings = parse_settings(text)
         settings.take(*OPTIONS)
         folder, actions = Path(settings.path), stated_actions(settings.options)
@@ -142,10 +127,8 @@ class LerobotForm:
             revision = settings.options.get("revision", "main")
             return PolicyName(text, f"lerobot:{settings.path}@{revision}{written}")
         if not (folder / "config.json").is_file():
-            raise PolicyError(
-                f"--policy {text}: has no config.json: give the directory that save_pretrained"
-                " wrote"
-            )
+            what = "has no config.json: give the directory that save_pretrained wrote"
+            raise PolicyError(f"--policy {text}: {what}")
         files = sorted(p for p in folder.iterdir() if p.suffix in (".json", ".safetensors"))
         label = f"lerobot:{folder.resolve().name}@{digest_of(files)}{written}"
         return PolicyName(settings.at(folder), label)
@@ -155,27 +138,23 @@ class LerobotForm:
         try:
             policy = load(settings)
         except ModuleNotFoundError as error:
-            raise PolicyError(
-                f"--policy {text} needs {error.name}: run `uv sync --inexact --extra lerobot`"
-            ) from error
+            extra = f"needs {error.name}: run `uv sync --inexact --extra lerobot`"
+            raise PolicyError(f"--policy {text} {extra}") from error
         except (OSError, ValueError, KeyError, ImportError) as error:
             reason = " ".join(str(error).split())[:300]
             raise PolicyError(f"--policy {text}: cannot be loaded: {reason}") from error
         if policy.sees_state:
-            raise PolicyError(
-                f"--policy {text}: sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is"
-                " given"
-            )
+            only = f"sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is given"
+            raise PolicyError(f"--policy {text}: {only}")
         return policy
 
 
 def silence_torchcodec() -> None:
-    """Keep LeRobot from printing a page of errors about video decoders that are not needed."""
+    """Keep LeRobot from printing a page of errors about video decoders."""
     logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
 
 
 def load[P: LerobotPolicy](settings: PolicySettings, kind: type[P] = LerobotPolicy) -> P:
-    """The policy of this kind and its processors, by lerobot's factory."""
     silence_torchcodec()
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.policies.factory import get_policy_class, make_pre_post_processors
@@ -185,9 +164,8 @@ def load[P: LerobotPolicy](settings: PolicySettings, kind: type[P] = LerobotPoli
     config = PreTrainedConfig.from_pretrained(settings.path, revision=revision)
     if "device" in options:
         config.device = str(options["device"])
-    policy = get_policy_class(config.type).from_pretrained(
-        settings.path, config=config, revision=revision
-    )
+    network = get_policy_class(config.type)
+    policy = network.from_pretrained(settings.path, config=config, revision=revision)
     policy.eval()
     device = {"device_processor": {"device": str(policy.config.device)}}
     processors = make_pre_post_processors(

@@ -1,14 +1,6 @@
-"""What a policy is.
-
-    class Policy:
-        def reset(self, start: Start) -> None: ...
-        def act(self, observation: Observation) -> ArrayLike: ...  # an action (A,) or a chunk (H,A)
-
-It may declare what it was made for in `setup`, or `fps`, `cameras` and `size`, and `contract`
-(contract.py): an evaluation that differs is refused. A policy that answers some questions from a
-chunk it has counts the runs of its network in `inferences`: latency is charged for those. A policy
-that can answer several episodes at once is a BatchPolicy.
-"""
+"""What a policy is. It may declare what it was made for (contract.py). If it answers some questions
+from a chunk it has, it counts the runs of its network in `inferences`: latency is charged for
+those."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -27,34 +19,26 @@ from pipeline.data.setup import DEFAULT, Setup
 from pipeline.evaluate.actions import ActionError, check_action
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.scenes.case import Case
-from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import CameraViews, Eyes
-
-PROCESSES = ("evaluator", "own", "server")
-"""Where a policy runs: with the simulation and its judge, in a process of its own that only
-messages reach, on a server."""
+from pipeline.evaluate.scenes.trial import CameraViews, Eyes, Trial
 
 LONGEST_CHUNK = 1000
 
 
 class PolicyError(DominoError):
-    """A policy that cannot be loaded, or that refuses an episode."""
+    """It cannot be loaded, or refuses an episode."""
 
 
 class NoAnswer(PolicyError):
-    """A policy was ready and gave no answer: its error, a lost connection, a time limit."""
+    """Of a policy that was ready: its error, a lost connection, a time limit."""
 
 
 @dataclass(frozen=True)
 class Start:
     """What a policy receives before an episode. Nothing in it identifies the scene.
 
-    `action_names` are those of an action as the policy answers, `state_names` those of the joints
-    (by default the same), `fps` the actions a second, `cameras` those it
-    will see and `image_sizes` their (height, width); `seed` is for its own draws. The robot's base
-    is `lift` m higher above the table than usual, to 0.1 mm: the randomized domain lowers the
-    table.
-    """
+    `action_names` of an action as the policy answers, `state_names` of the joints; `image_sizes`
+    (height, width) by camera; `seed` for its own draws. The robot's base is `lift` m, to 0.1 mm,
+    higher above the table than usual."""
 
     instruction: str
     embodiment: str
@@ -72,21 +56,18 @@ class Start:
 
 
 def policy_seed(instruction: str, embodiment: str) -> int:
-    """The seed (63 bits) of a policy's own draws: a hash of what it receives anyway."""
+    """63 bits: a hash of what the policy receives anyway."""
     digest = hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()
     return int.from_bytes(digest[:8], "little") >> 1
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a policy sees: measured joints (A,), grippers 0-1; the instruction; seconds since the
-    start; images (H,W,3) uint8 RGB by camera.
+    """Measured joints (A,), grippers 0-1; `time` in s; images (H,W,3) uint8 RGB by camera.
 
-    If the setup has them: depth images (H,W) uint16 in mm by camera (0 = nothing seen), the body of
-    each pixel (H,W) uint8 by camera, and a point cloud (N,6): x y z (m, world), r g b (0-1). On an
-    `async` clock `committed` are the actions (N,A) that are executed during this inference if it
-    takes as long as the last one.
-    """
+    With sensors also depth (H,W) uint16 in mm (0 = nothing seen), the body of each pixel (H,W)
+    uint8, a point cloud (N,6): x y z (m, world), r g b (0-1). On an `async` clock `committed` (N,A)
+    are executed during an inference as long as the last one."""
 
     joints: NDArray[np.float64]
     instruction: str
@@ -107,41 +88,29 @@ def observe(
 
 
 class Policy(Protocol):
-    """Anything that can be evaluated."""
-
-    def reset(self, start: Start) -> None:
-        """An episode begins."""
-        ...
+    def reset(self, start: Start) -> None: ...
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control
-        period."""
+        """The next action (A,) or chunk (H,A): drive targets at the end of each control period."""
         ...
 
 
 class BatchPolicy(ABC):
-    """A policy that answers the questions of many episodes together. In a single episode it is a
-    Policy.
-
-    It keeps nothing of an episode itself: the memory of an episode is what `begin` returns, and its
-    attribute `inferences`, if any, counts the runs of the network for this episode.
-    """
+    """A policy that answers many episodes together; in a single episode it is a Policy. The memory
+    of an episode is what `begin` returns; its `inferences`, if any, counts the runs of the
+    network."""
 
     _episode: Any = None
 
     @abstractmethod
     def begin(self, start: Start) -> Any:
-        """Begin an episode and return its memory. Raises PolicyError if the policy refuses it."""
+        """The memory of a new episode. Raises PolicyError if the policy refuses it."""
 
     @abstractmethod
     def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:
-        """An answer, as of `act`, for each pair of an episode's memory and its observation; no
-        episode is there twice.
-
-        An answer must not depend on the rest of the batch. After an error each question is asked
-        again alone, so that it ends one episode only: change a memory after everything that can
-        fail.
-        """
+        """An answer, as of `act`, for each pair of an episode's memory and its observation,
+        whatever the rest of the batch. After an error each question is asked again alone: change a
+        memory after everything that can fail."""
 
     def reset(self, start: Start) -> None:
         self._episode = self.begin(start)
@@ -151,26 +120,23 @@ class BatchPolicy(ABC):
 
     @property
     def inferences(self) -> int | None:
-        """Runs of the network in the single episode, None if they are not counted."""
         return getattr(self._episode, "inferences", None)
 
 
 @runtime_checkable
 class SeesTruth(Protocol):
-    """A reference policy that is shown the simulation itself: never a trained one or a served
-    one."""
+    """Is shown the simulation itself."""
 
     def see(self, trial: Trial, case: Case) -> None:
-        """The trial that begins and its case; called after `reset`."""
+        """Called after `reset`."""
         ...
 
 
 @dataclass(frozen=True)
 class PolicyName:
-    """How a policy was asked for. `label` names it in results. `probe` is a hash of its answer to a
-    fixed question, "" if it is not asked. `process` is one of PROCESSES. A policy in a process of
-    its own prints to the end of the file `prints`, or to standard error. A contract that differs
-    from `actions`, what an export says that an action is, is refused."""
+    """How a policy was asked for. `label` names it in results; `probe` is a hash of its answer to a
+    fixed question; `process` is "evaluator" (with the simulation and its judge), "own" or "server";
+    it prints to `prints`; an export says that its actions are `actions`."""
 
     text: str
     label: str
@@ -181,14 +147,14 @@ class PolicyName:
 
 
 def attribute(policy: object, name: str) -> Any:
-    """An attribute of a policy, None if it has none. Raises PolicyError."""
+    """None if there is none. Raises PolicyError."""
     with foreign(f"its attribute {name} cannot be read"):
         return getattr(policy, name, None)
 
 
 @contextmanager
 def foreign(what: str) -> Iterator[None]:
-    """Raise a PolicyError that begins with `what` for any error of foreign code in the block."""
+    """Raise a PolicyError that begins with `what` for any error in the block."""
     try:
         yield
     except KeyboardInterrupt:
@@ -198,7 +164,7 @@ def foreign(what: str) -> Iterator[None]:
 
 
 def count_inferences(policy: object) -> int | None:
-    """How often the network of a policy has run, None if it does not count in whole numbers."""
+    """None if it does not count in whole numbers."""
     count: object = attribute(policy, "inferences")
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return None
@@ -206,7 +172,7 @@ def count_inferences(policy: object) -> int | None:
 
 
 def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
-    """A policy's answer as a chunk (H,A). Raises ActionError."""
+    """An answer as (H,A). Raises ActionError."""
     try:
         values = np.asarray(answer)
     except (TypeError, ValueError) as error:
@@ -215,7 +181,6 @@ def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
         raise ActionError(f"the policy's answer is of the type {values.dtype}: give floats")
     rows = values[None] if values.ndim == 1 else values
     if rows.ndim != 2 or not 1 <= len(rows) <= LONGEST_CHUNK:
-        raise ActionError(
-            f"the policy's answer has the shape {values.shape}; give ({length},) or (H, {length})"
-        )
+        give = f"give ({length},) or (H, {length})"
+        raise ActionError(f"the policy's answer has the shape {values.shape}; {give}")
     return np.stack([check_action(row, length) for row in rows])

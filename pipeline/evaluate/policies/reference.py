@@ -1,54 +1,126 @@
-"""Reference policies without training: what a benchmark of moving targets must tell apart. All but
-`random` and `still` are shown the simulation, run the task's own script, and differ in where they
-expect the target."""
+"""Reference policies without training. All but `random` and `still` are shown the simulation, run
+the task's own script, and differ in where they expect the target."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Observation, PolicyError, Start
+from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.setup.rules import Rules
+from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.scenes.case import Case, expert_actions
-from pipeline.evaluate.scenes.scripted import Rehearsal, live, rehearse
 from pipeline.evaluate.scenes.trial import Trial
+from pipeline.expert.actor import Actor, Skill
+from pipeline.motion.planar import PlanarMotion
+from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner
-from pipeline.poses import Floats, Pose
+from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.stages.failure import Failure
+from pipeline.stages.scene import Scene
+
+from .policy import LONGEST_CHUNK, Observation, PolicyError, Start
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """The first half of a script (`meet`) for a target that stands at `aim` (7,). `actions` (T,A),
+    one a control period; in the period `last_skill` the last skill begins. `meeting` (s) is the
+    first touch, or the end; `held` what was in which hand then."""
+
+    aim: Pose
+    actions: Floats
+    last_skill: int
+    meeting: float
+    held: dict[str, str]
+
+
+def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
+    """Plan and run `meet` with the target at `aim` (7,); None without a plan."""
+    return _rehearse(_SceneKey(scene.spec, scene.rules, scene), tuple(map(float, aim)), fps)
+
+
+@dataclass(frozen=True)
+class _SceneKey:
+    spec: EpisodeSpec
+    rules: Rules
+    scene: Scene = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _rehearse(key: _SceneKey, at: tuple[float, ...], fps: int) -> Rehearsal | None:
+    scene, aim, task = key.scene, np.array(at), key.scene.task
+    try:
+        # the expert's own stream: with the target at the manipulation pose this is its plan
+        actor = with_target_at(scene, aim).start(PlanarMotion.still(aim, 1.0), fps, "dry_run")
+        began = 0
+        for skill in task.meet(actor):
+            began = actor.simulation.steps
+            actor.perform(skill)
+    except (Failure, PlanFailure):
+        return None
+    actions = at_control_rate(np.array(actor.stream.commands), PHYSICS_HZ // fps)
+    actions.setflags(write=False)
+    met = (e.time for e in actor.simulation.events if e.name == "meeting")
+    meeting = next(met, actor.simulation.time)
+    return Rehearsal(aim, actions, began // (PHYSICS_HZ // fps), meeting, dict(actor.held))
+
+
+def with_target_at(scene: Scene, aim: Pose) -> Scene:
+    """The scene with its target, and what lies in it, moved to `aim` (7,)."""
+    target, bodies = scene.task.target, dict(scene.bodies)
+    moved = compose(aim, inverse(bodies[target].pose))
+    for name, body in scene.bodies.items():
+        if target in (name, body.inside):
+            bodies[name] = replace(body, pose=compose(moved, body.pose))
+    return replace(scene, bodies=bodies)
+
+
+def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
+    """Motions, actions (N,A), of skills planned one after another until a plan fails. Ask for the
+    next only after the last was executed."""
+    try:
+        for skill in skills:
+            for step in skill(actor):
+                yield at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
+    except PlanFailure:
+        return
+
+
+def at_control_rate(commands: Floats, every: int) -> Floats:
+    """The last of every `every` rows (N,A)."""
+    index = np.minimum(np.arange(every, len(commands) + every, every), len(commands)) - 1
+    return commands[index]
+
 
 FIRST_GUESSES = (2.0, 1.0, 3.0)
-"""s; when the robot may meet the target: its place then may be out of reach although the meeting
-point is not."""
+"""s; when the robot may meet the target: its place then may be out of reach."""
 
 
 class _Stream:
-    """Takes motions, actions (N,A) planned together, from a generator, and holds the last command
-    when that ends.
+    """Takes motions, actions (N,A) planned together, from a generator, then holds the last command.
 
-    A chunk of at most `chunk` actions never spans two motions: what follows a motion is planned
-    from the state in which it ended.
-    """
+    A chunk of at most `chunk` actions never spans two motions: the next is planned from the state
+    in which one ended."""
 
     scripted = True
     """Its chunks do not begin at the observation: no `async` clock can skip into them."""
 
     def __init__(self, chunk: float = 1) -> None:
         if chunk != int(chunk) or not 1 <= chunk <= LONGEST_CHUNK:
-            raise PolicyError(
-                f"chunk={chunk:g}: give a whole number of actions, 1 to {LONGEST_CHUNK}"
-            )
+            raise PolicyError(f"chunk={chunk:g}: give a whole number, 1 to {LONGEST_CHUNK}")
         self._chunk = int(chunk)
-        self._forget()
-
-    def _forget(self) -> None:
         self._motions: Iterator[Floats] = iter(())
-        self._ready = np.empty((0, 0))
-        self._last: Floats | None = None
+        self._ready, self._last = np.empty((0, 0)), cast(Floats | None, None)
 
     def reset(self, start: Start) -> None:
-        self._forget()
+        self._motions, self._ready, self._last = iter(()), np.empty((0, 0)), None
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next actions, or the last one again."""
         while not len(self._ready):
             motion = next(self._motions, None)
             if motion is None:
@@ -60,33 +132,26 @@ class _Stream:
 
 
 class ReplayPolicy(_Stream):
-    """The expert's recorded actions: the upper bound, and a test that they suffice to imitate."""
+    """The expert's recorded actions: the upper bound."""
 
     def see(self, trial: Trial, case: Case) -> None:
         self._motions = iter([expert_actions(case)])
 
 
 class Static(_Stream):
-    """The expert plans for the target where it stands at the start; what comes after the meeting
-    is planned live."""
+    """The expert plans for the target at the start; what comes after the meeting is live."""
 
     def see(self, trial: Trial, case: Case) -> None:
         self._motions = _open_loop(trial, _plan_as_it_stands(trial))
 
 
 class Interceptor(_Stream):
-    """The expert assumes that the target keeps the velocity it has at the start, and goes where it
-    will be at the meeting.
-
-    `noise` is the standard deviation (m, and a third of it in m/s) of the position and velocity it
-    is given; for the first `delay` seconds it holds still, and then takes what it saw at the start
-    for the present.
-    """
+    """The expert assumes that the target keeps the velocity it has at the start, known to `noise` m
+    (a third of it in m/s). For the first `delay` s it holds still, then takes what it saw at the
+    start for the present."""
 
     def __init__(self, noise: float = 0.0, delay: float = 0.0, chunk: float = 1) -> None:
         super().__init__(chunk)
-        if noise > 1 or delay > 60:
-            raise PolicyError(f"noise={noise:g}, delay={delay:g}: give at most 1 m and 60 s")
         self._noise, self._delay = noise, delay
 
     def see(self, trial: Trial, case: Case) -> None:
@@ -100,12 +165,9 @@ class Interceptor(_Stream):
 
 
 class Chaser(_Stream):
-    """The expert plans for the target where it is at the start and then follows it to where it is
-    now, without foresight."""
+    """The expert plans for the target at the start, then follows it without foresight."""
 
-    RAMP = 0.5
-    """s over which it turns from its plan to the moving target, from the beginning of the last
-    skill before the meeting."""
+    RAMP = 0.5  # s over which it turns from its plan to the moving target, in the last skill
 
     def __init__(self) -> None:
         super().__init__()  # every action needs the newest position: no chunks
@@ -136,9 +198,9 @@ class Chaser(_Stream):
 
 
 class Tapper(Chaser):
-    """Follows the target until it touches it, goes back the way it came, and acts as in a still
-    scene: all it solves beyond `Static`, the first touch gave it. Where something is carried to the
-    target it acts as in a still scene at once."""
+    """Follows the target until it touches it, goes back, and acts as in a still scene: all it
+    solves beyond `Static`, the first touch gave it. Where something is carried to the target it
+    acts as in a still scene at once."""
 
     def _acts(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
         task = trial.scene.task
@@ -160,32 +222,22 @@ def _plan_as_it_stands(trial: Trial) -> Rehearsal | None:
 
 
 def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
-    """The rehearsal, within 2 mm, for a target that is at `at` (7,) now and keeps this velocity
-    (3,).
-
-    None if no plan is found for any first guess of the meeting's time.
-    """
+    """The rehearsal, within 2 mm, for a target at `at` (7,) that keeps this velocity (3,), if there
+    is one."""
 
     def ahead(seconds: float) -> Pose:
-        aim = at.copy()
-        aim[:3] += velocity * seconds
-        return aim
+        return np.concatenate([at[:3] + velocity * seconds, at[3:]])
 
     tried = (rehearse(trial.scene, ahead(guess), trial.fps) for guess in FIRST_GUESSES)
     plan = next((rehearsal for rehearsal in tried if rehearsal), None)
     for _ in range(5):
         if plan is None or np.linalg.norm(ahead(plan.meeting)[:3] - plan.aim[:3]) < 0.002:
             break
-        better = rehearse(trial.scene, ahead(plan.meeting), trial.fps)
-        if better is None:
-            break
-        plan = better
+        plan = rehearse(trial.scene, ahead(plan.meeting), trial.fps) or plan
     return plan
 
 
 class Still:
-    """Holds the joints it begins with: the score of a policy that does nothing."""
-
     def reset(self, start: Start) -> None:
         self._at: Floats | None = None
 
@@ -197,8 +249,7 @@ class Still:
 class Random:
     """A random walk of the drive targets; grippers open and close."""
 
-    STEP = 0.06
-    """Standard deviation (rad or m) of a step."""
+    STEP = 0.06  # standard deviation (rad or m) of a step
 
     def reset(self, start: Start) -> None:
         self._rng, self._at = np.random.default_rng([start.seed, 2]), None
@@ -213,7 +264,7 @@ class Random:
 
 
 def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
-    """The rehearsed motion after `delay` s, then the rest of the script; nothing without a plan."""
+    """The rehearsed motion after `delay` s, then the rest of the script."""
     if plan is None:
         return
     yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)
@@ -229,8 +280,7 @@ def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
 def _shift(
     planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats
 ) -> Floats:
-    """The action (A,) with the tools of `sides` moved by `offset` (3,) m in the world; an arm that
-    cannot get there stays."""
+    """The action (A,) with the tools of `sides` moved by `offset` (3,) m, where they can get."""
     out, now = list[Floats](), planner.split(command)
     for side, (q, value) in planner.split(row).items():
         if side in sides and offset.any():

@@ -1,36 +1,183 @@
 """RoboTwin's deploy_policy.py files, unmodified: --policy robotwin:policy/ACT?ckpt_dir=...
 
-The directory is a package, as in RoboTwin: `get_model(usr_args)`, `eval(TASK_ENV, model,
-observation)` and, if there is one, `reset_model(model)` come from its deploy_policy.py. usr_args
-are the keys of deploy_policy.yml beside it, then the options of the name, then left_arm_dim and
-right_arm_dim. `eval` is called again and again with the newest observation until the episode ends.
-"""
+`get_model(usr_args)`, `eval(TASK_ENV, model, observation)` and perhaps `reset_model(model)`.
+usr_args are the keys of deploy_policy.yml, then the options of the name, then left_arm_dim and
+right_arm_dim."""
 
 import importlib
+import queue
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.data.names import SIDES
 from pipeline.data.parsing import ParseError, read_yaml
-from pipeline.evaluate.policies.files import PolicySettings, digest_of, parse_settings
-from pipeline.evaluate.policies.policy import (
-    Observation,
-    Policy,
-    PolicyError,
-    PolicyName,
-    Start,
-    foreign,
-)
-from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, TaskEnv, Turns, robot_at
+from pipeline.evaluate.actions import ActionError, ToolPoses, check_action
+from pipeline.planning.planner import planner_of
+from pipeline.poses import Floats, compose, pose
+from pipeline.world.robots import get_embodiment
+from pipeline.world.robots.contract import Embodiment
+from pipeline.world.robots.pairs import raised
+
+from .files import PolicySettings, digest_of, parse_settings
+from .policy import Observation, Policy, PolicyError, PolicyName, Start, foreign
+
+BEHIND_TCP = 0.12  # m; tool poses are this far behind the tool centre point, along its x axis
+
+_TO_TCP, _FROM_TCP = pose([BEHIND_TCP, 0, 0]), pose([-BEHIND_TCP, 0, 0])
+
+
+def robot_at(start: Start) -> Embodiment:
+    """With its bases where they stand in the episode."""
+    robot = get_embodiment(start.embodiment, start.setup.layout)
+    return raised(robot, start.lift) if start.lift else robot
+
+
+class RobotwinRobot:
+    def __init__(self, robot: Embodiment) -> None:
+        self.planner, self._tools = planner_of(robot), ToolPoses(robot)
+        arms = {side: robot.arms[side].arm_joints for side in robot.arms}
+        self.arm_dims = {side: len(arms.get(side, ())) for side in SIDES}
+
+    def tool_poses(self, joints: ArrayLike) -> dict[str, tuple[Floats, Floats]]:
+        """The original's tool pose (7,) and the tool centre point (7,) by arm, in the world."""
+        parts = self.planner.split(np.asarray(joints, float))
+        tcps = {side: self.planner.fk(side, q) for side, (q, _) in parts.items()}
+        return {side: (compose(tcp, _FROM_TCP), tcp) for side, tcp in tcps.items()}
+
+    def observation(self, seen: Observation, command: Floats) -> dict[str, Any]:
+        """observation/<camera>/rgb (H,W,3) uint8, joint_action/..., endpose/... (7,) wxyz,
+        instruction, timestamp (s), as `export --format robotwin` writes. joint_action and grippers
+        are the targets in force, `command` (A,); tool poses are measured."""
+        joints: dict[str, Any] = {"vector": command.copy()}
+        endpose: dict[str, Any] = {}
+        tools = self.tool_poses(seen.joints)
+        for side, (q, gripper) in self.planner.split(command).items():
+            joints |= {f"{side}_arm": q.tolist(), f"{side}_gripper": gripper}
+            endpose |= {f"{side}_endpose": tools[side][0].tolist(), f"{side}_gripper": gripper}
+        return {
+            "observation": {name: {"rgb": image} for name, image in seen.images.items()},
+            "pointcloud": [],
+            "joint_action": joints,
+            "endpose": endpose,
+            "instruction": seen.instruction,
+            "timestamp": seen.time,
+        }
+
+    def joints(self, action: ArrayLike, kind: str, measured: Floats, command: Floats) -> Floats:
+        """Joint targets (A,) of an action: `qpos` (A,), `ee` (8S,) a pose of the tool and the
+        gripper per arm, `delta_ee` poses relative to the measured ones, in their own frames. Raises
+        ActionError."""
+        if kind == "qpos":
+            return check_action(action, len(command))
+        if kind not in ("ee", "delta_ee"):
+            raise ActionError(f"action_type {kind!r} is unknown: choose qpos, ee or delta_ee")
+        tools = self.tool_poses(measured)
+        values = check_action(action, 8 * len(tools)).copy()
+        for i, (side, (tool, _)) in enumerate(tools.items()):
+            part = slice(8 * i, 8 * i + 7)
+            if np.linalg.norm(values[part][3:]) < 1e-6:
+                raise ActionError(f"the quaternion of the {side} tool is zero")
+            given = pose(values[part][:3], values[part][3:])
+            given = compose(tool, given) if kind == "delta_ee" else given
+            values[part] = compose(given, _TO_TCP)
+        return self._tools.joints(values, command)[0]
+
+
+class TaskEnv:
+    """What eval(TASK_ENV, model, observation) is given. An action is one control period."""
+
+    def __init__(self, robot: RobotwinRobot, start: Start, turns: "Turns") -> None:
+        self._robot, self._turns = robot, turns
+        self._seen = turns.first()
+        self._command = np.asarray(self._seen.joints, float)
+        self.instruction, self.take_action_cnt, self.eval_success = start.instruction, 0, False
+
+    def get_instruction(self) -> str:
+        return self.instruction
+
+    def get_obs(self) -> dict[str, Any]:
+        return self._robot.observation(self._seen, self._command)
+
+    def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
+        """Wait until its control period is over. Raises ActionError."""
+        measured = np.asarray(self._seen.joints, float)
+        self._command = self._robot.joints(action, action_type, measured, self._command)
+        self._seen = self._turns.after(self._command)
+        self.take_action_cnt += 1
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"TASK_ENV has no {name} here: see docs/policy_server.md")
+
+
+JOIN_SECONDS = 10.0
+
+
+class Over(BaseException):
+    """Ends the code in its thread; no `except Exception` of its own stops it."""
+
+
+class Turns:
+    """Runs `work(turns)` in a thread that waits in `after(action)` while the world advances."""
+
+    def __init__(self, work: Callable[["Turns"], None]) -> None:
+        self._work = work
+        self._observations: queue.SimpleQueue[Observation | None] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._ended = False
+
+    def ask(self, observation: Observation) -> Any:
+        """Raises what the work raises, and PolicyError if it has ended."""
+        if self._ended:
+            raise PolicyError("the policy's code has ended: it is asked again at the next episode")
+        self._observations.put(observation)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+        answer = self._answers.get()
+        if isinstance(answer, BaseException):
+            self._ended = True
+            raise answer
+        return answer
+
+    def first(self) -> Observation:
+        """Raises Over at the end of the episode."""
+        observation = self._observations.get()
+        if observation is None:
+            raise Over
+        return observation
+
+    def after(self, action: Any) -> Observation:
+        """The observation that follows. Raises Over."""
+        self._answers.put(action)
+        return self.first()
+
+    def end(self) -> None:
+        if self._thread is not None and self._thread.is_alive():
+            self._observations.put(None)
+            self._thread.join(JOIN_SECONDS)
+
+    def _run(self) -> None:
+        try:
+            self._work(self)
+            self._answers.put(PolicyError("the policy's code ended before the episode did"))
+        except Over:
+            return
+        except BaseException as error:  # noqa: BLE001 (raised again by ask, in the thread of whoever asks)
+            self._answers.put(error)
+
 
 FILE = "deploy_policy.py"
 
 
 class RobotwinPolicy:
-    """A policy from a deploy_policy.py. The model is made at the first episode, which knows the
-    robot."""
+    """The model is made at the first episode, which knows the robot."""
 
     def __init__(self, settings: PolicySettings) -> None:
         self._settings, self._path = settings, settings.path
@@ -48,7 +195,6 @@ class RobotwinPolicy:
         self.inferences = 0
 
     def reset(self, start: Start) -> None:
-        """End the last episode; make the model, or reset it."""
         if self._turns is not None:
             self._turns.end()
         robot = RobotwinRobot(robot_at(start))
@@ -64,7 +210,6 @@ class RobotwinPolicy:
         self._turns = Turns(lambda turns: self._play(TaskEnv(robot, start, turns)))
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next action that eval takes."""
         if self._turns is None:
             raise PolicyError(f"{self._path}: asked before reset")
         return self._turns.ask(observation)
@@ -79,22 +224,19 @@ class RobotwinPolicy:
 
 
 def _directory_of(settings: PolicySettings) -> Path:
-    """The policy's directory, which the name may give by its deploy_policy.py. Raises PolicyError
-    if there is none."""
+    """The name may give it by its deploy_policy.py. Raises PolicyError."""
     path = Path(settings.path).resolve()
     folder = path.parent if path.name == FILE else path
     if not (folder / FILE).is_file():
         raise PolicyError(f"--policy {settings.kind}:{settings.path}: there is no {FILE}")
     if not folder.name.isidentifier():
-        raise PolicyError(
-            f"--policy {settings.kind}:{settings.path}: {folder.name!r} is no name of a Python"
-            " package: rename it"
-        )
+        what = f"{folder.name!r} is no name of a Python package: rename it"
+        raise PolicyError(f"--policy {settings.kind}:{settings.path}: {what}")
     return folder
 
 
 def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[str, Any]:
-    """usr_args. Raises PolicyError for a deploy_policy.yml that is no map."""
+    """Raises PolicyError for a deploy_policy.yml that is no map."""
     path = _directory_of(settings) / "deploy_policy.yml"
     try:
         values = (read_yaml(path) if path.exists() else None) or {}
@@ -106,10 +248,10 @@ def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[
 
 
 class RobotwinForm:
-    """The form robotwin:DIRECTORY?key=value of a policy's name."""
+    """robotwin:DIRECTORY?key=value"""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the directory has a deploy_policy.py. Raises PolicyError."""
+        """Raises PolicyError."""
         settings = parse_settings(text)
         folder = _directory_of(settings)
         kinds = (".py", ".yml", ".yaml", ".json")

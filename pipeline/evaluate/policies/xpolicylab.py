@@ -1,10 +1,7 @@
-"""XPolicyLab's Model classes, in this process: --policy xpolicylab:FILE.py?key=value
+"""XPolicyLab's Model classes: --policy xpolicylab:FILE.py?key=value
 
-The file has a class `Model`, made as Model(settings) from the options of the name, with `reset()`,
-`update_obs(observation)` and `get_action()`. Observations are those of XPolicyLab's format v1.0
-(XPolicyLabRobot). An answer is an action (A,), a chunk (H,A) of joint targets, or a list of dicts
-of that format.
-"""
+`Model(settings)` has `reset()`, `update_obs(observation)` and `get_action()`: an action (A,), a
+chunk (H,A) of joint targets, or dicts of XPolicyLab's format v1.0."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,18 +12,12 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policies.files import digest_of, module_of, parse_settings
-from pipeline.evaluate.policies.policy import (
-    Observation,
-    Policy,
-    PolicyError,
-    PolicyName,
-    Start,
-    chunk_of,
-)
-from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, robot_at
 from pipeline.poses import Floats
 from pipeline.world.robots.contract import Embodiment
+
+from .files import digest_of, module_of, parse_settings
+from .policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from .robotwin import RobotwinRobot, robot_at
 
 METHODS = ("reset", "update_obs", "get_action")
 CAMERAS = {
@@ -38,16 +29,15 @@ CAMERAS = {
 
 
 class XPolicyLabRobot:
-    """Observations and actions of a robot in XPolicyLab's format v1.0; files of `export --format
-    xpolicylab` hold the same."""
+    """As in files of `export --format xpolicylab`."""
 
     def __init__(self, robot: Embodiment) -> None:
         self._robotwin = RobotwinRobot(robot)
         self._sides = robot.sides
 
     def observation(self, seen: Observation, command: Floats, fps: int) -> dict[str, Any]:
-        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; `command` (A,) are the joint
-        targets in force, which are the joints and grippers of `state`. Poses are measured."""
+        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; joints of `state` are the
+        targets in force, `command` (A,), poses are measured."""
         targets = self._robotwin.planner.split(command)
         state: dict[str, Any] = {}
         for side, (tool, tcp) in self._robotwin.tool_poses(seen.joints).items():
@@ -93,8 +83,6 @@ class XPolicyLabRobot:
 
 
 class XPolicyLabPolicy:
-    """A policy from a Model."""
-
     def __init__(self, model: Any) -> None:
         self._model = model
         self._episode: tuple[Start, XPolicyLabRobot] | None = None
@@ -105,7 +93,6 @@ class XPolicyLabPolicy:
         self._model.reset()
 
     def act(self, observation: Observation) -> ArrayLike:
-        """Show the model an observation and take its action or chunk."""
         if self._episode is None:
             raise PolicyError("asked before reset")
         start, robot = self._episode
@@ -119,17 +106,17 @@ class XPolicyLabPolicy:
 
 
 class XPolicyLabForm:
-    """The form xpolicylab:FILE.py?key=value of a policy's name."""
+    """xpolicylab:FILE.py?key=value"""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the file is there. Raises PolicyError."""
+        """Raises PolicyError."""
         settings = parse_settings(text)
         path = Path(settings.path).resolve()
         label = f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}"
         return PolicyName(settings.at(path), label)
 
     def make(self, text: str) -> Policy:
-        """The policy. Raises PolicyError."""
+        """Raises PolicyError."""
         settings = parse_settings(text)
         kind = getattr(module_of(Path(settings.path)), "Model", None)
         if not isinstance(kind, type):

@@ -22,15 +22,16 @@ from pipeline.data.recipe.file import shipped_folder
 from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.data.setup import IMAGES, Setup
 from pipeline.evaluate.lines import line_of_text
-from pipeline.evaluate.scenes.benchmark_rows import (
+from pipeline.tasks import TASKS
+
+from .benchmark_rows import (
     BenchmarkHead,
     FrozenCase,
     FrozenCell,
     RecordedBenchmark,
 )
-from pipeline.evaluate.scenes.case import BenchmarkError, Case
-from pipeline.evaluate.scenes.frozen import freeze
-from pipeline.tasks import TASKS
+from .case import BenchmarkError, Case
+from .frozen import freeze
 
 FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"
 

@@ -9,11 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.scenes.case import Case
-from pipeline.evaluate.scenes.frozen import FrozenScene
-from pipeline.evaluate.scenes.manifests import SeedJob
 from pipeline.motion.models import motion_from_json
 from pipeline.tasks import TASKS
+
+from .case import Case
+from .frozen import FrozenScene
+from .manifests import SeedJob
 
 _Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")]
 _Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]

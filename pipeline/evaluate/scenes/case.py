@@ -17,7 +17,6 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec, condition_arms
-from pipeline.evaluate.scenes.frozen import FrozenScene
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
@@ -25,14 +24,14 @@ from pipeline.stages.scene import Scene, build_scene
 from pipeline.world.physics.events import PROP
 from pipeline.world.physics.simulation import Simulation
 
-UNSEEN = Setup(textures="unseen")
-"""The default setup of an environment: the robot's cameras, and textures that training never
-shows."""
+from .frozen import FrozenScene
+
+UNSEEN = Setup(textures="unseen")  # the robot's cameras, and textures that training never shows
 
 
 def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
-    """A setup; keys of one to change in UNSEEN; or the setup of a dataset, by its directory, with
-    textures that training never shows. Raises RecipeError, DatasetError."""
+    """A setup; UNSEEN with some keys changed; or that of a dataset with unseen textures. Raises
+    RecipeError, DatasetError."""
     if isinstance(source, Setup):
         return source.setup
     if isinstance(source, Mapping):
@@ -41,28 +40,24 @@ def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
 
 
 def blind(setup: Setup) -> Setup:
-    """A setup without images."""
+    """Without images."""
     off = dict.fromkeys(("depth", "segmentation", "pointcloud"), False)
     return setup.setup.override({"cameras": [], "textures": "unseen", **off})
 
 
 BLIND = blind(UNSEEN)
-"""The default setup of an evaluation: the policy sees no images."""
 
 
 class BenchmarkError(DominoError):
-    """A benchmark that cannot be used, or is not the one that was named."""
+    """It cannot be used, or is not the one that was named."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A spec that the expert solved.
-
-    `setup` is the physics by which it was solved and is judged. `motion` is TargetMotion.to_json(),
-    `meeting` the time (s) of the first touch in the dry run, `frames` the length of the expert's
-    episode. `start` and `end` are hashes of the first frame and of the whole state log: physics is
-    the same where they are. `state` is the scene itself if a benchmark has frozen it.
-    """
+    """A spec that the expert solved, under the physics of `setup`. `meeting` is the time (s) of the
+    first touch in the dry run, `frames` the length of the expert's episode; `start` and `end` are
+    hashes of the first frame and of the state log; `state` is the scene itself if a benchmark has
+    frozen it."""
 
     spec: EpisodeSpec
     motion: str
@@ -79,7 +74,6 @@ class Case:
 
     @property
     def digest(self) -> str:
-        """Short hash of the motion and of the first frame."""
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
 
     def arms(self, events: int) -> Iterator["Case"]:
@@ -88,7 +82,7 @@ class Case:
             yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
-        """The scene, under the rules of a setup of the same physics. Raises Failure("layout"), and
+        """Under the rules of a setup of the same physics. Raises Failure("layout"), and
         BenchmarkError for a state that is none."""
         rules = (setup or self.setup).ruling()
         if self.state is None:
@@ -96,14 +90,11 @@ class Case:
         try:
             return self.state.scene(self.spec, rules).furnished(self.target_motion)
         except ValueError as error:
-            spec = self.spec
-            raise BenchmarkError(
-                f"the benchmark's scene of {spec.task}, level {spec.level}, seed {spec.seed}:"
-                f" {error}"
-            ) from error
+            at = f"{self.spec.task}, level {self.spec.level}, seed {self.spec.seed}"
+            raise BenchmarkError(f"the benchmark's scene of {at}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """For a manifest: JSON values only; the motion is an object."""
+        """JSON values only; the motion is an object."""
         values = asdict(replace(self, state=None)) | {"spec": self.spec.values()}
         del values["state"]
         return values | {"motion": json.loads(self.motion), "setup": self.setup.given()}
@@ -121,18 +112,18 @@ class Case:
 
 
 def start_of_trial(simulation: Simulation) -> str:
-    """The hash of the first frame of a simulation, without the scenery of its events."""
+    """Hash of the first frame, without the scenery of its events."""
     own = [not name.startswith(PROP) for name in simulation.names]
     return start_hash(simulation.poses()[own], simulation.qpos()[0])
 
 
 def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:
-    """Hash of one frame: poses (B,7) of all bodies and joint positions (J,)."""
+    """Of poses (B,7) of all bodies and joint positions (J,)."""
     return _digest([poses, qpos])
 
 
 def log_hash(log: StateLog) -> str:
-    """Hash of all that a state log measured and commanded."""
+    """Of what was measured and commanded."""
     return _digest([log.poses, log.qpos, log.qvel, log.action])
 
 
@@ -144,7 +135,7 @@ def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
 
 
 def expert(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Rollout:
-    """The expert's rollout of a spec; the latest ones are remembered. Raises Failure."""
+    """The latest ones are remembered. Raises Failure."""
     return _expert(spec, setup.physics)
 
 
@@ -154,7 +145,7 @@ def _expert(spec: EpisodeSpec, setup: Setup) -> Rollout:
 
 
 def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
-    """The case of a spec. Raises Failure if the expert does not solve it."""
+    """Raises Failure if the expert does not solve the spec."""
     rollout = expert(spec, setup)
     log, motion = rollout.replay.log, rollout.motion.to_json()
     hashes = start_hash(log.poses[0], log.qpos[0]), log_hash(log)

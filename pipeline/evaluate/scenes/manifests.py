@@ -1,15 +1,15 @@
-"""The scenes of an evaluation: the first seeds from 100000 * (1 + s) that the expert solves, kept
-in a manifest that all share.
-
-A manifest is one JSON file a cell. Seeds are tried in order and in batches whose size does not
-depend on the workers. Scenes of one seed are the same at every level, alpha and domain.
-"""
+"""The scenes of an evaluation: the first seeds from 100000 * (1 + s) that the expert solves, in one
+JSON file a cell. Seeds are tried in order and in batches whose size does not depend on the
+workers."""
 
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pipeline.data.atomic import write_atomic
@@ -20,38 +20,35 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.lines import line_of, line_of_text
-from pipeline.evaluate.scenes.case import Case, admit
 from pipeline.stages.failure import Failure
 
-SCHEMA = 4
-"""Manifests of schema 3, without `sha256`, are read as well."""
+from .case import Case, admit
+
+SCHEMA = 4  # manifests of schema 3, without `sha256`, are read as well
 
 MOST_SEEDS = 10_000_000
-"""Seeds that a manifest may have tried."""
 
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any]]]
-"""Does the work of jobs here or on workers and yields (job, result) in any order. Workers import
-the work by its name."""
+"""Does the jobs and yields (job, result) in any order. Workers import the work by its name."""
 
 
 class ProtocolError(DominoError):
-    """A manifest that cannot be used, or a cell that the expert does not solve often enough."""
+    """A manifest that cannot be used, or a cell that the expert solves too seldom."""
 
 
 def first_seed(s: int) -> int:
-    """The first seed of scenes for the seed `s` of an evaluation (as in the original)."""
+    """As in the original."""
     return 100_000 * (1 + s)
 
 
 def most_tries(episodes: int) -> int:
-    """Seeds tried at most for this many admitted ones."""
     return 3 * episodes + 20
 
 
 @dataclass
 class Manifest:
-    """The seeds of one cell: `cases` admitted, `refused` seeds with the reason, both in order;
-    `tried` seeds from `first`."""
+    """Of one cell: `cases` admitted, `refused` with the reason, both in order; `tried` from
+    `first`."""
 
     cell: Cell
     first: int
@@ -61,7 +58,6 @@ class Manifest:
     refused: dict[int, str] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
-        """JSON, one case a line."""
         cases = [case.to_dict() for case in self.cases]
         head = {
             "schema": SCHEMA,
@@ -76,19 +72,15 @@ class Manifest:
         return f'{json.dumps(head)[:-1]}, "cases": [\n{lines}\n]}}\n'.encode()
 
     def next_batch(self, episodes: int) -> range:
-        """The seeds to try next. Raises ProtocolError if as many have been tried as may be."""
+        """Raises ProtocolError if as many have been tried as may be."""
         count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
         if count <= 0:
-            raise ProtocolError(
-                f"{self.cell.path}: the expert solves {len(self.cases)} of {self.tried} seeds,"
-                f" fewer than the {episodes} wanted: ask for fewer --episodes"
-            )
+            solved = f"{len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted"
+            raise ProtocolError(f"{self.cell.path}: the expert solves {solved}: lower --episodes")
         return range(self.first + self.tried, self.first + self.tried + count)
 
     def extend(self, results: dict[int, Case | str]) -> None:
-        """Add the results of the next seeds."""
-        for seed in sorted(results):
-            result = results[seed]
+        for seed, result in sorted(results.items()):
             if isinstance(result, Case):
                 self.cases.append(result)
             else:
@@ -115,8 +107,7 @@ class Manifest:
         return manifest
 
     def check(self) -> None:
-        """Raise ValueError unless the cases are those of the cell's seeds, each seed tried once and
-        in order."""
+        """Raise ValueError unless the cell's seeds were each tried once and in order."""
         if not all(type(n) is int and n >= 0 for n in (self.first, self.tried)):
             raise ValueError("first and tried are no whole numbers")
         seeds = [case.spec.seed for case in self.cases]
@@ -134,8 +125,7 @@ def _hash_of(cases: object) -> str:
 
 @dataclass(frozen=True)
 class Manifests:
-    """A directory of manifests, one a cell, in one directory for each physics of a setup. With
-    `apart` cells of another alpha have scenes of their own."""
+    """With `apart` cells of another alpha have scenes of their own."""
 
     root: Path
     seed: int = 0
@@ -147,40 +137,33 @@ class Manifests:
         return self.root / scenes / self.setup.label / f"{cell.path}.json"
 
     def first(self, cell: Cell) -> int:
-        """The first seed of the scenes of a cell."""
         if not self.apart:
             return first_seed(self.seed)
         digest = hashlib.sha256(f"{self.seed}/{cell.alpha:g}".encode()).digest()
         return int.from_bytes(digest[:6], "little")
 
     def read(self, cell: Cell) -> Manifest:
-        """The manifest of a cell, an empty one if there is none yet. Raises ProtocolError."""
+        """An empty one if there is none yet. Raises ProtocolError."""
         path = self.path(cell)
         if not path.exists():
             return Manifest(cell, self.first(cell), self.setup.physics)
         try:
             manifest = Manifest.from_json(read_regular(path))
         except ValueError as error:
-            raise ProtocolError(
-                f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them"
-                " again"
-            ) from error
+            what = f"{path}: is no manifest of seeds ({line_of_text(error)})"
+            raise ProtocolError(f"{what}: delete it to draw them again") from error
         expected = (cell, self.first(cell), self.setup.physics)
         if (manifest.cell, manifest.first, manifest.setup) != expected:
-            raise ProtocolError(
-                f"{path}: is the manifest of another cell, seed or setup: delete it to draw them"
-                " again"
-            )
+            raise ProtocolError(f"{path}: is of another cell, seed or setup: delete it")
         return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError."""
+        """Raises ProtocolError."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """The first `episodes` cases of every cell; missing ones are found by running the expert
-        and kept. Raises ProtocolError if the expert solves too few of the seeds that may be
-        tried."""
+        """The first `episodes` cases of every cell; the expert finds missing ones. Raises
+        ProtocolError if it solves too few."""
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}
@@ -197,8 +180,6 @@ class Manifests:
 
 @dataclass(frozen=True)
 class SeedJob:
-    """One seed of a cell to be tried by the expert."""
-
     cell: Cell
     seed: int
     setup: Setup = DEFAULT
@@ -210,7 +191,7 @@ class SeedJob:
 
 
 def try_seed(job: SeedJob) -> Case | str:
-    """The case of a seed, or why the expert does not solve it."""
+    """Or why the expert does not solve it."""
     try:
         return admit(job.spec, job.setup)
     except Failure as failure:
@@ -220,3 +201,59 @@ def try_seed(job: SeedJob) -> Case | str:
 def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
     """The runner of one process."""
     return ((job, work(job)) for job in jobs)
+
+
+TRAINING = 10_000  # the `--seed` of the scenes that environments train on: evaluate on another one
+
+TRIES = 30
+
+
+class NoCase(DominoError): ...
+
+
+class OtherCase(DominoError, ValueError):
+    """A case that an environment was not made for."""
+
+
+remembered = lru_cache(maxsize=1024)(try_seed)
+
+
+def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
+    """Of the seed, else of the next one derived from it. Raises NoCase after TRIES seeds."""
+    case: Case | str = ""
+    for number in range(TRIES):
+        case = remembered(SeedJob(cell, derived_seed(seed, number), setup.calm))
+        if isinstance(case, Case):
+            return case
+    what = f"{TRIES} scenes of {cell.task} drawn from seed {seed}"
+    raise NoCase(f"the expert solves none of {what}; the last: {case}")
+
+
+@lru_cache(maxsize=16)
+def training_scenes(
+    cell: Cell, count: int, setup: Setup, manifests: Path | None
+) -> tuple[Case, ...]:
+    """The first `count` scenes of the seed TRAINING. Raises ProtocolError."""
+    with ExitStack() as stack:
+        root = manifests or Path(stack.enter_context(TemporaryDirectory()))
+        return tuple(Manifests(root, TRAINING, setup).admitted([cell], count, inline)[cell])
+
+
+def check_case(case: object, cell: Cell, setup: Setup) -> None:
+    """Raises OtherCase for a case of another cell or physics."""
+    if not isinstance(case, Case):
+        raise OtherCase(f"{type(case).__name__} is no case of an environment or a manifest")
+    for name in (each.name for each in fields(Cell)):
+        has, needed = getattr(case.spec, name), getattr(cell, name)
+        if has != needed:
+            raise OtherCase(f"the case is of the {name} {has}, the environment of {needed}")
+    if case.setup != setup.calm:
+        both = f"{case.setup.label}, the environment of {setup.label}"
+        raise OtherCase(f"the case is of the setup {both}")
+
+
+def derived_seed(seed: int, number: int) -> int:
+    """The seed itself for number 0, then seeds that no neighbour leads to (63 bits)."""
+    if number == 0:
+        return seed
+    return int.from_bytes(hashlib.sha256(f"{seed}/{number}".encode()).digest()[:8], "little") >> 1

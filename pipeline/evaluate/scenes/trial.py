@@ -1,21 +1,30 @@
 """One closed-loop episode: the scene of a case, driven one control period at a time."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ, at_rate
-from pipeline.data.episode.state_log import StateLog
+from pipeline.data.episode.events import spans
+from pipeline.data.episode.state_log import CONTACT_DTYPE, StateLog
+from pipeline.data.names import HEAD
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.evaluate.actions import check_action, interpolate_targets, joint_limits
-from pipeline.evaluate.scenes.watch import StepConditions
 from pipeline.expert.actor import Actor
 from pipeline.poses import inverse, transform
+from pipeline.stages.drawing.exposure import Lapses, photograph
+from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.scene import Scene
 from pipeline.tasks import middle
-from pipeline.tasks.outcome import failed
-from pipeline.world.cameras import cameras_of
-from pipeline.world.physics.simulation import Motion
+from pipeline.tasks.language.sentences import instructions
+from pipeline.tasks.outcome import Outcome, failed
+from pipeline.world.cameras import cameras_of, check_links
+from pipeline.world.drawing.sensing import point_clouds
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Motion, Simulation
 
 SUCCESS, OUT_OF_VIEW, TIME_LIMIT = "success", "out_of_view", "time_limit"
 
@@ -24,21 +33,16 @@ FAULTS = (INVALID_ACTION, NO_ANSWER)
 """Endings by a fault of the policy: its answer is no action, or there is none."""
 
 HOLD_FRAMES = 3
-"""Control periods of DEFAULT_FPS for which all success conditions must hold, at every physics
-step."""
+"""Control periods of DEFAULT_FPS for which all conditions hold, at every physics step."""
 
 
 class Trial:
-    """A settled simulation under a policy. `ending` is "" while it runs, then SUCCESS, OUT_OF_VIEW,
-    TIME_LIMIT or one of FAULTS.
+    """A settled simulation under a policy. `ending` is "" while it runs.
 
-    The target follows `motion` as in generation until something touches it. The trial succeeds when
-    all success conditions of the task hold for HOLD_FRAMES control periods of DEFAULT_FPS after the
-    first touch, at every physics step between them (at one recorded frame under domino rules). It
-    fails when the middle of a target that moves by itself leaves the image of the head camera, and
-    at the task's step limit, counted in control periods of DEFAULT_FPS. Without an `actor` the
-    scene is started here: raises Failure("unstable").
-    """
+    It succeeds when all success conditions hold for HOLD_FRAMES after the first touch, at every
+    physics step between (at one recorded frame under domino rules). It fails when the middle of a
+    target that moves by itself leaves the head camera's image, and at the step limit, in periods of
+    DEFAULT_FPS. Raises Failure("unstable") without an `actor`."""
 
     def __init__(
         self, scene: Scene, motion: Motion, setup: Setup = DEFAULT, actor: Actor | None = None
@@ -66,12 +70,11 @@ class Trial:
 
     @property
     def length(self) -> int:
-        """Numbers in a joint action."""
         return len(self.limits.names)
 
     def advance(self, action: NDArray[np.float64]) -> None:
-        """One control period: the drive targets go linearly to `action` (A,), clipped to the limits
-        of the joints, with velocity feed-forward. Raises ActionError."""
+        """One control period: drive targets go linearly to `action` (A,), clipped to the joints'
+        limits, with velocity feed-forward. Raises ActionError."""
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
         action = check_action(action, self.length)
         self._commands.append(np.array([self._waited, *action]))
@@ -84,7 +87,7 @@ class Trial:
             self._step(row, velocity)
 
     def hold(self, steps: int) -> None:
-        """Advance the world by `steps` physics steps while the robot keeps its last command."""
+        """Advance by `steps` physics steps while the robot keeps its last command."""
         still = np.zeros(self.length)
         self._waited += steps
         for _ in range(steps):
@@ -93,13 +96,12 @@ class Trial:
             self._step(self.simulation.command, still)
 
     def end(self, fault: str) -> None:
-        """End the trial by a fault of the policy, one of FAULTS."""
         self.ending = fault
 
     @property
     def commanded(self) -> NDArray[np.float64]:
-        """All that was commanded (T,1+A): physics steps held, then an action; after the last one
-        perhaps a row of NaN with the steps held."""
+        """All that was commanded (T,1+A): physics steps held, then an action; perhaps a last row of
+        NaN."""
         last = [np.array([self._waited, *[np.nan] * self.length])] if self._waited else []
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
@@ -114,7 +116,7 @@ class Trial:
         return self.recorder.log()
 
     def conditions(self) -> dict[str, bool]:
-        """The success conditions of the task now, between two frames too."""
+        """Now, between two frames too."""
         if self._known[0] != self.simulation.steps:
             self._known = (self.simulation.steps, self.watch.conditions())
         return self._known[1]
@@ -142,3 +144,108 @@ class Trial:
             self.ending = SUCCESS
         elif simulation.steps >= self.max_steps:
             self.ending = TIME_LIMIT
+
+
+class Watched(Outcome):
+    """With the highest rises of every physics step; `peaks` (m) are heights of origins by body."""
+
+    def __init__(self, scene: Scene, log: StateLog, peaks: Mapping[str, float]) -> None:
+        super().__init__(log, scene.bodies, scene.embodiment, scene.task.target, scene.rules)
+        self.peaks = peaks
+
+    def highest_rise(self, name: str) -> float:
+        recorded = super().highest_rise(name)
+        return max(recorded, self.peaks.get(name, -np.inf) - float(self.pose(name, 0)[2]))
+
+
+class StepConditions:
+    """Call `after_step` behind every physics step."""
+
+    def __init__(self, scene: Scene, simulation: Simulation, recorder: Recorder) -> None:
+        self._scene, self._simulation, self._recorder = scene, simulation, recorder
+        # only the condition `was_lifted` asks for heights between frames
+        lifted = [scene.task.manipulated] if "lift" in scene.task.limits else []
+        self._peaks = dict.fromkeys(lifted, -np.inf)
+
+    def after_step(self) -> None:
+        for name, peak in self._peaks.items():
+            self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
+
+    def conditions(self) -> dict[str, bool]:
+        """On the recorded frames and the state of this step."""
+        log, simulation = self._recorder.log(), self._simulation
+        if simulation.time > log.times[-1] + 1e-9:
+            log = with_frame(log, simulation)
+        return self._scene.task.conditions(Watched(self._scene, log, self._peaks), self._scene.arms)
+
+
+def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
+    """The log with one more frame: the simulation now."""
+    qpos, qvel = simulation.qpos()
+    twist = simulation.target_twist()
+    spin = log.target_angular_velocity
+    spin = None if spin is None else _and(spin, twist[3:])
+    touching = [(len(log), *contact) for contact in simulation.contacts()]
+    return replace(
+        log,
+        times=np.append(log.times, simulation.time),
+        poses=_and(log.poses, simulation.poses()),
+        qpos=_and(log.qpos, qpos),
+        qvel=_and(log.qvel, qvel),
+        state=_and(log.state, simulation.state_vector(qpos)),
+        action=np.concatenate([log.action[:-1], [simulation.command] * 2]),
+        tcp=_and(log.tcp, np.stack([simulation.tcp(side) for side in log.sides])),
+        target_velocity=_and(log.target_velocity, twist[:3]),
+        target_angular_velocity=spin,
+        contacts=np.concatenate([log.contacts, np.array(touching, dtype=CONTACT_DTYPE)]),
+    )
+
+
+def _and(rows: NDArray[np.float64], row: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([rows, row[None]])
+
+
+@dataclass(eq=False)
+class CameraViews:
+    """Of one moment, as in Observation."""
+
+    images: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
+    depth: dict[str, NDArray[np.uint16]] = field(default_factory=dict[str, NDArray[np.uint16]])
+    segmentation: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
+    pointcloud: NDArray[np.float32] | None = None
+
+
+class Eyes:
+    """The cameras of a setup in a running simulation. Raises NoRenderer."""
+
+    def __init__(self, scene: Scene, setup: Setup) -> None:
+        appearance = appearance_of(scene, setup)
+        check_links(appearance.cameras, [*appearance.bodies, "table"])
+        self._renderer, self._setup, self._sensing = renderer(appearance), setup, appearance.sensing
+        self._events = appearance.events
+
+    def look(self, recorder: Recorder) -> CameraViews:
+        setup, past = self._setup, recorder.past
+        poses = {name: past[:, i] for i, name in enumerate(recorder.simulation.names)}
+        sensors = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
+        lapses = Lapses(spans(self._events, recorder.simulation.events), setup.fps)
+        views = photograph(self._renderer, poses, [len(past) - 1], self._sensing, lapses, **sensors)
+        seen = CameraViews({view.camera.name: view.rgb[0] for view in views})
+        for view in views:
+            if setup.depth and view.depth is not None:
+                seen.depth[view.camera.name] = view.depth[0]
+            if view.segmentation is not None:
+                seen.segmentation[view.camera.name] = view.segmentation[0]
+            if setup.pointcloud and view.camera.name == HEAD:
+                seen.pointcloud = point_clouds(view)[0]
+        return seen
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+def instruction_of(scene: Scene, split: str = "unseen") -> str:
+    """Of the split "seen" or "unseen"."""
+    if scene.sentences:
+        return scene.sentences[split]
+    return instructions(scene.wording(), scene.spec.rng("language"), 1)[split][0]

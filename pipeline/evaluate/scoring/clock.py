@@ -1,43 +1,30 @@
-"""The world's time during the inference of a policy: clock modes, and target motions on another
-clock.
+"""The world's time during the inference of a policy: the clocks of docs/evaluation.md."""
 
-- `sim` (default): one action is one control period; inference takes no time.
-- `latency:...`: the world advances during inference, and the robot holds its last command before
-  each answer: for a fixed time, a distribution, a trace, or the measured wall time of the policy.
-- `async:...`: as `latency`, but the robot executes its chunk while the next one is computed;
-  `:blend` or `:rtc` at the end selects how the chunks are joined (pace.py).
-- `step-locked`: the original protocol, in which the target moves by a fixed time a policy step,
-  1.67 times the time of a step in the data (0.1 s a step of 0.06 s).
-- `late:MS`: as `sim`, but the target begins its motion MS milliseconds after the robot: with the
-  policy `replay` it measures how exact the timing of a task must be.
-
-All but `latency:measured` and `async:measured` give the same numbers every time.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import cast
+from math import ceil
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.errors import DominoError
-from pipeline.data.keys import digest
-from pipeline.data.parsing import ParseError, read_json, real
-from pipeline.evaluate.scoring.pace import Join
+from pipeline.data.parsing import ParseError, real
+from pipeline.evaluate.scenes.trial import Trial
 from pipeline.motion.models import others_of
 from pipeline.motion.scenery import Prop
+from pipeline.poses import Floats
 from pipeline.world.physics.simulation import Motion
 
-STEP_LOCKED_RATE = 0.1 / 0.06
-"""Seconds of target motion a second of robot motion in the original's evaluation."""
+STEP_LOCKED_RATE = 0.1 / 0.06  # of target motion to robot motion in the original's evaluation
+
+Join = Literal["switch", "blend", "rtc"]
 
 HELP = (
     "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH,"
-    " latency:trace:FILE, latency:measured, or async: in place of latency:, also with :blend or"
-    " :rtc at the end"
+    " latency:measured, or async: in place of latency:, also with :blend or :rtc at the end"
 )
 
 
@@ -46,19 +33,17 @@ class ClockError(DominoError): ...
 
 @dataclass(frozen=True)
 class Retimed:
-    """A target motion that runs `rate` times as fast and `late` seconds later than `motion`."""
+    """`rate` times as fast and `late` s later than `motion`."""
 
     motion: Motion
     rate: float = 1.0
     late: float = 0.0
 
     def pose(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Poses (...,7) at times t (...) in s."""
-        return self.motion.pose(self.rate * (np.asarray(t, float) - self.late))
+        return self.motion.pose(self._then(t))
 
     def twist(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Velocities (...,6) at times t (...): m/s, rad/s."""
-        return self.rate * self.motion.twist(self.rate * (np.asarray(t, float) - self.late))
+        return self.rate * self.motion.twist(self._then(t))
 
     def scenery(self) -> tuple[Prop, ...]:
         props = self.motion.scenery()
@@ -66,18 +51,19 @@ class Retimed:
 
     @property
     def others(self) -> Mapping[str, Motion]:
-        """What moves beside the target."""
-        others = others_of(self.motion).items()
-        return {name: replace(self, motion=motion) for name, motion in others}
+        return {name: replace(self, motion=m) for name, m in others_of(self.motion).items()}
 
     def _later(self, prop: Prop, t: ArrayLike) -> NDArray[np.float64]:
-        return prop.pose(self.rate * (np.asarray(t, float) - self.late))
+        return prop.pose(self._then(t))
+
+    def _then(self, t: ArrayLike) -> NDArray[np.float64]:
+        return self.rate * (np.asarray(t, float) - self.late)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """`kind` is sim, step-locked, late, fixed, normal, uniform, trace or measured; `values` are its
-    numbers in ms; `join` joins overlapping chunks, None without overlap."""
+    """`kind` is sim, step-locked, late, fixed, normal, uniform or measured, `values` its numbers in
+    ms; `join` joins overlapping chunks."""
 
     name: str
     kind: str
@@ -85,17 +71,12 @@ class Clock:
     join: Join | None = None
 
     def motion(self, motion: Motion) -> Motion:
-        match self.kind:
-            case "step-locked":
-                return Retimed(motion, STEP_LOCKED_RATE)
-            case "late":
-                return Retimed(motion, late=self.values[0] / 1000)
-            case _:
-                return motion
+        if self.kind == "late":
+            return Retimed(motion, late=self.values[0] / 1000)
+        return Retimed(motion, STEP_LOCKED_RATE) if self.kind == "step-locked" else motion
 
-    def delay(self, asked: int, measured: float, rng: np.random.Generator) -> float:
-        """Seconds by which the world advances during inference number `asked` (from 0), whose
-        answer took the wall time `measured` (s)."""
+    def delay(self, measured: float, rng: np.random.Generator) -> float:
+        """Seconds of an inference that took the wall time `measured` (s)."""
         v = self.values
         match self.kind:
             case "fixed":
@@ -104,16 +85,12 @@ class Clock:
                 return max(0.0, float(rng.normal(v[0], v[1]))) / 1000
             case "uniform":
                 return float(rng.uniform(v[0], v[1])) / 1000
-            case "trace":
-                return v[asked % len(v)] / 1000
-            case "measured":
-                return measured
             case _:
-                return 0.0
+                return measured if self.kind == "measured" else 0.0
 
 
 def parse_clock(text: str) -> Clock:
-    """A clock from its name. Raises ClockError, with the names there are."""
+    """Raises ClockError, with the names there are."""
     kind, *rest = text.split(":")
     if kind in ("sim", "sim-clock") and not rest:
         return Clock("sim", "sim")
@@ -127,8 +104,6 @@ def parse_clock(text: str) -> Clock:
 
 
 def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
-    """The clock "latency:..." or "async:..." of the words after the first colon, None if they
-    describe none."""
     join: Join | None = None
     if kind == "async":
         join = cast(Join, rest.pop()) if rest[-1] in ("blend", "rtc") else "switch"
@@ -136,11 +111,6 @@ def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
     name = f"{':'.join([kind, *rest])}{suffix}"
     if rest == ["measured"]:
         return Clock(name, "measured", (), join)
-    if len(rest) == 2 and rest[0] == "trace":
-        values = _trace(Path(rest[1]))
-        # the same name with other times is another clock
-        name = f"{kind}:trace:{Path(rest[1]).name}@{digest([values])[:8]}{suffix}"
-        return Clock(name, "trace", values, join)
     counts = {"normal": 2, "uniform": 2}
     drawn = rest.pop(0) if rest and rest[0] in counts else "fixed"
     numbers = _milliseconds(rest)
@@ -156,13 +126,70 @@ def _milliseconds(words: list[str]) -> tuple[float, ...]:
         return ()
 
 
-def _trace(path: Path) -> tuple[float, ...]:
-    form = "a latency trace is a JSON list of milliseconds, at least one, none above 60000"
-    try:
-        values = read_json(path)
-    except ParseError as error:
-        raise ClockError(f"{error}: {form}") from error
-    numbers = values if isinstance(values, list) else []
-    if not numbers or not all(type(v) in (int, float) and 0 <= v <= 60_000 for v in numbers):
-        raise ClockError(f"{path}: {form}")
-    return tuple(float(v) for v in numbers)
+Question = Callable[[Floats], tuple[Floats, float]]
+"""From the actions (N,A) executed meanwhile, a chunk (H,A) and its time (s)."""
+
+
+def in_turn(trial: Trial, ask: Question) -> None:
+    """The robot rests during every inference."""
+    while not trial.ending:
+        chunk, delay = ask(np.empty((0, trial.length)))
+        trial.hold(round(delay * PHYSICS_HZ))
+        for action in chunk:
+            if trial.ending:
+                return
+            trial.advance(action)
+
+
+def drive_overlapped(trial: Trial, ask: Question, join: Join) -> None:
+    """Execute a chunk while the next one is computed, which is asked for once half of it is done.
+    Delays are rounded up to whole periods; the last action stays in force until the next one
+    arrives."""
+    chunk, delay = ask(np.empty((0, trial.length)))
+    wait = _periods(delay, trial.fps)
+    trial.hold(wait * trial.per_period)
+    # `done` counts from the moment at which the chunk's question was asked; `left` are its actions
+    # from now on
+    length, done = len(chunk), wait
+    left = join_chunks(np.empty((0, trial.length)), chunk, wait, join)
+    while not trial.ending:
+        if done < min(length, max(1, length // 2)):
+            left, done = _advance(trial, left), done + 1
+            continue
+        chunk, delay = ask(left[:wait].copy())  # a policy may change what it is given
+        wait = _periods(delay, trial.fps)
+        for _ in range(wait):
+            if trial.ending:
+                return
+            left = _advance(trial, left)
+        length, done, left = len(chunk), wait, join_chunks(left, chunk, wait, join)
+        if wait == 0 or done >= length:
+            left, done = _advance(trial, left), done + 1
+
+
+def _periods(delay: float, fps: int) -> int:
+    return ceil(delay * fps - 1e-9)
+
+
+def _advance(trial: Trial, left: Floats) -> Floats:
+    """The last action is kept."""
+    trial.advance(left[0])
+    return left[1:] if len(left) > 1 else left
+
+
+def join_chunks(old: Floats, new: Floats, wait: int, join: Join) -> Floats:
+    """The actions (N,A) to execute when `new` (H,A) arrives `wait` periods after its question;
+    `old` (M,A) is left.
+
+    `switch` takes `new` from its action `wait` on, `blend` goes over to it linearly, `rtc` with the
+    weights of real-time chunking (Black et al. 2025, arXiv 2506.07339). A chunk no longer than the
+    wait leaves its last action."""
+    fresh = new[min(wait, len(new) - 1) :].copy()
+    both = min(len(old), len(fresh))
+    if join == "switch" or not both:
+        return fresh
+    share = (both - np.arange(both)) / (both + 1)
+    if join == "rtc":
+        share = share * np.expm1(share) / np.expm1(1)
+    fresh[:both] += share[:, None] * (old[:both] - fresh[:both])
+    return fresh

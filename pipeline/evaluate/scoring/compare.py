@@ -12,15 +12,16 @@ import numpy as np
 
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import check_plain
-from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
-from pipeline.evaluate.scoring.sequential import sequential
-from pipeline.evaluate.scoring.statistics import (
+
+from .results import EPISODES, Results, check_episode
+from .sequential import sequential
+from .statistics import (
     SceneResult,
     by_task,
     paired_numbers,
     unpaired_numbers,
 )
-from pipeline.evaluate.scoring.summary import Row, scene_of
+from .summary import Row, scene_of
 
 
 class CompareError(DominoError): ...
@@ -47,8 +48,8 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Each policy of paired evaluations without events and with them, for each clock and rules. Its
-    name has the clock, rules or run that sets it apart."""
+    """Each policy of paired evaluations without events and with them, for each clock and rules, by
+    a name with what sets it apart."""
     found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
     for run in runs:
         for arm in _arms([run]):
@@ -93,8 +94,8 @@ def _without_arm(row: Row) -> Row:
 
 
 def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
-    """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold
-    the networks of one arm. Only rows of the version that wrote last count. Raises CompareError."""
+    """One arm a policy of each run; directories joined by commas hold networks of one arm. Raises
+    CompareError."""
     out = _arms(runs)
     if len(out) < 2:
         raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
@@ -129,8 +130,7 @@ def check_one_benchmark(rows: Sequence[Row]) -> str:
 
 
 def newest(run: Path) -> list[Row]:
-    """The rows of a directory of an evaluation by the version that wrote last. Raises
-    CompareError."""
+    """The rows of a directory by the version that wrote last. Raises CompareError."""
     path = run / EPISODES
     if not path.is_file():
         raise CompareError(f"{run}: has no {EPISODES}: name the --out of a domino-data evaluate")
@@ -145,8 +145,7 @@ def newest(run: Path) -> list[Row]:
 
 def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
     """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and
-    task. `effect` (points) is that for which scenes are reckoned. Raises CompareError if they share
-    none."""
+    task. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
         "first": a.name,
@@ -165,9 +164,8 @@ def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[st
 def compare_sequentially(
     a: ComparedPolicy, b: ComparedPolicy, measure: str, alpha: float
 ) -> dict[str, Any]:
-    """`b` against `a` on the scenes of both, one after the other, until `measure` (success, or a
-    score in 0-100) decides. The order is that of a hash of the scene, so it knows no outcome.
-    Raises CompareError if they share none."""
+    """`b` against `a`, scene by scene in the order of a hash, until `measure` (success, or a score
+    in 0-100) decides. Raises CompareError if they share none."""
     shared = {scene_of(row) for row, _ in _pair(a, b)}
     first, second = (_means(arm.rows, measure) for arm in (a, b))
     order = sorted(shared, key=lambda scene: sha256(json.dumps(scene).encode()).digest())
@@ -250,8 +248,7 @@ def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:
 
 
 def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
-    """Names of groups of rows, and which rows are in each: all of them, and the parts that are not
-    all."""
+    """Names of groups of rows, and which rows are in each: all, and the parts that are not all."""
     yield "all", [True] * len(rows)
     known = {"all"}
     for key in ("level", "alpha", "domain", "category", "task", "condition", "event", "phase"):

@@ -1,8 +1,7 @@
 """Success, route completion, manipulation score (paper, section 3.2), and why an episode failed.
 
-Distances are between the tool point (`tcp`, between the finger pads; the original measures 12 cm
-behind it) and the origin of the target.
-"""
+Distances are between the tool point (`tcp`; the original measures 12 cm behind it) and the origin
+of the target."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -20,36 +19,28 @@ from pipeline.tasks.outcome import failed
 from pipeline.world.physics.drive import Hold
 
 OUT_OF_BOUNDS, CLUTTER = 0.5, 0.8
-"""Factors of the manipulation score: the target left its workspace or the view; something touched a
-distractor."""
+"""Factors of the manipulation score; CLUTTER if something touched a distractor."""
 
 NEAR_START, NEAR_END = 0.01, 0.05
-"""m; where an arm began within NEAR_START of the target, progress is 1 if it ended within NEAR_END,
-else 0.5 (original)."""
+"""m; an arm that began within NEAR_START has progress 1 if it ended within NEAR_END, else 0.5."""
 
-LIFTED = 0.02
-"""m; a body that rose by this much and came down as far again without success was dropped."""
+LIFTED = 0.02  # m; a body that rose by this much and came down without success was dropped
 
 REACTIVE_LAG, MISSED, DROPPED = "reactive_lag", "missed", "dropped"
 BIMANUAL, UNFINISHED = "bimanual", "unfinished"
 FAILURES = (OUT_OF_VIEW, REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED, *FAULTS)
-"""Classes of failures. The policy gave no valid answer: invalid_action, no_answer. Nothing touched
-the target: out_of_view, reactive_lag where the nearest tool was behind the moving target, else
-missed. It was touched: bimanual where one of two acting arms never touched what is handled,
-dropped, else unfinished."""
+"""No valid answer: invalid_action, no_answer. No touch: out_of_view, reactive_lag if the nearest
+tool was behind the moving target, else missed. A touch: bimanual if one of two acting arms never
+touched what is handled, dropped, else unfinished."""
 
 
 @dataclass(frozen=True)
 class EpisodeScore:
-    """The numbers of one episode.
-
-    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions
-    that do not hold at the end, `failure` is one of FAILURES ("" for a success), `penalties` those
-    of out_of_bounds and clutter that apply, `meeting` the time (s) of the first touch, `hold` how
-    much later (s) something first held the target for two frames in a row, `nearest` the smallest
-    distance (m) of a tool from the target up to then, `jerk` the root mean square of the third
-    derivative of the tool positions (m/s3), `seconds` the simulated time.
-    """
+    """`route_completion` and `manipulation_score` are in 0-100. Success conditions `failed` to hold
+    at the end; `failure` is of FAILURES, "" for a success. `meeting` is the time (s) of the first
+    touch, `hold` how much later (s) something first held the target for two frames. `nearest` (m)
+    is a tool's least distance from the target up to the touch. `jerk` is the RMS of the third
+    derivative of the tool positions (m/s3)."""
 
     success: bool
     route_completion: float
@@ -65,8 +56,8 @@ class EpisodeScore:
 
 
 def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
-    """1 - d_T / d_0 in [0, 1]: d_0 and d_T are the distances of the tool's first and last position
-    (3,) from `goal` (3,)."""
+    """1 - d_T / d_0 in [0, 1], of the distances of the tool's first and last position (3,) from
+    `goal`."""
     away = (np.asarray(p, float) - np.asarray(goal, float) for p in (start, end))
     d0, dt = (float(np.linalg.norm(p)) for p in away)
     if d0 < NEAR_START:
@@ -80,8 +71,7 @@ def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
 
 
 def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
-    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,); a success
-    is 100."""
+    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,)."""
     if success:
         return 100.0
     return 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
@@ -90,15 +80,14 @@ def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool)
 def manipulation_score(
     rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
 ) -> float:
-    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were
-    touched: once as in the paper, or with `compounding` for every distractor as in the original
-    code."""
+    """`rc` times 0.5 if the target left its bounds, times 0.8 if distractors were touched: once as
+    in the paper, with `compounding` for each as in the original code."""
     times = distractors if compounding else min(distractors, 1)
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 
 
 def touched_distractors(log: StateLog) -> tuple[str, ...]:
-    """The distractors that anything but the table and other distractors touched."""
+    """By anything but the table and other distractors."""
     return tuple(event.by for event in log.events if event.name == "clutter_touched")
 
 
@@ -112,8 +101,7 @@ def jerk(positions: NDArray[np.float64], fps: float) -> float:
 
 
 def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
-    """The score of a trial as it stands. After a fault of the policy both scores are 0: no policy
-    gains by ending its episode."""
+    """The score of a trial as it is. After a fault of the policy both scores are 0."""
     log, scene = trial.log(), trial.scene
     success = trial.ending == SUCCESS
     tools = log.tcp[:, :, :3]
@@ -142,7 +130,7 @@ def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
 
 
 def failure_class(trial: Trial, log: StateLog) -> str:
-    """Why a trial that is no success failed: one of FAILURES."""
+    """One of FAILURES."""
     scene = trial.scene
     if trial.ending in (OUT_OF_VIEW, *FAULTS):
         return trial.ending
@@ -158,8 +146,8 @@ def failure_class(trial: Trial, log: StateLog) -> str:
 
 
 def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
-    """Seconds from the first touch of the target to the first of two frames in a row at which it is
-    held, None without them."""
+    """Seconds from the first touch to the first of two frames in a row at which the target is
+    held."""
     met, at = log.time_of("meeting"), log.bodies.index(target)
     pairs = [(int(row["frame"]), int(row["a"]), int(row["b"])) for row in log.contacts]
     touching: dict[int, set[str]] = {}
@@ -179,8 +167,7 @@ def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
 
 
 def _behind(log: StateLog, target: str, slow: float = 0.005) -> bool:
-    """Whether the nearest tool at its nearest was behind the moving target, in the plane, by more
-    than it was beside it."""
+    """Whether the nearest tool was behind the moving target, in the plane, more than beside it."""
     nearest = int(_distances(log, target).argmin())
     frame, side = divmod(nearest, len(log.sides))
     velocity = log.target_velocity[frame, :2]

@@ -1,14 +1,62 @@
 """The page of an evaluation: one HTML file with its tables, its films, and published results."""
 
+from collections import namedtuple
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.evaluate.scoring.plot import panels
-from pipeline.evaluate.scoring.summary import Row
 from pipeline.html import render_page
 
-type Film = tuple[str, bytes, bytes]
-"""The caption of an episode, a strip (JPEG bytes) and a film (mp4 bytes, b"" without)."""
+from .summary import Row
+
+WIDTH, HEIGHT = 260.0, 180.0  # of the area of a panel, in the units of its picture
+
+COLORS = ("#2563eb", "#d97706", "#059669", "#dc2626", "#7c3aed", "#0891b2", "#be185d", "#4d7c0f")
+PARTS = ("policy", "clock", "rules", "embodiment", "domain", "condition")
+
+
+Point = namedtuple("Point", "x y low high")
+"""Where a rate is drawn, and its interval (y grows downwards)."""
+
+Line = namedtuple("Line", "label color points")
+Panel = namedtuple("Panel", "title ticks lines")
+"""One level: ticks of alpha as (x, text), and a line a policy."""
+
+
+def panels(means: Sequence[Row]) -> list[Panel]:
+    """One a level, from means over all tasks. A target that stands still is at alpha 0 in each."""
+    rows = [row for row in means if row["category"] == "all"]
+    parts = [part for part in PARTS if part == "policy" or len({row.get(part) for row in rows}) > 1]
+    labels = [", ".join(str(row.get(part, "")) for part in parts) for row in rows]
+    colors = {label: COLORS[i % len(COLORS)] for i, label in enumerate(dict.fromkeys(labels))}
+    levels = sorted({row["level"] for row in rows if _alpha(row)}) or ([0] if rows else [])
+    out = []
+    for level in levels:
+        named = zip(labels, rows, strict=True)
+        here = [(n, row) for n, row in named if row["level"] == level or not _alpha(row)]
+        alphas = sorted({_alpha(row) for _, row in here})
+        most = max(alphas) or 1.0
+        lines = list[Line]()
+        for label, color in colors.items():
+            mine = {_alpha(row): row for name, row in here if name == label}
+            points = tuple(_point(WIDTH * alpha / most, mine[alpha]) for alpha in sorted(mine))
+            if points:
+                lines.append(Line(label, color, points))
+        ticks = tuple((WIDTH * alpha / most, f"{alpha:g}") for alpha in alphas)
+        out.append(Panel(f"level {level}" if level else "still", ticks, tuple(lines)))
+    return out
+
+
+def _alpha(row: Row) -> float:
+    return float(row["alpha"]) if row["level"] else 0.0
+
+
+def _point(x: float, row: Row) -> Point:
+    low, high = row["success_rate_interval"]
+    return Point(x, *(HEIGHT * (1 - rate / 100) for rate in (row["success_rate"], low, high)))
+
+
+type Film = tuple[str, bytes]
+"""Caption and mp4."""
 
 
 def page(
@@ -18,8 +66,8 @@ def page(
     code: str = "",
     benchmark: str = "",
 ) -> str:
-    """The page's text. `cells` and `means` are those of summary.py; `code` is the version of the
-    program, `benchmark` the label of what all were tried on."""
+    """`cells` and `means` are those of summary.py; `code` is the version of the program,
+    `benchmark` a label."""
     version = f"Code {code[:12]}." if code else ""
     version += f" Benchmark {benchmark}." if benchmark else ""
     episodes = sum(cell["episodes"] for cell in cells)
@@ -29,7 +77,6 @@ def page(
 
 
 def caption(row: Row) -> str:
-    """The caption of a film."""
     outcome = "success" if row["success"] else f"{row['failure']} ({', '.join(row['failed'])})"
     where = f"{row['task']}, level {row['level']}, alpha {row['alpha']:g}, {row['domain']}"
     where += f", seed {row['seed']}"

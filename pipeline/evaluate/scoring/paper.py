@@ -6,27 +6,24 @@ from pathlib import Path
 
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import read_yaml
-from pipeline.evaluate.scoring.summary import Row
+
+from .summary import Row
 
 TEN = (
     *("grab_roller", "handover_block", "place_a2b_left", "place_can_basket", "shake_bottle"),
     *("beat_block_hammer", "move_pillbottle_pad", "place_bread_basket", "place_container_plate"),
     "press_stapler",
 )
-"""The representative subset of the paper's additional experiments."""
 
-EPISODES = 100
-"""Of a task in the paper."""
+EPISODES = 100  # of a task
 
 
-class PaperError(DominoError):
-    """An experiment that the paper does not have."""
+class PaperError(DominoError): ...
 
 
 @dataclass(frozen=True)
 class PaperRow:
-    """Success rate (%) and manipulation score of a method over the tasks of a category at a
-    level."""
+    """Success rate (%) and manipulation score over the tasks of a category at a level."""
 
     method: str
     success_rate: float
@@ -37,8 +34,7 @@ class PaperRow:
 
 @dataclass(frozen=True)
 class Experiment:
-    """`tasks` is "all" or names; all on aloha, in the domain clean. `trained` says on what the
-    paper's policies learned."""
+    """On aloha, in the domain clean. `trained` says on what the paper's policies learned."""
 
     title: str
     trained: str
@@ -69,15 +65,14 @@ EXPERIMENTS = _read()
 
 
 def experiment(name: str) -> Experiment:
-    """An experiment by name. Raises PaperError with the names there are."""
+    """Raises PaperError."""
     if name not in EXPERIMENTS:
         raise PaperError(f"{name!r} is no experiment of the paper: choose {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name]
 
 
 def beside(published: Experiment, means: Sequence[Row]) -> list[Row]:
-    """The rows of the paper, each group (level and category) after that of `means` of
-    summary.py."""
+    """The rows of the paper, each group (level and category) after that of `means`."""
     out = list[Row]()
     for level, category in dict.fromkeys((row.level, row.category) for row in published.rows):
         head = {"level": level, "category": category}
@@ -95,7 +90,6 @@ def beside(published: Experiment, means: Sequence[Row]) -> list[Row]:
 
 
 def differences(published: Experiment, episodes: int, rules: str, clock: str) -> list[str]:
-    """What sets our rows apart from the paper's."""
     out = [
         "scenes, objects and robot models are ours, and so is the simulation",
         f"the paper's policies learned from {published.trained} of the paper's data",

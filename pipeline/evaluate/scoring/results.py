@@ -1,5 +1,4 @@
-"""Results on disk: one JSON line an episode, appended as it ends, so that an evaluation can
-resume."""
+"""Results on disk: one JSON line an episode, appended as it ends."""
 
 import json
 import os
@@ -23,23 +22,21 @@ FIELDS: dict[Any, tuple[str, ...]] = {
     int | float: ("level", "alpha", "seed", "route_completion", "manipulation_score"),
     list: ("failed", "penalties"),
 }
-"""The fields that tables and pages read from a row, by type."""
+"""That tables and pages read from a row."""
 
 
 class ResultsError(DominoError): ...
 
 
-TIMES = "seconds_spent"
-"""The part of a row that differs between runs of one episode."""
+TIMES = "seconds_spent"  # differs between runs of one episode
 
 
 class Results:
-    """An append-only file of rows; every row carries the key of its episode under "key".
+    """An append-only file of rows with the key of their episode under "key".
 
-    `check` raises ValueError for a row that its reader cannot use. A last line that was cut off
-    when its writer was killed is dropped. Raises ResultsError for a damaged line elsewhere, and for
-    two rows of one episode that contradict each other.
-    """
+    `check` raises ValueError for an unusable row. A last line that was cut off is dropped. Raises
+    ResultsError for a damaged line elsewhere, and for rows of one episode that contradict each
+    other."""
 
     def __init__(
         self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None
@@ -56,15 +53,12 @@ class Results:
                     raise ValueError("it has no key")
                 check(row)
             except ValueError as error:
-                why = line_of_text(error)
-                raise ResultsError(
-                    f"{path}: line {number} is no result ({why}): repair or delete it"
-                ) from error
+                what = f"{path}: line {number} is no result ({line_of_text(error)})"
+                raise ResultsError(f"{what}: repair or delete it") from error
             known = self._rows.setdefault(row["key"], row)
             if {**known, TIMES: None} != {**row, TIMES: None}:
-                raise ResultsError(
-                    f"{path}: line {number} contradicts an earlier row: delete the wrong one"
-                )
+                what = f"{path}: line {number} contradicts an earlier row"
+                raise ResultsError(f"{what}: delete the wrong one")
         if len(whole) < len(text):
             os.truncate(path, len(whole))
         self._size = len(whole)
@@ -73,8 +67,7 @@ class Results:
         return key in self._rows
 
     def append(self, key: str, row: Mapping[str, Any]) -> None:
-        """Add the row of an episode; it is on disk when this returns. Raises OSError, and
-        ResultsError if something else has written to the file."""
+        """On disk when this returns. Raises OSError, ResultsError if another wrote to the file."""
         stored = {"key": key, **row}
         with open(self.path, "ab") as file:
             if file.tell() != self._size:
@@ -85,16 +78,16 @@ class Results:
         self._rows[key] = stored
 
     def rows(self) -> list[dict[str, Any]]:
-        """All rows in the order in which they were first added."""
+        """In the order in which they were first added."""
         return list(self._rows.values())
 
     def of(self, keys: Iterable[str]) -> list[dict[str, Any]]:
-        """The rows of these keys that are there, in this order."""
+        """In this order."""
         return [self._rows[key] for key in keys if key in self._rows]
 
 
 def check_episode(row: dict[str, Any]) -> None:
-    """Raise ValueError, naming the field, for what is no row of an episode of any version."""
+    """Raises ValueError for what is no row of an episode of any version."""
     row.setdefault("probe", "")
     for kind, names in FIELDS.items():
         if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):

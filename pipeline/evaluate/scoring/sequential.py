@@ -1,11 +1,8 @@
-"""Which of two policies is better, decided after as few scenes as possible.
-
-The test bets against "no difference", scene by scene: a wealth that starts at 1 and whose
-expectation stays at most 1 while the mean difference is 0. It may be looked at after every scene,
-and continued as long as one likes: the chance that it ever reaches 1 / alpha is at most alpha
-(Ville). Waudby-Smith & Ramdas (2024), JRSS B 86:1-27; for policies of robots with partial credit
-arXiv:2603.13616, for a limit of scenes arXiv:2503.10966.
-"""
+"""Which of two policies is better, decided after as few scenes as possible, by betting against "no
+difference": a wealth that starts at 1 and whose expectation stays at most 1 while the mean
+difference is 0. The chance that it ever reaches 1 / alpha is at most alpha (Ville), however often
+it is looked at. Waudby-Smith & Ramdas (2024), JRSS B 86:1-27; for policies of robots
+arXiv:2603.13616, for a limit of scenes arXiv:2503.10966."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +18,8 @@ BETS = np.linspace(0.3, 0.95, 8)
 
 @dataclass(frozen=True)
 class SequentialTest:
-    """`decided` is the number of scenes that were enough, or None. `p` is valid after any scene.
-    `better` is the sign of the difference, 0 while undecided. `more` scenes would decide at the
-    present difference; None if there is none."""
+    """`decided` scenes were enough, or None. `p` is valid after any scene. `better` is the sign of
+    the difference, 0 while undecided. `more` scenes would decide at this difference."""
 
     scenes: int
     decided: int | None
@@ -33,8 +29,8 @@ class SequentialTest:
 
 
 def wealth(differences: Sequence[float]) -> NDArray[np.float64]:
-    """Log wealth (N, 2) after each of N differences in [-1, 1]: of bets that they are positive, and
-    negative; the two share the stake of 1. Raises ValueError outside that range."""
+    """Log wealth (N, 2) after each of N differences in [-1, 1], of bets that they are positive, and
+    negative. Raises ValueError outside that range."""
     x = np.asarray(differences, float)
     if x.size and not np.abs(x).max() <= 1:
         raise ValueError("differences lie in [-1, 1]")
@@ -58,8 +54,7 @@ def sequential(differences: Sequence[float], alpha: float = 0.05) -> SequentialT
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Adjusted p of several comparisons, in their order: at most alpha of them hold by chance.
-    Holm (1979), Scand. J. Stat. 6:65-70."""
+    """Adjusted p of several comparisons, in their order. Holm (1979), Scand. J. Stat. 6:65-70."""
     order = np.argsort(p, kind="stable")
     steps = np.asarray(p)[order] * np.arange(len(p), 0, -1)
     out = np.empty(len(p))

@@ -1,8 +1,5 @@
-"""By how much two policies differ on scenes that both tried, and how far chance explains it.
-
-Rates are means over tasks, in which every task counts the same. Scenes, not episodes, are drawn
-again: all episodes of a scene share its layout and its words.
-"""
+"""By how much two policies differ on the same scenes. Rates are means over tasks, in which every
+task counts the same. Scenes, not episodes, are drawn again."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -22,8 +19,8 @@ ByTask = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class SceneResult:
-    """Success of the first and of the second policy on a scene, means over its episodes, and the
-    episodes that the second won and lost."""
+    """Success of both policies on a scene, means over its episodes, and the episodes that the
+    second won and lost."""
 
     task: str
     first: float
@@ -33,7 +30,6 @@ class SceneResult:
 
 
 def by_task(pairs: Sequence[tuple[str, float]]) -> ByTask:
-    """Numbers by task, sorted."""
     out = defaultdict[str, list[float]](list)
     for task, value in sorted(pairs):
         out[task].append(value)
@@ -107,16 +103,15 @@ def interval(change: ByTask) -> tuple[float, float]:
 
 
 def _exact(change: float, scenes: int) -> tuple[float, float]:
-    """The interval of a change that is the same on all scenes: another one is rarer than 1 -
+    """Of a change that is the same on all scenes: another one is rarer than 1 -
     0.025^(1/scenes)."""
     room = (1 - 0.025 ** (1 / scenes)) * (1 + abs(change))
     return max(-1.0, change - room), min(1.0, change + room)
 
 
 def sign_flip(differences: Sequence[int]) -> float:
-    """Two-sided exact p that each scene could as well have ended the other way round: the chance
-    that the differences (won - lost, one a scene) with random signs add up to as much. McNemar's
-    exact test where every scene has one episode."""
+    """Two-sided exact p that the differences (won - lost, one a scene) with random signs add up to
+    as much. McNemar's exact test where every scene has one episode."""
     chances = np.ones(1)
     for size in (abs(d) for d in differences if d):
         step = np.zeros(2 * size + 1)
@@ -127,9 +122,8 @@ def sign_flip(differences: Sequence[int]) -> float:
 
 
 def scenes_needed(variance: float, effect: float, power: float = 0.8) -> int | None:
-    """Number of scenes that detect a true difference of `effect` (0-1) at the 5 % level with this
-    power: (z + z)^2 variance / effect^2 over all tasks, with equally many of each. None for a
-    variance of 0."""
+    """Scenes that detect a true difference of `effect` (0-1) at the 5 % level: (z + z)^2 variance /
+    effect^2. None for a variance of 0."""
     if not variance:
         return None
     return ceil((norm.ppf(0.975) + norm.ppf(power)) ** 2 * variance / effect**2)
@@ -152,8 +146,7 @@ def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, floa
 def bootstrap(
     values: Sequence[float], level: float = 0.95, resamples: int = 2000
 ) -> tuple[float, float]:
-    """Percentile interval of the mean over resamples with replacement, whatever the order; NaN for
-    none."""
+    """Percentile interval of the mean over resamples, whatever the order; NaN for none."""
     if not len(values):
         return float("nan"), float("nan")
     ordered = np.sort(np.asarray(values, float))
@@ -163,13 +156,10 @@ def bootstrap(
 
 
 def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Wilson's interval, in 0-1, of a rate whose trials come in clusters: (successes, trials) of
-    each, such as of a scene that several networks tried.
-
-    The trials count as p (1 - p) / v independent ones, v the variance of the rate p between
-    clusters, but as no more than there are trials and no fewer than there are clusters. Dean &
-    Pagano (2015), J. Surv. Stat. Methodol. 3:484-503.
-    """
+    """Wilson's interval, in 0-1, of a rate with trials in clusters: (successes, trials) of each.
+    They count as p (1 - p) / v independent ones, v the variance of the rate p between clusters,
+    between the number of clusters and of trials. Dean & Pagano (2015), J. Surv. Stat. Methodol.
+    3:484-503."""
     if not clusters:
         return wilson(0, 0)
     solved, trials = np.array(clusters, float).T

@@ -1,4 +1,4 @@
-"""Rates with intervals from rows of episodes: of a cell, and means over tasks as in the paper."""
+"""Rates with intervals from rows of episodes: of a cell, and means over tasks."""
 
 import json
 from collections import Counter, defaultdict
@@ -7,31 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.scoring.statistics import bootstrap, wilson
+from .statistics import bootstrap, wilson
 
 CELL = ("policy", "clock", "rules", "task", "embodiment", "level", "alpha", "domain", "condition")
 
 MOST_FAULTS = 5
-"""Different faults that a cell lists."""
 
 Row = dict[str, Any]
 
 
 def scene_of(row: Row) -> tuple[str, str, int]:
-    """What the episodes of one scene share: task, robot and seed, whatever level, alpha, domain,
-    policy."""
+    """Whatever level, alpha, domain, policy."""
     return row["task"], row["embodiment"], row["seed"]
 
 
 def each_scene_once(rows: Sequence[Row]) -> list[Row]:
-    """The last row of a policy, clock and rules on a scene: other options may have tried it
-    too."""
+    """The last row of a policy, clock and rules on a scene."""
     scenes = {(*json.loads(row["key"])[1:5], row["rules"]): row for row in rows}
     return [*scenes.values()]
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:
-    """One row for each combination of CELL, in order of appearance."""
+    """By CELL, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row.get(key, "") for key in CELL)].append(row)
@@ -42,8 +39,7 @@ def summarise(rows: Sequence[Row]) -> list[Row]:
 
 
 def numbers(rows: Sequence[Row]) -> Row:
-    """Rates (per cent), means (0-100) with 95 % intervals, mean seconds from first touch to hold,
-    and why episodes failed."""
+    """Rates (per cent), means (0-100) with 95 % intervals, and why episodes failed."""
     successes = sum(row["success"] for row in rows)
     low, high = wilson(successes, len(rows))
     out: Row = {
@@ -74,13 +70,10 @@ def numbers(rows: Sequence[Row]) -> Row:
 
 
 def over_tasks(rows: Sequence[Row]) -> list[Row]:
-    """Means of cells over their tasks, all and by category (interception, tracking); every task
-    counts the same.
+    """Means of cells over their tasks, all and by category; every task counts the same.
 
     The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T
-    tasks: wider than need be where tasks differ. That of the scores is a bootstrap over episodes
-    inside each task.
-    """
+    tasks; that of the scores a bootstrap over episodes inside each task."""
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     by = [key for key in CELL if key != "task"]
     for row in rows:
@@ -164,8 +157,7 @@ def _stratified_interval(
 
 
 def table(cells: Sequence[Row]) -> str:
-    """The cells as aligned text. `truth` marks policies that are shown the simulation, `process` is
-    where they ran."""
+    """As aligned text. `truth` marks policies that are shown the simulation."""
     head = (
         f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
         f" {'process':9} {'n':>4}"

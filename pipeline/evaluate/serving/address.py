@@ -10,8 +10,7 @@ from urllib.parse import parse_qsl, urlsplit
 from pipeline.evaluate.policies.policy import PolicyError
 
 TOKEN = "DOMINO_POLICY_TOKEN"
-"""The environment variable with the token, on both sides: everybody on a machine can read its
-command lines."""
+"""An environment variable: everybody on a machine can read its command lines."""
 
 
 @dataclass(frozen=True)
@@ -28,47 +27,41 @@ class Address:
         return self.text.partition(":")[0]
 
     def url(self, scheme: str) -> str:
-        """The address with another scheme and without options."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{scheme}://{host}:{self.port}"
 
-    def number(self, option: str, default: int | None = None) -> int | None:
-        """An option that is a positive whole number. Raises PolicyError."""
+    def number(self, option: str) -> int | None:
+        """A positive whole number, if it is given. Raises PolicyError."""
         value = self.options.get(option)
         if value is None:
-            return default
+            return None
         if not re.fullmatch(r"0*[1-9]\d{0,5}", value, re.ASCII):
-            raise PolicyError(
-                f"--policy {self.text}: {option}={value} is not a whole number from 1 to 999999"
-            )
+            what = f"{option}={value} is not a whole number from 1 to 999999"
+            raise PolicyError(f"--policy {self.text}: {what}")
         return int(value)
 
     def choice(self, option: str, known: tuple[str, ...]) -> str:
-        """An option that is one of `known`, by default the first. Raises PolicyError."""
+        """One of `known`, by default the first. Raises PolicyError."""
         value = self.options.get(option, known[0])
         if value not in known:
-            raise PolicyError(
-                f"--policy {self.text}: {option}={value} is unknown: choose {', '.join(known)}"
-            )
+            what = f"{option}={value} is unknown: choose {', '.join(known)}"
+            raise PolicyError(f"--policy {self.text}: {what}")
         return value
 
     def label(self, served: str | None = None) -> str:
-        """The policy's name in results: the option `label`, else the name `served` by the server,
-        else the address; then the other options. Raises PolicyError for a label that is no word."""
+        """The policy's name in results: option `label`, else the name `served`, else the address;
+        then the other options. Raises PolicyError for a label that is no word."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
-            raise PolicyError(
-                f"--policy {self.text!r}: a label has up to 80 letters, digits and _.@+-"
-            )
+            what = "a label has up to 80 letters, digits and _.@+-"
+            raise PolicyError(f"--policy {self.text!r}: {what}")
         name = f"{self.scheme}:{given}" if given else f"ws:{served}" if served else ""
-        options = sorted(self.options.items())
-        others = "".join(f",{key}={value}" for key, value in options if key != "label")
-        return f"{name or self.url(self.scheme)}{others}"
+        others = sorted(item for item in self.options.items() if item[0] != "label")
+        return (name or self.url(self.scheme)) + "".join(f",{k}={v}" for k, v in others)
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
-    """The address in a text, with a default port. Raises PolicyError for anything else, and for
-    options not among `options`."""
+    """Raises PolicyError for no address, and for options not among `options`."""
     try:
         parts = urlsplit(text)
         host, given = parts.hostname, parts.port or port
@@ -86,7 +79,6 @@ def parse_address(text: str, port: int | None = None, options: tuple[str, ...] =
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host can be reached from this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -94,5 +86,4 @@ def is_loopback(host: str) -> bool:
 
 
 def token() -> str | None:
-    """The token from the environment, if there is one."""
     return os.environ.get(TOKEN) or None

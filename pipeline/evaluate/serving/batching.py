@@ -1,4 +1,4 @@
-"""One policy for many episodes: questions that arrive at about the same time are one batch."""
+"""One policy for many episodes: questions of about the same time are one batch."""
 
 import queue
 import threading
@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError, Start
 
-MOST = 64
-"""Questions of one batch."""
+MOST = 64  # questions of one batch
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """About the memory of an episode and an observation, or, without one, about the start of an
-    episode."""
+    """About an episode's memory and an observation, or about a start."""
 
     about: Any
     observation: Observation | None
@@ -28,12 +26,9 @@ class Question:
 
 
 class Batcher:
-    """Answers the questions of all seats with one policy, in a thread of its own.
-
-    A batch is answered as soon as every seat that plays has asked, it holds `most` questions, or
-    its first question has waited for `wait` seconds. Batches change no answer. Its methods raise
-    what the policy raises.
-    """
+    """Answers the questions of all seats with one policy, in a thread of its own: as soon as every
+    seat that plays has asked, `most` questions are there, or the first has waited for `wait` s.
+    Methods raise what the policy raises."""
 
     def __init__(self, policy: BatchPolicy, wait: float, most: int = MOST) -> None:
         self.policy, self._wait, self._most = policy, wait, most
@@ -45,7 +40,6 @@ class Batcher:
         return Seat(self)
 
     def begin(self, seat: "Seat", start: Start) -> Any:
-        """The memory of a new episode of a seat."""
         episode = self.ask(start, None)
         with self._lock:
             self._playing.add(seat)
@@ -57,7 +51,6 @@ class Batcher:
             self._playing.discard(seat)
 
     def ask(self, about: Any, observation: Observation | None) -> Any:
-        """The answer to a Question, in its turn."""
         question = Question(about, observation)
         self._asked.put(question)
         return question.answer.result()
@@ -87,9 +80,7 @@ class Batcher:
             asked = [(q.about, q.observation) for q in batch if q.observation is not None]
             answers = list(self.policy.act_together(asked))
             if len(answers) != len(batch):
-                raise ActionError(
-                    f"the policy gave {len(answers)} answers to {len(batch)} questions"
-                )
+                raise ActionError(f"{len(answers)} answers to {len(batch)} questions")
         except BaseException as error:  # noqa: BLE001 (raised again where the question was asked)
             if len(batch) == 1:
                 return batch[0].answer.set_exception(error)
@@ -101,7 +92,7 @@ class Batcher:
 
 
 class Seat:
-    """A policy for one client of a Batcher, as servers take it."""
+    """A policy for one client of a Batcher."""
 
     def __init__(self, batcher: Batcher) -> None:
         self._batcher, self._episode = batcher, None
@@ -114,7 +105,6 @@ class Seat:
 
     @property
     def inferences(self) -> int | None:
-        """Runs of the network in this episode, None if they are not counted."""
         return getattr(self._episode, "inferences", None)
 
     def reset(self, start: Start) -> None:
@@ -128,9 +118,7 @@ class Seat:
 
 
 def batcher_of(policy: object, label: str, wait: float) -> Batcher:
-    """A batcher of a policy. Raises PolicyError if it is no BatchPolicy."""
+    """Raises PolicyError if it is no BatchPolicy."""
     if not isinstance(policy, BatchPolicy):
-        raise PolicyError(
-            f"{label}: answers one episode at a time (it is no BatchPolicy): leave out --batch-wait"
-        )
+        raise PolicyError(f"{label}: is no BatchPolicy: leave out --batch-wait")
     return Batcher(policy, wait)

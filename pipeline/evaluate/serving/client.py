@@ -1,4 +1,4 @@
-"""A policy behind messages: on a server (ws://, wss://, openpi://), or in a process of its own."""
+"""A policy behind messages: on a server, or in a process of its own."""
 
 import time
 from abc import ABC, abstractmethod
@@ -20,32 +20,29 @@ from pipeline.evaluate.policies.fit import first_rows, pad_to_square
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
     Observation,
-    Policy,
     PolicyError,
     PolicyName,
     Start,
     chunk_of,
 )
-from pipeline.evaluate.serving.address import Address, parse_address, token
-from pipeline.evaluate.serving.messages import MessageError, pack, unpack
-from pipeline.evaluate.serving.session import VERSION, EpisodeMessage, Offer
-from pipeline.evaluate.serving.websocket import ConnectionLost, MessageLink, Unreachable, WebSocket
 
-ANSWER_SECONDS = 300.0
-"""What one answer may take by default: the first one often compiles a model."""
+from .address import Address, parse_address, token
+from .messages import MessageError, pack, unpack
+from .process import Process
+from .session import VERSION, EpisodeMessage, Offer
+from .websocket import ConnectionLost, Unreachable, WebSocket
 
-REOPEN_SECONDS = 30.0
-"""A server that answered before may be away, or at work on an answer that was given up, for so
-long."""
+ANSWER_SECONDS = 300.0  # what one answer may take by default: the first one often compiles a model
 
-SIZE = 224
-"""Pixels of the square images of openpi's servers."""
+REOPEN_SECONDS = 30.0  # A server that answered before may be away, or busy, for so long
+
+SIZE = 224  # pixels of the square images of openpi's servers
 
 SCHEMES = ("ws", "wss", "openpi")
 
 
 def open_again[T](opening: Callable[[], T]) -> T:
-    """The result of `opening`, tried again for REOPEN_SECONDS. Raises NoAnswer."""
+    """Tries for REOPEN_SECONDS. Raises NoAnswer."""
     until = time.monotonic() + REOPEN_SECONDS
     while True:
         try:
@@ -57,18 +54,16 @@ def open_again[T](opening: Callable[[], T]) -> T:
 
 
 class Client:
-    """A policy behind a connection, which is opened at once, and again where it was lost between
-    episodes. One answer may take `seconds`, which may be changed at any time.
+    """A policy behind a connection, which is opened at once, and again if it was lost between
+    episodes. One answer may take `seconds`.
 
-    Has the `contract` and the `setup` that the server offers. A server without an offer is one of
-    openpi's own, with the observations of ALOHA: images are squares of `size` pixels, and the first
-    `execute` rows of a chunk are executed. `prefix` begins the messages of its errors. Raises
-    PolicyError.
-    """
+    A server without an offer is openpi's own, with the observations of ALOHA: square images of
+    `size` pixels; the first `execute` rows of a chunk are executed. `prefix` begins error messages.
+    Raises PolicyError."""
 
     def __init__(
         self,
-        opening: Callable[[], MessageLink],
+        opening: Callable[[], WebSocket | Process],
         prefix: str = "",
         execute: int | None = None,
         size: int = SIZE,
@@ -77,29 +72,26 @@ class Client:
         self.seconds, self.inferences = ANSWER_SECONDS, None
         self.metadata, self._offer = dict[Any, Any](), cast(Offer | None, None)
         self.contract, self.setup = cast(Any, None), cast(Any, None)
-        self._link: MessageLink | None = None
+        self._link: WebSocket | Process | None = None
         self._start: Start | None = None
         self._accepted, self._asked = False, 0
         self._open()
 
     @property
     def label(self) -> str | None:
-        """The server's name of its policy, None if it names none."""
+        """The server's name of its policy, if any."""
         name = self.metadata.get("policy")
         return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first
-        one."""
+        """Raises NoAnswer, and PolicyError if the server refuses the first episode."""
         self._start = start
         try:
             self._begin(start)
-        except NoAnswer:
-            raise
         except PolicyError as error:
-            if self._accepted:
-                raise NoAnswer(str(error)) from error
-            raise
+            if isinstance(error, NoAnswer) or not self._accepted:
+                raise
+            raise NoAnswer(str(error)) from error
         self._accepted = True
 
     def act(self, observation: Observation) -> ArrayLike:
@@ -107,9 +99,8 @@ class Client:
         if self._start is None:
             raise PolicyError(f"{self._prefix}asked before reset")
         plain = self._offer is None
-        answer = self._ask(
-            plain_message(observation, self._size) if plain else full_message(observation)
-        )
+        told = plain_message(observation, self._size) if plain else full_message(observation)
+        answer = self._ask(told)
         actions, self.inferences = answer.get("actions"), answer.get("inferences")
         if not isinstance(actions, np.ndarray):
             held = line_of_text(", ".join(map(str, answer)))[:200] or "nothing"
@@ -118,7 +109,6 @@ class Client:
         return chunk_of(first_rows(actions, self._execute), length)
 
     def close(self) -> None:
-        """End the connection, without waiting for anything."""
         if self._link is not None:
             self._link.close()
         self._link = None
@@ -170,36 +160,34 @@ class Client:
     def _read_offer(self, value: object) -> Offer | None:
         if value is None:
             return None
-        version: object = value.get("version") if isinstance(value, dict) else None
-        if not isinstance(version, int) or version != VERSION:
-            theirs = line_of_text(version)[:20]
-            raise PolicyError(
-                f"{self._prefix}protocol version: the server speaks {theirs}, this client {VERSION}"
-            )
+        version = value.get("version") if isinstance(value, dict) else None
+        if type(version) is not int or version != VERSION:
+            theirs = f"the server speaks {line_of_text(version)[:20]}, this client {VERSION}"
+            raise PolicyError(f"{self._prefix}protocol version: {theirs}")
         offer = Offer.read(value)
         self.contract, self.setup = offer.contract, offer.keys()
         return offer
 
 
 def full_message(observation: Observation) -> dict[str, Any]:
-    """An observation for servers with an offer."""
-    message: dict[str, Any] = {
+    committed = observation.committed
+    more = {
+        "depth": dict(observation.depth),
+        "segmentation": dict(observation.segmentation),
+        "pointcloud": observation.pointcloud,
+        "committed": None if committed is None else np.asarray(committed, np.float64),
+    }
+    return {
         "state": np.asarray(observation.joints, np.float64),
         "images": dict(observation.images),
         "prompt": observation.instruction,
         "time": observation.time,
+        **{name: part for name, part in more.items() if part is not None and len(part)},
     }
-    parts = {"depth": dict(observation.depth), "segmentation": dict(observation.segmentation)}
-    message |= {name: part for name, part in parts.items() if part}
-    if observation.pointcloud is not None:
-        message["pointcloud"] = observation.pointcloud
-    if observation.committed is not None and len(observation.committed):
-        message["committed"] = np.asarray(observation.committed, np.float64)
-    return message
 
 
 def plain_message(observation: Observation, size: int) -> dict[str, Any]:
-    """An observation as openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
+    """As openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
     images = {
         EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
         for name, image in observation.images.items()
@@ -209,8 +197,7 @@ def plain_message(observation: Observation, size: int) -> dict[str, Any]:
 
 
 class Bridge(ABC):
-    """A policy on a server of another protocol. `execute` rows of every chunk are executed, all by
-    default; one answer may take `seconds`."""
+    """A policy on a server of another protocol. `execute` rows of a chunk are executed."""
 
     def __init__(self, address: Address) -> None:
         self.address, self.execute = address, address.number("execute")
@@ -223,7 +210,7 @@ class Bridge(ABC):
 
     @abstractmethod
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises PolicyError for a robot that is not the server's."""
+        """Raises PolicyError for a robot that is not the server's."""
 
     @abstractmethod
     def act(self, observation: Observation) -> ArrayLike:
@@ -236,8 +223,7 @@ class Bridge(ABC):
 
 @dataclass(frozen=True)
 class BridgeForm:
-    """The name of a policy on a server of another protocol, KIND://HOST:PORT?option=value: its
-    client, its usual port, and its options besides `label`."""
+    """KIND://HOST:PORT?option=value: its client, usual port, and options besides `label`."""
 
     client: Callable[[Address], Bridge]
     port: int
@@ -245,38 +231,33 @@ class BridgeForm:
 
     def name(self, text: str) -> PolicyName:
         """Check that the server is there. Raises PolicyError."""
-        client = self._client(text)
+        client = self.make(text)
         client.greet()
         client.close()
         return PolicyName(text, client.address.label(), process="server")
 
-    def make(self, text: str) -> Policy:
-        return self._client(text)
-
-    def _client(self, text: str) -> Bridge:
-        return self.client(
-            parse_address(text, self.port, (*self.options, "label", *ACTION_OPTIONS))
-        )
+    def make(self, text: str) -> Bridge:
+        options = (*self.options, "label", *ACTION_OPTIONS)
+        return self.client(parse_address(text, self.port, options))
 
 
 class ServerForm:
-    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name."""
+    """ws://HOST:PORT, wss://... and openpi://..."""
 
     def name(self, text: str) -> PolicyName:
-        """Connect and ask. Raises PolicyError."""
+        """Raises PolicyError."""
         client = self.make(text)
         client.close()
         return PolicyName(text, _server_address(text).label(client.label), process="server")
 
     def make(self, text: str) -> Client:
-        """The client. Raises PolicyError."""
         address = _server_address(text)
         url = address.url("wss" if address.scheme == "wss" else "ws")
         secret = token()
         # openpi's servers call it an API key, and ours take both
         headers = {"Authorization": f"Api-Key {secret}"} if secret else {}
-        execute, size = address.number("execute"), address.number("size", SIZE)
-        client = Client(partial(WebSocket, url, headers), f"{url}: ", execute, size or SIZE)
+        execute, size = address.number("execute"), address.number("size") or SIZE
+        client = Client(partial(WebSocket, url, headers), f"{url}: ", execute, size)
         if client.contract is None:
             client.contract = Contract.of(stated_actions(address.options))
         return client

@@ -1,9 +1,5 @@
-"""Messages of openpi's protocol: msgpack maps with numpy arrays inside. Nothing received runs.
-
-An array is the map {b"__ndarray__": true, b"data": bytes, b"dtype": "<f8", b"shape": [2, 14]}, a
-number of numpy's {b"__npgeneric__": true, b"data": 1.5, b"dtype": "<f4"}. Only booleans, integers
-and floats are accepted: no objects, records or complex numbers.
-"""
+"""Messages of openpi's protocol: msgpack maps with numpy arrays of booleans, integers or floats, as
+in docs/policy_server.md. Nothing received runs."""
 
 import math
 import re
@@ -12,7 +8,6 @@ from typing import Any, cast
 
 import msgpack
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import show_value
@@ -20,14 +15,10 @@ from pipeline.data.parsing import show_value
 LARGEST = 32 * 1024 * 1024
 """Bytes of a message; three images of 1024x1024 and their joints need 9.5 MB."""
 
-MOST_ENTRIES = 4096
-"""Entries of one list or map."""
+MOST_ENTRIES = 4096  # of one list or map
 
 REFUSED, FAILED, INVALID, BUSY = 1008, 1011, 1007, 1013
-"""Why a connection ends, as WebSocket close codes: the message or the episode is refused, the
-policy gave no answer, its answer is no action, all places are taken."""
-
-_DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248])")
+"""WebSocket close codes: refused, no answer, an answer that is no action, all places taken."""
 
 
 class MessageError(DominoError, ValueError):
@@ -35,7 +26,7 @@ class MessageError(DominoError, ValueError):
 
 
 def pack(message: Mapping[Any, Any]) -> bytes:
-    """A message as bytes. Raises MessageError for an array whose entries are not numbers."""
+    """Raises MessageError for an array whose entries are not numbers."""
     try:
         return cast(bytes, msgpack.packb(message, default=_encode_array))
     except (TypeError, ValueError, OverflowError) as error:
@@ -45,10 +36,8 @@ def pack(message: Mapping[Any, Any]) -> bytes:
 def unpack(
     data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None
 ) -> dict[Any, Any]:
-    """The message in bytes. Raises MessageError for anything but one whole map within the limits.
-
-    `decode`, given every map, replaces the function that turns some of them into arrays.
-    """
+    """The message in bytes. `decode` replaces the function that turns maps into arrays. Raises
+    MessageError for anything but one whole map within the limits."""
     if isinstance(data, str):
         raise MessageError(f"the message is text, not bytes: {data[:200]!r}")
     limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}
@@ -75,38 +64,30 @@ def _encode_array(value: object) -> dict[bytes, Any]:
 
 
 def _decode_array(values: dict[Any, Any]) -> Any:
-    if b"__ndarray__" in values:
-        return _array_of(values.get(b"data"), values.get(b"dtype"), values.get(b"shape"))
+    data, shape = values.get(b"data"), values.get(b"shape")
     if b"__npgeneric__" in values:
-        kind, number = _dtype(values.get(b"dtype")), values.get(b"data")
-        if not isinstance(number, bool | int | float):
-            raise MessageError(f"a number is a {type(number).__name__}")
+        kind = _dtype(values.get(b"dtype"))
+        if not isinstance(data, bool | int | float):
+            raise MessageError(f"a number is a {type(data).__name__}")
         try:
-            return kind.type(number)
+            return kind.type(data)
         except (OverflowError, ValueError) as error:
-            raise MessageError(f"{number} is no {kind.str}") from error
-    return values
-
-
-def _array_of(data: object, dtype: object, shape: object) -> NDArray[Any]:
+            raise MessageError(f"{data} is no {kind.str}") from error
+    if b"__ndarray__" not in values:
+        return values
     if not isinstance(data, bytes):
         raise MessageError(f"the data of an array are of type {type(data).__name__}, not bytes")
-    kind = _dtype(dtype)
+    kind = _dtype(values.get(b"dtype"))
     good = isinstance(shape, list) and all(type(n) is int and n >= 0 for n in shape)
     if not isinstance(shape, list) or not good or len(shape) > 8:
         raise MessageError(f"an array has the shape {show_value(shape)}")
     if (size := math.prod(shape) * kind.itemsize) != len(data):
-        raise MessageError(
-            f"an array of shape {shape} and dtype {kind.str} has {len(data)} bytes instead of"
-            f" {size}"
-        )
+        array = f"an array of shape {shape} and dtype {kind.str}"
+        raise MessageError(f"{array} has {len(data)} bytes instead of {size}")
     return np.frombuffer(data, kind).reshape(shape).copy()
 
 
 def _dtype(text: object) -> np.dtype[Any]:
-    if not isinstance(text, str) or not _DTYPE.fullmatch(text):
-        raise MessageError(
-            f"an array has the dtype {str(text)[:40]!r}: only booleans, integers and floats are"
-            " passed"
-        )
+    if not isinstance(text, str) or not re.fullmatch(r"[<>=|]?(b1|[iu][1248]|f[248])", text):
+        raise MessageError(f"an array has the dtype {str(text)[:40]!r}, which is no number's")
     return np.dtype(text)

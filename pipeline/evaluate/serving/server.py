@@ -1,10 +1,5 @@
-"""A policy server: one policy behind a WebSocket, for evaluators on this machine or with a token on
-others.
-
-A client has `open_seconds` for the HTTP request and for its first message, `idle_seconds` for every
-other one. Tokens are checked before the WebSocket is opened. An error is sent as text, then the
-connection closes with a code of messages.py, as openpi's servers do. GET /healthz answers OK.
-"""
+"""One policy behind a WebSocket, for evaluators here or with a token elsewhere. Errors are sent as
+text, then the connection closes with a code of messages.py, as openpi's servers do."""
 
 import asyncio
 import hmac
@@ -23,10 +18,11 @@ from websockets.http11 import Request, Response
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
 from pipeline.evaluate.policies.policy import Policy
-from pipeline.evaluate.serving.address import TOKEN, is_loopback
-from pipeline.evaluate.serving.batching import Seat
-from pipeline.evaluate.serving.messages import BUSY, LARGEST, REFUSED, pack
-from pipeline.evaluate.serving.session import ServerOptions, Session, guarded, respond
+
+from .address import TOKEN, is_loopback
+from .batching import Seat
+from .messages import BUSY, LARGEST, REFUSED, pack
+from .session import ServerOptions, Session, guarded, respond
 
 
 class ServeError(DominoError): ...
@@ -34,7 +30,8 @@ class ServeError(DominoError): ...
 
 @dataclass(frozen=True)
 class ServerLimits:
-    """`clients` are served at the same time, each by a policy or a seat of its own."""
+    """`clients` at the same time; `open_seconds` for the HTTP request and the first message,
+    `idle_seconds` for every other one."""
 
     clients: int = 1
     open_seconds: float = 10.0
@@ -43,7 +40,7 @@ class ServerLimits:
 
 @dataclass(frozen=True)
 class ServerAddress:
-    """Where to listen; port 0 takes a free one. Other hosts than loopback need a token."""
+    """Port 0 takes a free one. Other hosts than loopback need a token."""
 
     host: str = "127.0.0.1"
     port: int = 8765
@@ -53,19 +50,15 @@ class ServerAddress:
         if not re.fullmatch(r"[A-Za-z0-9_.:%-]{1,253}", self.host, re.ASCII):
             raise ServeError(f"--host {self.host!r} is no name of this machine and no IP address")
         if self.token is None and not is_loopback(self.host):
-            raise ServeError(
-                f"--host {self.host} can be reached from other machines: set {TOKEN} to a secret"
-                " that clients must show"
-            )
+            reached = f"--host {self.host} can be reached from other machines"
+            raise ServeError(f"{reached}: set {TOKEN} to a secret that clients must show")
         if self.token is not None and len(self.token) < 16:
-            raise ServeError(
-                f"{TOKEN} has {len(self.token)} characters: use at least 16, e.g. of `openssl rand"
-                " -hex 24`"
-            )
+            count = len(self.token)
+            raise ServeError(f"{TOKEN} has {count} characters: use at least 16")
 
 
 class PolicyServer:
-    """Serves policies made by `make`, the first of them made before a port is opened."""
+    """The first of its policies is made before a port is opened."""
 
     def __init__(
         self,
@@ -81,20 +74,19 @@ class PolicyServer:
         self.port = 0
 
     def run(self, started: Callable[[int], None] = lambda port: None) -> None:
-        """Serve until SIGINT or SIGTERM; `started` is called with the port. Raises OSError if it
-        cannot listen."""
-        asyncio.run(self._run_until_signal(started))
+        """Until SIGINT or SIGTERM; `started` gets the port. Raises OSError."""
 
-    async def _run_until_signal(self, started: Callable[[int], None]) -> None:
-        stop, loop = asyncio.Event(), asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        await self.serve(stop, started)
+        async def until_signal() -> None:
+            stop, loop = asyncio.Event(), asyncio.get_running_loop()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, stop.set)
+            await self.serve(stop, started)
+
+        asyncio.run(until_signal())
 
     async def serve(
         self, stop: asyncio.Event, started: Callable[[int], None] = lambda port: None
     ) -> None:
-        """Serve until `stop` is set."""
         # a thread for each client: a question may wait for the others of its batch
         threads = ThreadPoolExecutor(self._limits.clients + 1)
         asyncio.get_running_loop().set_default_executor(threads)
@@ -122,7 +114,7 @@ class PolicyServer:
             await stop.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The refusal of a connection, or None to accept it."""
+        """The refusal, or None."""
         path = request.path.partition("?")[0]
         if path == "/healthz":
             return connection.respond(HTTPStatus.OK, "OK\n")
@@ -131,18 +123,14 @@ class PolicyServer:
         if self._address.token is None:
             return None
         shown = request.headers.get_all("Authorization")
-        if not shown:
-            refusal = f"this server wants a token: set {TOKEN}\n"
-            return connection.respond(HTTPStatus.UNAUTHORIZED, refusal)
-        scheme, _, secret = shown[0].partition(" ")
+        scheme, _, secret = (shown or [""])[0].partition(" ")
         same = hmac.compare_digest(secret.strip().encode(), self._address.token.encode())
-        if scheme.lower() not in ("bearer", "api-key") or not same or len(shown) > 1:
-            refusal = f"the token is wrong: set {TOKEN} to that of the server\n"
-            return connection.respond(HTTPStatus.UNAUTHORIZED, refusal)
-        return None
+        if scheme.lower() in ("bearer", "api-key") and same and len(shown) == 1:
+            return None
+        what = "the token is wrong" if shown else "this server wants a token"
+        return connection.respond(HTTPStatus.UNAUTHORIZED, f"{what}: set {TOKEN}\n")
 
     async def _handle(self, connection: ServerConnection) -> None:
-        """One client from its first to its last message."""
         policy = None
         try:
             # the last client may have left this very moment
@@ -168,7 +156,7 @@ class PolicyServer:
                 self._free.append(policy)
 
     async def _talk(self, connection: ServerConnection, session: Session) -> tuple[str, int]:
-        """Answer messages until one has no answer; the reason, and a close code."""
+        """Until a message has no answer; the reason, and a close code."""
         answer = guarded(lambda: pack(session.metadata()))
         seconds = self._limits.open_seconds
         while isinstance(answer, bytes):

@@ -1,39 +1,24 @@
-"""The server's side of the protocol, without a network: messages in, messages out.
+"""The server's side of the protocol (docs/policy_server.md), without a network.
 
-    server    metadata, a map: "policy" (its label), "domino" (Offer)
-    client    {"reset": EpisodeMessage, "id": n}    of clients that know "domino"
-    server    {"id": n}
-    client    {"state": (A,), "images": {camera: image}, "prompt": text, "time": s, "id": n, ...}
-    server    {"actions": (H,A), "server_timing": {"infer_ms"}, "inferences": n, "id": n}
-
-This is openpi's protocol; "reset", "id" and what an observation holds besides state, images and
-prompt are ours. openpi's own clients have one robot and images (3,H,W) or (H,W,3) by exported
-names; their episode begins with a new prompt, or where the robot stands at home although the last
-answer did not take it there, or after every N questions.
-"""
+openpi's own clients have one robot and images (3,H,W) or (H,W,3) by exported names. Their episode
+begins with a new prompt, if the robot is at home although the last answer did not take it there, or
+after N questions."""
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of, line_of_text
-from pipeline.evaluate.policies.contract import (
-    Contract,
-    action_length,
-    begin,
-    check_contract,
-    declared,
-    plain,
-)
+from pipeline.evaluate.policies import contract as contracts
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import (
     NoAnswer,
@@ -45,53 +30,41 @@ from pipeline.evaluate.policies.policy import (
     count_inferences,
     policy_seed,
 )
-from pipeline.evaluate.serving.messages import FAILED, INVALID, REFUSED, MessageError, pack, unpack
 from pipeline.world.robots import get_embodiment
+
+from .messages import FAILED, INVALID, REFUSED, MessageError, pack, unpack
 
 VERSION = 2
 AT_HOME, LEFT_HOME = 0.03, 0.1
-"""rad or m; a robot within AT_HOME of home whose last answer kept farther than LEFT_HOME from it
-was put there."""
-
-type Size = tuple[int, int]
+"""rad or m; a robot this near to home whose last answer kept LEFT_HOME away was put there."""
 
 
 class _Message(BaseModel):
-    """A part of a message; unknown keys are refused."""
+    """Unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """The part in plain data. Raises MessageError, which names the key."""
+        """Raises MessageError, which names the key."""
         try:
             return cls.model_validate(value)
         except ValidationError as error:
             first = error.errors()[0]
             key = ".".join(str(part)[:80] for part in first["loc"])
-            name = cls.__name__.lower()
-            raise MessageError(line_of_text(f"{name}: {key}: {first['msg']}")) from error
-
-
-def _with_normalization(contract: object) -> object:
-    if not isinstance(contract, dict) or "normalization" not in contract:
-        raise ValueError(
-            'has no normalization: send "policy" if the server turns joints and images into what'
-            " its network takes"
-        )
-    return contract
+            line = line_of_text(f"{cls.__name__.lower()}: {key}: {first['msg']}")
+            raise MessageError(line) from error
 
 
 class Offer(_Message):
-    """The interface of a policy, in its server's metadata under "domino"; `setup` has the keys of a
-    setup that it was made for."""
+    """The interface of a policy, in its server's metadata under "domino"."""
 
     version: int
-    contract: Annotated[Contract, BeforeValidator(_with_normalization)]
+    contract: contracts.Contract
     setup: dict[str, Any] = Field(default_factory=dict)
 
     def keys(self) -> dict[str, Any]:
-        """The keys of `setup` with their values as a Setup has them. Raises MessageError."""
+        """As a Setup has them. Raises MessageError."""
         setup = _setup_of(self.setup)
         return {key: getattr(setup, key) for key in INTERFACE if key in self.setup}
 
@@ -103,7 +76,7 @@ class EpisodeMessage(_Message):
     embodiment: str = Field(max_length=200)
     action_names: tuple[str, ...] = Field(min_length=1, max_length=256)
     rate: int = Field(gt=0, le=1000)
-    image_sizes: dict[str, Size] = Field(max_length=16)
+    image_sizes: dict[str, tuple[int, int]] = Field(max_length=16)
     seed: int = Field(ge=0)
     setup: dict[str, Any] = Field(default_factory=dict)
     lift: float = Field(default=0.0, ge=-1, le=1)
@@ -130,10 +103,8 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """The policy's name in results, and the robot of clients that send no "reset".
-
-    Their episode has `reset_every` questions; with 0 its end is recognised.
-    """
+    """`embodiment` is the robot of clients that send no "reset"; their episode has `reset_every`
+    questions, with 0 its end is recognised."""
 
     label: str
     embodiment: str = "aloha-agilex"
@@ -146,19 +117,19 @@ class Session:
     def __init__(self, policy: Policy, options: ServerOptions) -> None:
         self._policy, self._options = policy, options
         self._start: Start | None = None
-        self._guessed = _Guessed(options)
+        self._asked = self._periods = 0
+        self._last = np.empty((0, 0))
 
     def metadata(self) -> dict[str, Any]:
-        """The server's first message. Raises PolicyError if the policy's own code fails."""
-        contract = attribute(self._policy, "contract")
-        contract = contract if isinstance(contract, Contract) else Contract()
-        setup = plain(declared(self._policy))
-        offer = {"version": VERSION, "contract": contract.to_dict(), "setup": setup}
+        """Raises PolicyError if the policy's own code fails."""
+        made_for = attribute(self._policy, "contract")
+        made_for = made_for if isinstance(made_for, contracts.Contract) else contracts.Contract()
+        setup = contracts.plain(contracts.declared(self._policy))
+        offer = {"version": VERSION, "contract": made_for.to_dict(), "setup": setup}
         return {"policy": self._options.label, "domino": offer}
 
     def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
-        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the
-        policy raises."""
+        """Raises MessageError, PolicyError, ActionError and what the policy raises."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
             self._begin(EpisodeMessage.read(message["reset"]).start())
@@ -168,76 +139,57 @@ class Session:
         observation = self._observation(message) if ours else self._plain_observation(message)
         length = len(observation.joints)
         if self._start is not None:
-            length = action_length(self._policy, self._start.action_names)
-        actions = chunk_of(self._policy.act(observation), length)
-        self._guessed.note(actions)
+            length = contracts.action_length(self._policy, self._start.action_names)
+        self._last = actions = chunk_of(self._policy.act(observation), length)
+        self._asked, self._periods = self._asked + 1, self._periods + len(actions)
         inferences = count_inferences(self._policy)
         counted = {} if inferences is None else {"inferences": inferences}
         timing = {"infer_ms": 1000 * (time.perf_counter() - began)}
         return {"actions": actions, "server_timing": timing, **counted, **echo}
 
     def _begin(self, start: Start) -> None:
-        self._start = None
-        check_contract(self._policy, start)
-        begin(self._policy, start)
+        self._start, self._asked, self._periods = None, 0, 0
+        contracts.check_contract(self._policy, start)
+        contracts.begin(self._policy, start)
         self._start = start
 
     def _observation(self, message: Mapping[Any, Any]) -> Observation:
-        """The observation of a client that sends "reset"."""
         start, seconds = self._start, message["time"]
         if start is None:
             raise MessageError("an observation before reset")
         if not isinstance(seconds, int | float) or not 0 <= seconds < 1e6:
             raise MessageError("time is no number of seconds")
-        sizes, names = start.image_sizes, len(start.action_names)
-        images = _arrays(message, "images", sizes, (3,), "u1")
-        if images.keys() != sizes.keys():
-            raise MessageError(f"images are not those of reset: {', '.join(sizes) or 'none'}")
-        depth = _arrays(message, "depth", sizes, (), "u2")
-        bodies = _arrays(message, "segmentation", sizes, (), "u1")
+        names = len(start.action_names)
+        images = _arrays(message, "images", start, (3,), "u1")
+        if images.keys() != start.image_sizes.keys():
+            raise MessageError("images: those of reset are missing")
+        depth = _arrays(message, "depth", start, (), "u2")
+        bodies = _arrays(message, "segmentation", start, (), "u1")
         cloud = message.get("pointcloud")
         if cloud is not None:
-            cloud = array(cloud, "pointcloud", (_length(cloud), 6), "f")
+            cloud = _array(cloud, "pointcloud", (_length(cloud), 6), "f")
         committed = message.get("committed", np.empty((0, names)))
-        committed = array(committed, "committed", (_length(committed), names), "f")
-        state = array(message.get("state"), "state", (names,), "f").astype(np.float64)
+        committed = _array(committed, "committed", (_length(committed), names), "f")
+        state = _array(message.get("state"), "state", (names,), "f").astype(np.float64)
         seen = (images, depth, bodies, cloud, committed.astype(np.float64))
         return Observation(state, start.instruction, float(seconds), *seen)
 
     def _plain_observation(self, message: Mapping[Any, Any]) -> Observation:
-        """The observation of openpi's own clients; its time counts control periods of the chunks so
-        far."""
+        """Of openpi's own clients; `time` counts periods of the chunks so far."""
         prompt, robot = message.get("prompt"), get_embodiment(self._options.embodiment)
         if not isinstance(prompt, str) or len(prompt) > 2000:
             raise MessageError("prompt is no text of at most 2000 characters")
         names, images = robot.vector_names, _plain_images(message.get("images"))
-        state = array(message.get("state"), "state", (len(names),), "f").astype(np.float64)
+        state = _array(message.get("state"), "state", (len(names),), "f").astype(np.float64)
         sizes = {name: (image.shape[0], image.shape[1]) for name, image in images.items()}
         if self._start is not None and dict(self._start.image_sizes) != sizes:
             raise MessageError("images are of other cameras or sizes than before")
-        if self._start is None or self._guessed.is_new(prompt, state, self._start):
+        if self._start is None or self._is_new(prompt, state, self._start):
             seed = policy_seed(prompt, robot.name)
             self._begin(Start(prompt, robot.name, names, DEFAULT_FPS, tuple(sizes), seed, sizes))
-            self._guessed = _Guessed(self._options)
-        return Observation(state, prompt, self._guessed.periods / DEFAULT_FPS, images)
+        return Observation(state, prompt, self._periods / DEFAULT_FPS, images)
 
-
-class _Guessed:
-    """Guesses where the episodes of a client without "reset" begin."""
-
-    def __init__(self, options: ServerOptions) -> None:
-        self._options = options
-        self._asked = self.periods = 0
-        self._last = np.empty((0, 0))
-
-    def note(self, actions: NDArray[np.float64]) -> None:
-        """Remember the chunk (H,A) of an answer."""
-        self._asked += 1
-        self.periods += len(actions)
-        self._last = actions
-
-    def is_new(self, prompt: str, state: NDArray[np.float64], start: Start) -> bool:
-        """Whether another episode has begun since the last answer."""
+    def _is_new(self, prompt: str, state: NDArray[np.float64], start: Start) -> bool:
         if self._options.reset_every:
             return self._asked >= self._options.reset_every
         if prompt != start.instruction:
@@ -245,40 +197,35 @@ class _Guessed:
         return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME
 
     def _from_home(self, rows: NDArray[np.float64]) -> float:
-        """How near (rad or m, the joint that is farthest) any of joint vectors (N,A) is to the
-        robot's home, wherever the grippers are."""
+        """How near (rad or m, the farthest arm joint) any of (N,A) is to home."""
         arms = get_embodiment(self._options.embodiment).arms.values()
         home = np.array([value for arm in arms for value in (*arm.home, np.nan)])
         return float(np.nanmax(np.abs(rows - home), axis=1).min())
 
 
 def respond(session: Session, data: bytes | str) -> bytes | tuple[str, int]:
-    """The packed answer to a packed message, or the reason and the code for which it has none."""
+    """The packed answer to a packed message, or the reason and the close code for none."""
     return guarded(lambda: pack(session.answer(unpack(data))))
 
 
 def guarded[T](work: Callable[[], T]) -> T | tuple[str, int]:
-    """The result of the work, or the reason and a close code for which it has none."""
     try:
         return work()
     except ActionError as error:
         return str(error), INVALID
-    except NoAnswer as error:
-        return str(error), FAILED
     except DominoError as error:
-        return str(error), REFUSED
+        return str(error), FAILED if isinstance(error, NoAnswer) else REFUSED
     except BaseException as error:  # noqa: BLE001 (a policy that raises ends its client, not the server)
         return line_of(error), FAILED
 
 
-def array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """An array of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError."""
-    actual, kinds = type(value).__name__, tuple[str, ...]()
-    if isinstance(value, np.ndarray):
-        actual, kinds = f"{value.dtype} {value.shape}", (value.dtype.kind, value.dtype.str[1:])
-    if not isinstance(value, np.ndarray) or value.shape != shape or kind not in kinds:
+def _array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+    """Of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError."""
+    if not isinstance(value, np.ndarray):
+        raise MessageError(f"{what} is {type(value).__name__}, not an array")
+    if value.shape != shape or kind not in (value.dtype.kind, value.dtype.str[1:]):
         called = {"f": "floats", "u1": "uint8", "u2": "uint16"}[kind]
-        raise MessageError(f"{what} is {actual}, not an array of {called} {shape}")
+        raise MessageError(f"{what} is {value.dtype} {value.shape}, not {called} {shape}")
     if kind == "f" and not np.isfinite(value).all():
         raise MessageError(f"{what} is not finite")
     return value
@@ -289,18 +236,13 @@ def _length(value: object) -> int:
 
 
 def _arrays(
-    message: Mapping[Any, Any],
-    key: str,
-    sizes: Mapping[str, Size],
-    tail: tuple[int, ...],
-    kind: str,
+    message: Mapping[Any, Any], key: str, start: Start, tail: tuple[int, ...], kind: str
 ) -> dict[str, NDArray[Any]]:
-    """The arrays (H,W,*tail) of a message by camera. Raises MessageError for other cameras than
-    reset's."""
-    arrays = message.get(key, {})
+    """Arrays (H,W,*tail) by camera. Raises MessageError for cameras not in reset."""
+    arrays, sizes = message.get(key, {}), start.image_sizes
     if not isinstance(arrays, dict) or not arrays.keys() <= sizes.keys():
         raise MessageError(f"{key} are not those of reset: {', '.join(sizes) or 'none'}")
-    return {c: array(v, f"{key} {c}", (*sizes[c], *tail), kind) for c, v in arrays.items()}
+    return {c: _array(v, f"{key} {c}", (*sizes[c], *tail), kind) for c, v in arrays.items()}
 
 
 def _setup_of(values: Mapping[str, Any]) -> Setup:
@@ -311,12 +253,11 @@ def _setup_of(values: Mapping[str, Any]) -> Setup:
 
 
 def _plain_images(images: object) -> dict[str, NDArray[np.uint8]]:
-    """Images (H,W,3) by the names of our cameras, from (3,H,W) or (H,W,3) by exported names."""
-    if not isinstance(images, dict) or not all(isinstance(name, str) for name in images):
+    """Images (H,W,3) by our cameras, from (3,H,W) or (H,W,3) by exported names."""
+    if not isinstance(images, dict):
         raise MessageError("images is no map from cameras to arrays")
     out = dict[str, NDArray[np.uint8]]()
-    for name, image in images.items():
-        name = str(name)
+    for name, image in ((str(name), image) for name, image in images.items()):
         rgb = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3
         if not rgb or 3 not in (image.shape[0], image.shape[2]):
             raise MessageError(f"image {name[:40]} is no array (3,H,W) or (H,W,3) of uint8")

@@ -3,7 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Coroutine, Mapping
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -14,44 +14,21 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
-from pipeline.evaluate.serving.messages import BUSY, INVALID, LARGEST, REFUSED
+
+from .messages import BUSY, INVALID, LARGEST, REFUSED
 
 CONNECT_SECONDS = 10.0
-GREETING_SECONDS = 60.0
-"""For the first message: a server may load a policy for it."""
+GREETING_SECONDS = 60.0  # for the first message: a server may load a policy for it
 CLOSE_SECONDS = 2.0
 
 
-class ConnectionLost(NoAnswer):
-    """The connection ended."""
+class ConnectionLost(NoAnswer): ...
 
 
-class Unreachable(PolicyError):
-    """There is no server."""
+class Unreachable(PolicyError): ...
 
 
-class Occupied(Unreachable):
-    """The server has no place for another client."""
-
-
-class MessageLink(Protocol):
-    """What carries messages to a policy and back, within a time limit."""
-
-    def ask(self, data: bytes, seconds: float) -> bytes:
-        """Send a message and wait for its answer, both within `seconds`.
-
-        Raises ConnectionLost if the connection ends, NoAnswer if nothing arrives in time, and
-        `fault_of`.
-        """
-        ...
-
-    def greet(self) -> bytes:
-        """The first message. Raises as `ask`."""
-        ...
-
-    def close(self) -> None:
-        """End the connection, without waiting for anything."""
-        ...
+class Occupied(Unreachable): ...
 
 
 def fault_of(reason: str, code: int | None) -> DominoError:
@@ -61,10 +38,8 @@ def fault_of(reason: str, code: int | None) -> DominoError:
 
 
 class WebSocket:
-    """An open MessageLink, served by a thread of its own, which also answers the peer's pings.
-
-    Raises Unreachable if there is no server, PolicyError if it refuses.
-    """
+    """A connection with a thread of its own, which also answers the peer's pings. Raises
+    Unreachable if there is no server, PolicyError if it refuses."""
 
     def __init__(self, url: str, headers: Mapping[str, str] | None = None) -> None:
         self.url, self._headers, self._closed = url, dict(headers or {}), False
@@ -83,11 +58,8 @@ class WebSocket:
             reason = last_line(str(error)) or type(error).__name__
             raise Unreachable(f"{url}: cannot be reached: {reason}") from error
 
-    def ask(self, data: bytes, seconds: float) -> bytes:
-        return self._exchange(data, seconds)
-
     def greet(self) -> bytes:
-        return self._exchange(None, GREETING_SECONDS)
+        return self.ask(None, GREETING_SECONDS)
 
     def close(self) -> None:
         connection, self._connection = self._connection, None
@@ -122,7 +94,8 @@ class WebSocket:
             max_size=LARGEST,
         )
 
-    def _exchange(self, data: bytes | None, seconds: float) -> bytes:
+    def ask(self, data: bytes | None, seconds: float) -> bytes:
+        """Raises ConnectionLost, NoAnswer if nothing arrives in time, and `fault_of`."""
         if self._connection is None:
             raise ConnectionLost(f"{self.url}: the connection is closed")
         try:
@@ -143,7 +116,7 @@ class WebSocket:
     async def _send_and_receive(
         self, connection: ClientConnection, data: bytes | None
     ) -> bytes | tuple[str, int | None]:
-        """The answer, or the text and the close code of an error."""
+        """Or the text and the close code of an error."""
         if data is not None:
             await connection.send(data)
         answer = await connection.recv()
@@ -157,7 +130,7 @@ class WebSocket:
         return answer, connection.close_code
 
     def _within[T](self, seconds: float, work: Coroutine[Any, Any, T]) -> T:
-        """What `work` returns, done by the thread of this connection. Raises TimeoutError."""
+        """Done by the thread of this connection. Raises TimeoutError."""
         limited = asyncio.wait_for(work, seconds)
         return asyncio.run_coroutine_threadsafe(limited, self._loop).result()
 
@@ -169,6 +142,6 @@ class WebSocket:
 
 
 def last_line(text: str) -> str:
-    """The last line of a text that is not empty: of a traceback, what was raised."""
+    """That is not empty: of a traceback, what was raised."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return printable(lines[-1][:500]) if lines else ""

@@ -15,7 +15,7 @@ from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.names import make_here, policy_name
 from pipeline.evaluate.policies.lerobot import LerobotPolicy
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
-from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, Turns, robot_at
+from pipeline.evaluate.policies.robotwin import RobotwinRobot, Turns, robot_at
 from pipeline.evaluate.policies.xpolicylab import XPolicyLabRobot
 from pipeline.evaluate.scenes.case import BLIND, expert, expert_actions
 from pipeline.evaluate.scenes.trial import FAULTS

@@ -44,7 +44,6 @@ def test_a_policy_without_wishes_fits_everything():
         (Contract(image_sizes={"left_camera": (240, 320)}), ("left_camera", "head_camera")),
         (Contract(rate=50), ("50 Hz", "15 Hz")),
         (Contract(chunk=5000), ("5000", "1000")),
-        (Contract(normalization="evaluator"), ("evaluator", "policy")),
     ],
 )
 def test_a_difference_is_one_line_with_both_values(wanted, both):
@@ -101,3 +100,8 @@ def test_a_policy_of_the_same_setup_or_of_less_is_taken():
     )
     check_contract(SimpleNamespace(setup=start.setup, size="large", cameras=3), start)
     check_contract(SimpleNamespace(fps=30, cameras=["head_camera"], setup={"depth": False}), start)
+
+
+def test_a_policy_that_leaves_its_normalization_to_the_evaluator_is_refused():
+    with pytest.raises(ValueError, match="normalization"):
+        Contract(normalization="evaluator")  # pyright: ignore[reportArgumentType]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.evaluate.policies import reference
-from pipeline.evaluate.scenes.scripted import Rehearsal
+from pipeline.evaluate.policies.reference import Rehearsal
 
 TRIAL = SimpleNamespace(scene=None, fps=15)
 AT = np.array([0.0, 0.3, 0.74, 1, 0, 0, 0])

@@ -16,8 +16,7 @@ from pipeline.evaluate.scenes.benchmark import pack, read_benchmark, unpack_benc
 from pipeline.evaluate.scenes.case import BenchmarkError, Case, expert, log_hash, start_hash
 from pipeline.evaluate.scenes.frozen import freeze
 from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
-from pipeline.evaluate.scenes.trial import Trial
-from pipeline.evaluate.scenes.views import instruction_of
+from pipeline.evaluate.scenes.trial import Trial, instruction_of
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.drawing.render import visuals_of
 from pipeline.stages.scene import build_scene

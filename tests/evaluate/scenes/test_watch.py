@@ -8,8 +8,7 @@ import pytest
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.setup.rules import STRICT
 from pipeline.evaluate.scenes.case import expert_actions
-from pipeline.evaluate.scenes.trial import SUCCESS, Trial
-from pipeline.evaluate.scenes.watch import StepConditions, with_frame
+from pipeline.evaluate.scenes.trial import SUCCESS, StepConditions, Trial, with_frame
 from pipeline.stages.scene import build_scene
 from pipeline.tasks.outcome import Outcome
 from tests.evaluate.environment.test_env import case_of

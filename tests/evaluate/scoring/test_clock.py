@@ -1,7 +1,5 @@
 """Clock modes: how long the world goes on while a policy is asked."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -24,33 +22,23 @@ def rng():
 
 
 def test_the_world_waits_for_nobody_but_a_slow_policy():
-    assert parse_clock("sim").delay(0, 9.0, rng()) == 0
+    assert parse_clock("sim").delay(9.0, rng()) == 0
     assert parse_clock("sim-clock").name == "sim"
-    assert parse_clock("step-locked").delay(3, 9.0, rng()) == 0
-    assert parse_clock("latency:120").delay(3, 9.0, rng()) == pytest.approx(0.12)
-    assert parse_clock("latency:measured").delay(3, 0.31, rng()) == 0.31
+    assert parse_clock("step-locked").delay(9.0, rng()) == 0
+    assert parse_clock("latency:120").delay(9.0, rng()) == pytest.approx(0.12)
+    assert parse_clock("latency:measured").delay(0.31, rng()) == 0.31
 
 
 def test_distributions_have_their_moments():
     drawn = rng()
-    normal = [parse_clock("latency:normal:200:20").delay(i, 0, drawn) for i in range(4000)]
+    normal = [parse_clock("latency:normal:200:20").delay(0, drawn) for i in range(4000)]
     assert np.mean(normal) == pytest.approx(0.2, abs=0.002)
     assert np.std(normal) == pytest.approx(0.02, rel=0.06)
-    uniform = [parse_clock("latency:uniform:50:150").delay(i, 0, drawn) for i in range(4000)]
+    uniform = [parse_clock("latency:uniform:50:150").delay(0, drawn) for i in range(4000)]
     assert min(uniform) >= 0.05
     assert max(uniform) <= 0.15
     assert np.mean(uniform) == pytest.approx(0.1, abs=0.002)
-    assert min(parse_clock("latency:normal:10:200").delay(i, 0, drawn) for i in range(200)) == 0
-
-
-def test_a_trace_repeats(tmp_path):
-    path = tmp_path / "trace.json"
-    path.write_text(json.dumps([100, 30.5]))
-    clock = parse_clock(f"latency:trace:{path}")
-    assert [clock.delay(i, 0, rng()) for i in range(3)] == pytest.approx([0.1, 0.0305, 0.1])
-    path.write_text('{"a": 1}')
-    with pytest.raises(ClockError, match="JSON list"):
-        parse_clock(f"latency:trace:{path}")
+    assert min(parse_clock("latency:normal:10:200").delay(0, drawn) for i in range(200)) == 0
 
 
 @pytest.mark.parametrize(
@@ -87,4 +75,4 @@ def test_a_late_target_stands_first_and_then_does_the_same():
     np.testing.assert_allclose(late.pose(0.3), MOTION.pose(0.0))
     np.testing.assert_allclose(late.twist(0.3), np.zeros(6))
     np.testing.assert_allclose(late.pose(1.4), MOTION.pose(1.0))
-    assert parse_clock("late:400").delay(3, 9.0, rng()) == 0
+    assert parse_clock("late:400").delay(9.0, rng()) == 0

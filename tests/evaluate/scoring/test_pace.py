@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.evaluate.scoring.clock import ClockError, parse_clock
-from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn, join_chunks
+from pipeline.evaluate.scoring.clock import (
+    ClockError,
+    drive_overlapped,
+    in_turn,
+    join_chunks,
+    parse_clock,
+)
 
 FPS, STEPS = 15, 16
 

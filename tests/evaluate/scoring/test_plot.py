@@ -2,8 +2,7 @@
 
 import re
 
-from pipeline.evaluate.scoring.page import PUBLISHED, page
-from pipeline.evaluate.scoring.plot import HEIGHT, WIDTH, panels
+from pipeline.evaluate.scoring.page import HEIGHT, PUBLISHED, WIDTH, page, panels
 
 
 def mean(policy, level, alpha, rate, **more):

@@ -12,7 +12,6 @@ from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.batching import Batcher, batcher_of
-from pipeline.evaluate.serving.process import host_policy
 from tests.evaluate.environment.test_env import case_of
 from tests.evaluate.serving.servers import START, Echo, serving
 
@@ -135,9 +134,7 @@ def test_the_wait_has_a_bound():
 
 
 def test_a_policy_of_single_episodes_is_refused_in_one_line():
-    with pytest.raises(
-        PolicyError, match=r"waits\.py: answers one episode at a time .* leave out --batch-wait"
-    ):
+    with pytest.raises(PolicyError, match=r"waits\.py: is no BatchPolicy: leave out --batch-wait"):
         batcher_of(Echo(), "waits.py", 0.0)
 
 
@@ -145,12 +142,14 @@ def test_an_episode_in_batches_with_others_gives_the_numbers_of_one_alone(tmp_pa
     (tmp_path / "wanders.py").write_text(SOURCE)
     name = policy_name(str(tmp_path / "wanders.py"))
     here = replace(name, process="evaluator")
+    batcher = batcher_of(make_policy(here), "wanders.py", 0.002)
     jobs = [
         EpisodeJob(case_of("click_bell"), here, parse_clock(clock))
         for clock in ("sim", "async:100:rtc")
     ]
     alone, over = [run_episode(job) for job in jobs], threading.Event()
-    with host_policy(name, 4, 0.002) as shared:
+    with serving(batcher.seat, clients=3) as port:
+        shared = replace(name, text=f"ws://127.0.0.1:{port}", process="server")
 
         def disturb():
             policy = make_policy(shared)

@@ -22,10 +22,10 @@ from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.contract import actions_of
 from pipeline.evaluate.policies.fit import pad_to_square
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
-from pipeline.evaluate.serving.bridges.groot import npy
-from pipeline.evaluate.serving.bridges.history import flow_image
-from pipeline.evaluate.serving.bridges.starvla import read_statistics
+from pipeline.evaluate.serving.groot import npy
+from pipeline.evaluate.serving.history import flow_image
 from pipeline.evaluate.serving.messages import MessageError
+from pipeline.evaluate.serving.starvla import read_statistics
 from pipeline.export.formats.lerobot.format import modality
 from pipeline.world.robots import get_embodiment
 

@@ -194,10 +194,7 @@ def _is_gone(process):
                 "class Sees:\n    def reset(self, start): pass\n    def act(self, o): pass\n    def"
                 " see(self, trial, case): pass\nmake_policy = Sees"
             ),
-            (
-                "policy.py: is shown the simulation and cannot run in a process of its own: add"
-                " --in-process"
-            ),
+            ("policy.py: is shown the simulation: add --in-process"),
         ),
     ],
 )

@@ -58,7 +58,7 @@ def benchmark(monkeypatch):
     vars(modules["vla_eval.specs"]).update(specs)
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
-    name = "pipeline.evaluate.serving.bridges.vla_eval"
+    name = "pipeline.evaluate.serving.vla_eval"
     monkeypatch.delitem(sys.modules, name, raising=False)
     yield importlib.import_module(name).DominoBenchmark
     sys.modules.pop(name, None)

@@ -1,5 +1,4 @@
-"""Past images of the head camera as StarVLA's client for DOMINO sends them, or optical flow between
-them."""
+"""Past images as StarVLA's client for DOMINO sends them, or optical flow between."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -17,9 +16,8 @@ CLOCK_TOLERANCE = 1e-3  # s
 
 @dataclass(frozen=True)
 class HistorySettings:
-    """`length` images, `stride` control periods apart, the newest a stride before the present:
-    images, or with `flow` the optical flow from each to the next, the last one to the present.
-    Squares, kept at `kept` and sent at `sent` pixels."""
+    """`length` images, `stride` control periods apart, the newest a stride before the present; with
+    `flow` the optical flow between. Squares, kept at `kept` and sent at `sent` pixels."""
 
     length: int
     stride: int
@@ -29,8 +27,7 @@ class HistorySettings:
 
 
 class Recent:
-    """Images of one episode by simulated time, for `reach` s: their age is true, however long the
-    policy computed."""
+    """Images of one episode by simulated time, for `reach` s."""
 
     def __init__(self, reach: float) -> None:
         self._reach = reach
@@ -42,26 +39,22 @@ class Recent:
             self._held.popleft()
 
     def at(self, time: float) -> tuple[float, Image]:
-        """Time and image of the newest one that is no younger than `time`, or the oldest one."""
+        """The newest one that is no younger than `time`, or the oldest one."""
         past = (pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE)
         return next(past, self._held[0])
 
 
 class History:
-    """The past images of one episode."""
-
     def __init__(self, settings: HistorySettings, fps: int) -> None:
         self._settings, self._period = settings, settings.stride / fps
         self._held, self._now = Recent(settings.length * self._period), 0.0
 
     def add(self, time: float, image: Image) -> None:
-        """Remember an image (H,W,3) RGB."""
         self._now = time
         self._held.add(time, scaled(image, (self._settings.kept, self._settings.kept)))
 
     def images(self) -> list[Image]:
-        """The history of the image added last, oldest first; the first image of the episode stands
-        for what is missing."""
+        """Oldest first; the episode's first image stands for what is missing."""
         settings = self._settings
         ages = range(settings.length, -1, -1)
         *past, present = (self._held.at(self._now - n * self._period)[1] for n in ages)
@@ -71,8 +64,8 @@ class History:
 
 
 def flow_image(before: Image, after: Image) -> Image:
-    """Farneback's flow between two images (H,W,3) RGB as an image, with the parameters and colours
-    of StarVLA: hue is the direction, value the size over the 99th percentile of sizes."""
+    """Farneback's flow between two images (H,W,3) RGB, with StarVLA's parameters and colours: hue
+    is the direction, value the size over the 99th percentile of sizes."""
     first, second = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (before, after))
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 3, 5, 1.2, 0

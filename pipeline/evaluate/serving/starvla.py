@@ -1,20 +1,13 @@
 """A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad).
 
-    server    {"action_keys": [text, ...], "available_unnorm_keys",
-               "training_obs_image_size": [H, W], ...}
+    server    {"action_keys": [text, ...], "available_unnorm_keys", "training_obs_image_size"}
     client    {"type": "predict_action", "request_id": text, "payload": {"unnorm_key": text,
                "examples": [{"image": [(H,W,3) uint8, ...], "lang": text}]}}
     server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
 
-The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are
-in the order head, left wrist, right wrist, scaled to the size of training without keeping their
-shape, as StarVLA does. Its own clients send no joints; with `state=true` they are sent in the order
-of `state_keys`.
-
-Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the
-dataset_statistics.json of the checkpoint. With `history=LENGTH:STRIDE` every example also has
-`history_images` (history.py).
-"""
+The server's `action_keys` decide the order of its actions. Images are head, left wrist, right
+wrist, scaled to the size of training without keeping their shape, as StarVLA does. Servers of
+before PR #318 answer with `normalized_actions`: docs/policy_server.md has the options for them."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,12 +24,13 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows, scaled
 from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
-from pipeline.evaluate.serving.address import Address
-from pipeline.evaluate.serving.bridges.history import History, HistorySettings
-from pipeline.evaluate.serving.client import Bridge, open_again
-from pipeline.evaluate.serving.messages import MessageError, pack, unpack
-from pipeline.evaluate.serving.websocket import WebSocket
 from pipeline.poses import Floats
+
+from .address import Address
+from .client import Bridge, open_again
+from .history import History, HistorySettings
+from .messages import MessageError, pack, unpack
+from .websocket import WebSocket
 
 PORT, SIZE = 10093, 224
 OPTIONS = (
@@ -44,16 +38,13 @@ OPTIONS = (
     *("statistics", "normalization", "grippers"),
     *("history", "history_mode", "history_size", "flow_size"),
 )
-SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
-"""What StarVLA's own clients ask for."""
+SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}  # as StarVLA's own clients
 
 BOUNDS = {"min_max": ("min", "max"), "q99": ("q01", "q99")}
-"""Names of the bounds in a statistics file that -1 and 1 stand for, by normalization."""
+"""What -1 and 1 stand for, by normalization."""
 
 
 class StarvlaClient(Bridge):
-    """`unnorm_key` names the statistics by which the server turns its output into joint targets."""
-
     def __init__(self, address: Address) -> None:
         super().__init__(address)
         self._url, self._options = address.url("ws"), address.options
@@ -70,53 +61,47 @@ class StarvlaClient(Bridge):
         self._order = self._state_order = np.empty(0, int)
 
     def greet(self) -> None:
-        """Open a connection and read the server's metadata. Raises PolicyError."""
         self.close()
         opening = partial(WebSocket, self._url)
         self._link = open_again(opening) if self.metadata else opening()
         self.metadata = self._read(self._link.greet())
 
     def reset(self, start: Start) -> None:
-        """Open a connection: an episode is one. Raises PolicyError for keys that are not the
-        robot's."""
+        """An episode is a connection. Raises PolicyError for keys not of the robot."""
         self.greet()
         match self.metadata.get("training_obs_image_size"):
-            case [int(height), int(width)] if self._size is None and (
-                min(height, width) > 0 and max(height, width) <= MOST_PIXELS
+            case [height, width] if self._size is None and all(
+                type(side) is int and 0 < side <= MOST_PIXELS for side in (height, width)
             ):
-                self._shape = (int(height), int(width))  # true is an int, too
+                self._shape = (height, width)
             case _:
                 self._shape = (self._size or SIZE, self._size or SIZE)
         self._ready = np.empty((0, 0))
         self._past = None if self._settings is None else History(self._settings, start.fps)
         keys = self.metadata.get("available_unnorm_keys")
         if self._key and isinstance(keys, list) and self._key not in map(str, keys):
-            raise PolicyError(
-                f"{self._url}: unnorm_key {self._key!r} is unknown to the server: it has"
-                f" {line_of_text(keys)}"
-            )
+            has = line_of_text(keys)
+            raise PolicyError(f"unnorm_key {self._key!r} is unknown to the server: it has {has}")
         actions, given = self.contract.actions, self._options.get("action_keys")
         order = given.split(",") if given else self.metadata.get("action_keys")
-        self._order = self._indices("action", order, start, actions)
+        self._order = _indices("action", order, start, actions)
         if self._options.get("state") == "true":
             state_keys = self.metadata.get("state_keys", order)
-            self._state_order = self._indices("state", state_keys, start, JOINTS)
+            self._state_order = _indices("state", state_keys, start, JOINTS)
         if (statistics := self._statistics) is not None:
             if (count := len(statistics.low)) != (robot := len(self._order)):
-                raise PolicyError(
-                    f"{self._url}: the statistics have {count} numbers, the robot {robot}"
-                )
+                raise PolicyError(f"the statistics have {count} numbers, the robot {robot}")
             names = actions.names(start.action_names)
             joint = np.array([not names[i].endswith("gripper") for i in self._order])
             normalized = statistics.normalized & (joint | self._scaled_grippers)
             self._statistics = replace(statistics, normalized=normalized)
 
     def act(self, observation: Observation) -> ArrayLike:
-        """A chunk (T,A), or with a history the part of it between two images that are kept."""
+        """A chunk (T,A), or with a history the part of it between two kept images."""
         if self._past is None or self._settings is None:
             return self._infer(observation)
         if not observation.images:
-            raise PolicyError(f"{self._url}: history is made of images: name --cameras")
+            raise PolicyError("history is made of images: name --cameras")
         self._past.add(observation.time, next(iter(observation.images.values())))
         if not len(self._ready):
             self._ready = self._infer(observation)
@@ -164,64 +149,50 @@ class StarvlaClient(Bridge):
             raise ActionError(f"{self._url}: {error}") from error
 
     def _actions(self, data: object) -> NDArray[Any]:
-        """The actions (T,A) of an answer, normalised ones if there are statistics. Raises
-        ActionError."""
+        """(T,A), normalised if there are statistics. Raises ActionError."""
         keys = ("actions", "normalized_actions")
         ours, other = keys if self._statistics is None else keys[::-1]
         values = data if isinstance(data, dict) else {}
         if ours not in values and other in values:
             fix = "give" if self._statistics is None else "leave out"
-            raise ActionError(
-                f"{self._url}: answers with {other}: {fix} ?statistics=dataset_statistics.json"
-            )
+            raise ActionError(f"answers with {other}: {fix} ?statistics=dataset_statistics.json")
         actions = values.get(ours)
         if not isinstance(actions, np.ndarray) or actions.ndim != 3 or len(actions) != 1:
             raise ActionError(f"{self._url}: data.actions is no array (1,T,A)")
-        if actions.shape[2] != len(self._order):
-            raise ActionError(
-                f"{self._url}: actions have {actions.shape[2]} numbers, the robot"
-                f" {len(self._order)}"
-            )
+        if (count := actions.shape[2]) != (robot := len(self._order)):
+            raise ActionError(f"{self._url}: actions have {count} numbers, the robot {robot}")
         return actions[0]
 
-    def _indices(
-        self, kind: str, keys: object, start: Start, of: Representation
-    ) -> NDArray[np.int64]:
-        """The index in our vector of every number of the server's. Raises PolicyError."""
-        if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
-            raise PolicyError(
-                f"{self._url}: the server does not tell the order of its {kind}s: start it with an"
-                " unnorm_key, or give"
-                " ?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
-            )
-        parts, names = of.slices(start.state_names), [key.rpartition(".")[2] for key in keys]
-        if sorted(names) != sorted(parts):
-            theirs = line_of_text(" ".join(names))
-            raise PolicyError(
-                f"{self._url}: {kind} keys: the server has {theirs}, the robot {' '.join(parts)}"
-            )
-        return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
+
+def _indices(kind: str, keys: object, start: Start, of: Representation) -> NDArray[np.int64]:
+    """The index in our vector of every number of the server's. Raises PolicyError."""
+    if not isinstance(keys, list):
+        what = f"the server does not tell the order of its {kind}s"
+        raise PolicyError(f"{what}: give ?action_keys=left_joints,left_gripper,... in its order")
+    parts, names = of.slices(start.state_names), [str(key).rpartition(".")[2] for key in keys]
+    if sorted(names) != sorted(parts):
+        theirs, ours = line_of_text(" ".join(names)), " ".join(parts)
+        raise PolicyError(f"{kind} keys: the server has {theirs}, the robot {ours}")
+    return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
 
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """Bounds (A,) of an action in the server's order, and which of its numbers (A,) are
-    normalised."""
+    """Bounds (A,) in the server's order, and which numbers (A,) are normalised."""
 
     low: Floats
     high: Floats
     normalized: NDArray[np.bool_]
 
     def joints(self, actions: NDArray[Any]) -> Floats:
-        """Joint targets (T,A) of normalised actions (T,A), which are clipped to [-1, 1]."""
+        """Joint targets (T,A) of actions (T,A) clipped to [-1, 1]."""
         values = np.clip(np.asarray(actions, float), -1, 1)
         targets = self.low + (values + 1) / 2 * (self.high - self.low)
         return np.where(self.normalized, targets, values)
 
 
 def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
-    """The action statistics of a dataset_statistics.json: those of `key`, or the only ones. Raises
-    PolicyError."""
+    """Those of `key`, or the only ones. Raises PolicyError."""
     try:
         table = read_json(path)
         chosen = key or (next(iter(table)) if len(table) == 1 else None)
@@ -236,24 +207,19 @@ def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
         if not np.isfinite([low, high]).all():
             raise ValueError("bounds that are not finite")
     except (ParseError, TypeError, KeyError, ValueError, AttributeError) as error:
-        raise PolicyError(
-            f"{path}: is no dataset_statistics.json of StarVLA: {line_of_text(error)}"
-        ) from error
+        reason = line_of_text(error)
+        raise PolicyError(f"{path}: is no dataset_statistics.json of StarVLA: {reason}") from error
     return Statistics(low, high, normalized)
 
 
 def _history_of(address: Address) -> HistorySettings | None:
-    """The history of the options. Raises PolicyError."""
     text = address.options.get("history")
     if text is None:
         return None
     try:
         length, stride = (whole(part, 1, 100) for part in text.split(":"))
     except ValueError as error:
-        raise PolicyError(
-            f"--policy {address.text}: history={text} is not LENGTH:STRIDE, two whole numbers from"
-            " 1 to 100"
-        ) from error
+        raise PolicyError(f"history={text}: give LENGTH:STRIDE, from 1 to 100 each") from error
     flow = address.choice("history_mode", ("flow", "frames")) == "flow"
-    kept, sent = address.number("flow_size", 128), address.number("history_size", SIZE)
-    return HistorySettings(length, stride, flow, kept or 128, sent or SIZE)
+    kept, sent = address.number("flow_size") or 128, address.number("history_size") or SIZE
+    return HistorySettings(length, stride, flow, kept, sent)

@@ -1,13 +1,5 @@
-"""This benchmark for vla-eval 0.8, a harness for vision-language-action models (its StepBenchmark).
-
-    benchmarks:
-      - benchmark: "pipeline.evaluate.serving.bridges.vla_eval:DominoBenchmark"
-        episodes_per_task: 20
-        params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1}
-
-Asking this module for DominoBenchmark imports vla-eval, which this project does not install.
-Episode n of a task is the n-th admitted scene. The harness' real-time mode measures wall time.
-"""
+"""This benchmark for vla-eval 0.8, a harness for vision-language-action models that this project
+does not install: docs/evaluation.md. Episode n of a task is the n-th admitted scene."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,7 +21,6 @@ type Message = dict[str, Any]
 
 
 def __getattr__(name: str) -> type:
-    """DominoBenchmark, once vla-eval is there to import its base from."""
     if name != "DominoBenchmark":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from vla_eval.benchmarks.base import StepBenchmark
@@ -38,11 +29,10 @@ def __getattr__(name: str) -> type:
 
 
 class DominoEpisodes:
-    """The part of DominoBenchmark that is ours: tasks of one level, alpha, domain and robot.
-    `setup` are keys of a setup, or the directory of a dataset. Actions are drive targets (A,).
+    """Tasks of one level, alpha, domain and robot. `setup` are keys of a setup, or the directory of
+    a dataset. Actions are drive targets (A,).
 
-    Raises KeyError for a task or robot that does not exist, ValueError for another unknown option.
-    """
+    Raises KeyError for an unknown task or robot, ValueError for another unknown option."""
 
     _last_result: Any  # of StepBenchmark
 
@@ -72,17 +62,14 @@ class DominoEpisodes:
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """No variables: rendering finds a GPU, or a driver that draws on the processor, by
-        itself."""
+        """Rendering finds a GPU, or draws on the processor, by itself."""
         return {}
 
     def get_tasks(self) -> list[Message]:
-        """The tasks; the harness adds `episode_idx` to each of its `episodes_per_task`."""
         return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Start episode `episode_idx` of a task; its first observation. A scene that no manifest
-        has is admitted now. Raises ProtocolError."""
+        """Raises ProtocolError if a scene that no manifest has cannot be admitted."""
         self.cleanup()
         cell, index = self._cells[task["name"]], task["episode_idx"]
         case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
@@ -94,7 +81,7 @@ class DominoEpisodes:
         return observation
 
     def step(self, action: Message) -> Any:
-        """One control period. Raises ActionError for an action of another length."""
+        """Raises ActionError for an action of another length."""
         from vla_eval.benchmarks.base import StepResult
 
         if self._env is None:
@@ -106,7 +93,6 @@ class DominoEpisodes:
         return StepResult(observation, reward, terminated or truncated, info)
 
     def make_obs(self, raw_obs: Message, task: Message) -> Message:
-        """Images (H,W,3) uint8 by camera, measured joints (A,), and the instruction."""
         return {
             "images": dict(raw_obs.get("pixels", {})),
             "task_description": self._instruction,
@@ -140,13 +126,11 @@ class DominoEpisodes:
         }
 
     def get_hold_action(self, last_action: Message | None) -> Message:
-        """The last targets again; before the first action the joints as they are."""
         if last_action is not None:
             return last_action
         return {"actions": np.asarray(self._last_result.obs["agent_pos"], np.float32)}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The first camera's image of the last observation."""
         images = (self._last_result.obs or {}).get("pixels", {})
         return next(iter(images.values()), None)
 

@@ -1,14 +1,9 @@
-"""A policy on a GR00T server: ZeroMQ requests of msgpack maps, an array as the map
-{"__ndarray_class__": true, "as_npy": NPY file}.
+"""A policy on a GR00T server: ZeroMQ requests of msgpack maps; parts and keys are those of
+meta/modality.json in our LeRobot exports.
 
-    client    {"endpoint": "ping"}, {"endpoint": "reset", "data": {"options": null}}
-    client    {"endpoint": "get_action", "data": {"observation": OBSERVATION, "options": null}}
-    server    [ACTION, information], or {"error": text}
-
-OBSERVATION has "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and "language"
-{key: [[text]]}; ACTION has (1,T,D) by part. Parts and keys are those of meta/modality.json in our
-LeRobot exports (left_joints, left_gripper, ... or left_position, left_rotation, ...).
-"""
+"get_action" sends "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and
+"language" {key: [[text]]}; the answer is [{part: (1,T,D)}, information], or {"error": text}. An
+array is {"__ndarray_class__": true, "as_npy": NPY file}."""
 
 import io
 from tokenize import TokenError
@@ -24,9 +19,10 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows
 from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
-from pipeline.evaluate.serving.address import Address, token
-from pipeline.evaluate.serving.client import Bridge
-from pipeline.evaluate.serving.messages import LARGEST, MessageError, unpack
+
+from .address import Address, token
+from .client import Bridge
+from .messages import LARGEST, MessageError, unpack
 
 PORT = 5555
 LANGUAGE = "annotation.human.action.task_description"
@@ -34,8 +30,6 @@ PING_SECONDS = 10.0
 
 
 class GrootClient(Bridge):
-    """A policy on a GR00T server."""
-
     def __init__(self, address: Address) -> None:
         super().__init__(address)
         self._url = address.url("tcp")
@@ -58,8 +52,7 @@ class GrootClient(Bridge):
         answer = self._ask("get_action", {"observation": seen, "options": None}, self.seconds)
         action = answer[0] if isinstance(answer, list) and answer else answer
         if not isinstance(action, dict):
-            kind = type(action).__name__
-            raise ActionError(f"{self._url}: the answer is a {kind}, not a map of actions")
+            raise ActionError(f"the answer is a {type(action).__name__}, not a map of actions")
         rows: list[NDArray[Any]] = []
         for part in self._parts:
             row = action.get(part, action.get(f"action.{part}"))
@@ -78,9 +71,7 @@ class GrootClient(Bridge):
         try:
             self._ask("ping", None, PING_SECONDS)
         except ModuleNotFoundError as error:
-            raise PolicyError(
-                f"--policy {self.address.text} needs pyzmq: run `uv sync --inexact --extra gr00t`"
-            ) from error
+            raise PolicyError("gr00t: needs pyzmq: `uv sync --inexact --extra gr00t`") from error
 
     def close(self) -> None:
         if self._socket is not None:
@@ -88,24 +79,22 @@ class GrootClient(Bridge):
         self._socket = None
 
     def _ask(self, endpoint: str, data: dict[str, Any] | None, seconds: float) -> Any:
-        """The answer of an endpoint. Raises NoAnswer if there is none in time, or an error."""
+        """Raises NoAnswer if there is none in time, or an error."""
         import zmq
 
-        socket = self._open()
         request: dict[str, Any] = {"endpoint": endpoint} | ({"data": data} if data else {})
         if secret := token():
             request["api_token"] = secret
-        socket.setsockopt(zmq.RCVTIMEO, max(1, round(1000 * seconds)))
         try:
+            socket = self._open(seconds)
             socket.send(msgpack.packb(request, default=_encode))
             # an answer may be a list, a message of ours is a map: it becomes one
             answer = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
-        except zmq.Again as error:
-            self.close()
-            raise NoAnswer(f"{self._url}: no answer to {endpoint} in {seconds:.3g} s") from error
         except zmq.ZMQError as error:
             self.close()
-            raise NoAnswer(f"{self._url}: {error}") from error
+            late = f"no answer to {endpoint} in {seconds:.3g} s"
+            reason = late if isinstance(error, zmq.Again) else error
+            raise NoAnswer(f"{self._url}: {reason}") from error
         except MessageError as error:
             self.close()
             raise ActionError(f"{self._url}: {error}") from error
@@ -113,7 +102,7 @@ class GrootClient(Bridge):
             raise NoAnswer(f"{self._url}: the server failed: {line_of_text(answer['error'])}")
         return answer
 
-    def _open(self) -> Any:
+    def _open(self, seconds: float) -> Any:
         import zmq
 
         if self._socket is None:
@@ -121,11 +110,8 @@ class GrootClient(Bridge):
             self._socket.setsockopt(zmq.LINGER, 0)
             self._socket.setsockopt(zmq.SNDTIMEO, round(1000 * PING_SECONDS))
             self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST)
-            try:
-                self._socket.connect(self._url)
-            except zmq.ZMQError as error:
-                self.close()
-                raise PolicyError(f"{self._url}: cannot be reached: {error}") from error
+            self._socket.connect(self._url)
+        self._socket.setsockopt(zmq.RCVTIMEO, max(1, round(1000 * seconds)))
         return self._socket
 
 
@@ -141,9 +127,7 @@ def _decode(values: dict[Any, Any]) -> Any:
     if "__ndarray_class__" not in values:
         return values
     data = values.get("as_npy")
-    if not isinstance(data, bytes):
-        raise MessageError("an array has no file as_npy")
-    return npy(data)
+    return npy(data if isinstance(data, bytes) else b"")
 
 
 def npy(data: bytes) -> NDArray[Any]:

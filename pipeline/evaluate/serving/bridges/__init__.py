@@ -1,1 +1,0 @@
-"""Servers of other projects, and the harness of one."""
