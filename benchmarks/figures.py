@@ -5,6 +5,7 @@ python -m benchmarks.figures hero STILL.hdf5 MOVING.hdf5 docs/hero.webp
 python -m benchmarks.figures stages docs/stages.png
 python -m benchmarks.figures beyond docs/beyond.webp
 python -m benchmarks.figures decide docs/decide.webp
+python -m benchmarks.figures pair docs/pair.webp
 python -m benchmarks.figures domino docs/domino.webp
 python -m benchmarks.figures variants EPISODE.hdf5 docs/variants.jpg
 """
@@ -22,12 +23,18 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.data.cameras import View
+from pipeline.data.episode.events import EventSpec
 from pipeline.data.episode.file import Episode, open_episode
 from pipeline.data.names import CAMERAS, SIDES
-from pipeline.data.recipe.model import Recipe
+from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.slots.assets import AssetStore
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.spec import CONTROL, EpisodeSpec
+from pipeline.evaluate.episode import EpisodeJob, play_arm
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.benchmark import read_benchmark
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.drawing.redraw import facing, redraw_smooth
@@ -319,6 +326,43 @@ def arrows(axes: Axes, path: NDArray[np.float64], backwards: bool) -> None:
         )
 
 
+def pair(out: Path) -> None:
+    """One scene without its event and with it, acted in by the policy that extrapolates."""
+    job = EpisodeJob(
+        benchmark_case("shake_bottle"),
+        policy_name("interceptor"),
+        parse_clock("sim"),
+        setup=Setup(cameras=(), events=(EventSpec.model_validate("stop@share=0.6"),)),
+    )
+    sides, camera = list[list[NDArray[np.uint8]]](), None
+    for arm, title in ((CONTROL, "without the event"), ("", "the bottle stops")):
+        case = replace(job.case, spec=replace(job.case.spec, arm=arm))
+        trial, row = play_arm(replace(job, case=case))
+        log = trial.log()
+        camera = camera or facing(log, trial.scene.task.target)
+        appearance = appearance_of(trial.scene)
+        appearance = replace(appearance, cameras=(camera,), preset="raster-smooth")
+        frames = list(range(0, min(len(log), 70), 2))
+        rgb = render(appearance, log, frames=frames)[0].rgb
+        title += ": success" if row["success"] else f": {row['failure']}"
+        sides.append([labelled(scaled(image, 400), title) for image in rgb])
+    count = max(map(len, sides))
+    images = [
+        Image.fromarray(np.hstack([side[min(i, len(side) - 1)] for side in sides]))
+        for i in range(count)
+    ]
+    times = [round(2000 / 15)] * (count - 1) + [1200]
+    images[0].save(
+        out, save_all=True, append_images=images[1:], duration=times, loop=0, quality=65, method=6
+    )
+
+
+def benchmark_case(task: str) -> Case:
+    """The first scene of a task at level 1 in domino-v1."""
+    cell = Cell(task, "aloha-agilex", 1, 0.1, "clean")
+    return read_benchmark("domino-v1").cases([cell], 1)[cell][0]
+
+
 FIGURES = {
     "robots": robots,
     "hero": hero,
@@ -326,6 +370,7 @@ FIGURES = {
     "beyond": beyond,
     "decide": decide,
     "domino": domino,
+    "pair": pair,
     "variants": variants,
 }
 
