@@ -64,7 +64,6 @@ def check_task(
 
 
 def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout]) -> Iterator[Finding]:
-    """The findings of a level; its first accepted rollout is added to `rollouts`."""
     failures = list[Failure]()
     for seed in range(SEEDS_PER_LEVEL):
         try:
@@ -81,7 +80,6 @@ def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout]) -> I
 
 
 def _find_unreached(level: int, failures: Sequence[Failure]) -> Iterator[Finding]:
-    """The first pose of the most frequent failure that is about poses."""
     usual = [(failure.stage, failure.reason) for failure in failures]
     for seed, failure in sorted(enumerate(failures), key=lambda each: -usual.count(usual[each[0]])):
         if unreached := find_unreached(failure):

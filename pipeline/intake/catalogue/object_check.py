@@ -74,7 +74,6 @@ def _rng(seed: int) -> np.random.Generator:
 
 
 def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
-    """The first problem, or what is good."""
     first = next(iter(problems), None)
     return Finding(name, first is None, first or good)
 

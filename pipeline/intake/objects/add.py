@@ -22,8 +22,6 @@ from .standing import bounds
 
 
 class AddedObject(NamedTuple):
-    """An object's directory, and a line for all that was guessed or left out."""
-
     directory: Path
     notes: tuple[str, ...]
 
@@ -62,7 +60,6 @@ def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
 
 
 def check_free(names: Iterable[str], to: Path) -> None:
-    """Raise ObjectError for a name that is taken."""
     for name in names:
         if (place := to / "objects" / name / from_files.TOML).exists():
             raise ObjectError(f"{place.parent}: exists; remove it first, or choose another --name")

@@ -83,7 +83,6 @@ def check_size(file: Path, parts: Sequence[Part]) -> None:
 
 
 def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...]:
-    """Convex pieces under a 4x4 matrix."""
     turn, shift = matrix[:3, :3].T, matrix[:3, 3]
     points = (np.asarray(one.vertices, np.float64) @ turn + shift for one in pieces)
     return tuple(piece(np.round(each, 6)) for each in points)
@@ -113,7 +112,6 @@ def settings_of(
 
 
 def row(at: np.ndarray) -> list[float]:
-    """A pose as it is written, to 0.01 mm."""
     return [*np.round(at[:3] + 0.0, KEPT_DIGITS).tolist(), *np.round(at[3:] + 0.0, 9).tolist()]
 
 

@@ -158,7 +158,6 @@ def _even(side: Floats) -> NDArray[np.bool_]:
 def _room(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float
 ) -> Floats | None:
-    """The tcp (3,) of a grasp at `at` whose fingers and palm have room, or None."""
     points, sides = _hand_at_rest()
     turn = np.stack([approach, opening, np.cross(approach, opening)])
     hand = (points + sides * width / 2) @ turn

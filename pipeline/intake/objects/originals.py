@@ -142,7 +142,6 @@ def _instances(root: Path, key: str) -> Iterator[_OriginalInstance]:
 
 
 def _place_of(instance: _OriginalInstance, cache: Path) -> Path:
-    """The directory of an instance as an object, by the content of its files."""
     files, words = instance.files, described_in(instance.files)
     read = [files.visual, files.solid, files.data, *([words] if words else [])]
     hashes = [file_hash(path) for path in read]
@@ -183,7 +182,6 @@ def _make_here(batch: Sequence[tuple[_OriginalInstance, Path]]) -> None:
 
 
 def _link(link: Path, place: Path) -> None:
-    """Make a link, which another process may make at the same time."""
     temporary = link.with_name(f".{link.name}.{os.getpid()}")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(place.absolute(), target_is_directory=True)

@@ -140,7 +140,6 @@ def _read_phrases(each: Instance, noun: str) -> Phrases | None:
 def contact_grasps(
     data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]
 ) -> tuple[Grasp, ...]:
-    """The contact points for which a hand has room, as grasps."""
     poses = _poses(data.contact_points_pose, scale, upright)
     axes = (quat_rotate(at[3:], np.eye(3)[1:]) for at in poses)
     grasps = (pinch_at(solid, at[:3], -y, z) for at, (y, z) in zip(poses, axes, strict=True))
@@ -148,7 +147,7 @@ def contact_grasps(
 
 
 def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Pose]:
-    """Frames (7,) of the file in the standing frame."""
+    """Frames (7,) in the standing frame."""
     poses = []
     for values in matrices:
         try:

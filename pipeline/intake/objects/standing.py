@@ -123,8 +123,6 @@ def _nearest(ways: Sequence[tuple[Floats, float]], axis: Floats) -> Floats | Non
 
 
 def _turns(up: Floats) -> list[Floats]:
-    """Rotations (3,3) that put `up` upright: the file's most level axis ahead, and three quarter
-    turns."""
     ahead = np.eye(3)[np.argmin(np.abs(up))]
     x = ahead - up * (ahead @ up)
     x /= np.linalg.norm(x)
@@ -230,7 +228,6 @@ def kinds_like(
 
 
 def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
-    """Grasps as rows: place in the bounding box, approach, and opening without its sense."""
     at = np.array([g.pose for g in grasps])
     share = (at[:, :3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
     x, y = (quat_rotate(at[:, 3:], np.eye(3)[k]) for k in (0, 1))

@@ -55,8 +55,6 @@ class RobotOptions:
 
 
 class AddedRobot(NamedTuple):
-    """A robot's directory, and a line for all that was guessed or left out."""
-
     directory: Path
     notes: tuple[str, ...]
 
@@ -126,7 +124,6 @@ def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
 
 
 def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path) -> UrdfRobot:
-    """The robot of an MJCF, of a URDF, or of the only `*.urdf` below a directory."""
     if source.suffix in MJCF and source.is_file():
         scratch.mkdir()
         return read_mjcf(source, scratch, root)
@@ -140,8 +137,6 @@ def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path)
 
 
 def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotDraft:
-    """The arm of a URDF as it is written. Raises UrdfError without a place or rest configuration
-    for it."""
     pieces, notes = ConvexPieces(), list[str]()
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
@@ -194,7 +189,6 @@ def _gripper(parts: Anatomy, joints: tuple[Joint, ...]) -> Gripper:
 
 
 def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
-    """The joint with limits that can be used. Raises UrdfError for one that cannot move."""
     velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
     effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
     lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)

@@ -86,7 +86,6 @@ def _base(robot: UrdfRobot, hints: Hints) -> str:
 def _split(
     robot: UrdfRobot, base: str, joints: Sequence[Joint], mimics: Mapping[str, Mimic], hints: Hints
 ) -> tuple[list[str], list[str]]:
-    """Names of the arm's joints in order and of the gripper's moving joints."""
     arm, rigid, words = list[str](), {base}, ""
     while True:
         while more := {j.child for j in joints if j.kind == "fixed" and j.parent in rigid} - rigid:
@@ -148,7 +147,6 @@ def _travel(
 
 
 def _shift(robot: UrdfRobot, slide: Joint) -> Floats:
-    """How a slide moves its link, in the frame of the link above it."""
     return robot.link_poses(slide.parent, {slide.child: 1.0})[slide.child][:3] - slide.origin[:3]
 
 
@@ -175,7 +173,6 @@ def _grip(
     approach = _snapped(approach)
 
     def end_of(link: str) -> float:
-        """How far a link stands out of the hand, halfway open."""
         return float((transform(at[1][link], clouds[link]) @ approach).max())
 
     first = max(moving, key=end_of)
@@ -203,7 +200,6 @@ def _grip(
         return inner[0] - inner[1], point + opening * sign * (inner[0] + inner[1]) / 2
 
     def reach(poses: Mapping[str, Pose]) -> float:
-        """How far the shorter finger stands out of the hand."""
         ends = [transform(poses[n], clouds[n]) @ approach for n in (first, second)]
         return min(float(end.max()) for end in ends)
 
@@ -258,7 +254,6 @@ def _points(shape: UrdfShape) -> Floats:
 
 
 def _snapped(direction: Floats) -> Floats:
-    """The unit vector of a direction; an axis if it is within 12 degrees of one."""
     unit = direction / np.linalg.norm(direction)
     longest = int(np.abs(unit).argmax())
     axis = np.eye(3)[longest] * np.sign(unit[longest])

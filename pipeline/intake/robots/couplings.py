@@ -65,7 +65,6 @@ def couplings(model: Any) -> dict[int, Coupling]:
 def _swept(
     model: Any, leader: int, at: NDArray[np.float64], group: set[int]
 ) -> NDArray[np.float64]:
-    """Positions (len(at), joints) of all joints with the leader at each place."""
     import mujoco
 
     off = mujoco.mjtDisableBit
@@ -92,7 +91,6 @@ def _swept(
 
 
 def _groups(model: Any) -> list[set[int]]:
-    """Sets of joints that constraints tie together, in the order of their first joints."""
     groups: list[set[int]] = []
     for tied in _tied(model):
         apart = [group for group in groups if not group & tied]
@@ -131,7 +129,6 @@ def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
 
 
 def _driven(model: Any) -> set[int]:
-    """Joints that an actuator moves, itself or by a tendon."""
     driven = set[int]()
     for kind, target in np.stack([model.actuator_trntype, model.actuator_trnid[:, 0]], 1).tolist():
         if kind == 0:

@@ -44,8 +44,6 @@ def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
 
 
 def _flange(arm: UrdfRobot) -> str:
-    """The frame for a gripper: the one named so, or the only link that ends the chain of moving
-    joints."""
     named = [link for link in arm.links if FLANGE in link]
     above = arm.parent_joint
     parents = {joint.parent for joint in above.values()}

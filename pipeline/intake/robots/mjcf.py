@@ -67,7 +67,6 @@ class _CompiledModel:
         self.anchors = {int(model.jnt_bodyid[j]): pose(model.jnt_pos[j]) for j in range(model.njnt)}
 
     def robot(self) -> UrdfRobot:
-        """The links and joints of the bodies whose root has joints."""
         model = self.model
         moved = {int(model.body_rootid[body]) for body in model.jnt_bodyid}
         if not moved:
@@ -101,7 +100,6 @@ class _CompiledModel:
         return given.replace("/", "_").replace("\\", "_") if given else f"{kind}_{i}"
 
     def _from_anchor(self, body: int, at: Pose) -> Pose:
-        """A pose in the body's frame as one in the link's."""
         return compose(pose(-self.anchors.get(body, pose())[:3]), at)
 
     def _joint(self, body: int) -> Joint:
@@ -223,7 +221,6 @@ def _check_files(path: Path, root: Path) -> None:
 
 
 def _check_size(path: Path, document: Any) -> None:
-    """Refuse what MuJoCo would need gigabytes or minutes for."""
     for element in document.iter("replicate", "hfield"):
         numbers, most = [element.get("nrow", "0"), element.get("ncol", "0")], HEIGHTS
         if element.tag == "replicate":

@@ -43,7 +43,6 @@ class Scan:
 
 
 def lines(first: float, last: float, spacing: float) -> Floats:
-    """Grid lines (m) from the first to the last."""
     return np.arange(first, last + 1e-4, spacing, dtype=np.float64)
 
 
@@ -177,7 +176,6 @@ def find_site(arm: Arm) -> Embodiment | None:
 
 
 def _forward(tools: Floats) -> float:
-    """The direction (rad, a multiple of a quarter turn) in which the tool is on average, or 0."""
     x, y = tools[:, :2].mean(0).tolist()
     if np.hypot(x, y) < 0.1 * np.linalg.norm(tools[:, :2], axis=1).mean():
         return 0.0

@@ -42,7 +42,6 @@ class _Reader:
         self._placed = 0
 
     def unit(self) -> Floats:
-        """The matrix (4,4) from units of the file to metres."""
         unit = self.root.find("asset/unit")
         metres = 1.0 if unit is None else float(unit.get("meter", 1.0))
         if not 1e-6 <= metres <= 1e6:
@@ -50,7 +49,6 @@ class _Reader:
         return np.diag([metres, metres, metres, 1.0])
 
     def parts(self) -> Iterator[Part]:
-        """The triangles of the scene; of a file without one, those of all geometries."""
         instance = self.root.find("scene/instance_visual_scene")
         if instance is None:
             for geometry in self.root.iterfind("library_geometries/geometry"):

@@ -95,7 +95,7 @@ def parse_xml(data: bytes) -> Any:
 
 
 def pixels(data: bytes) -> NDArray[np.uint8]:
-    """An image file as (H,W,4) sRGB, its longer edge at most TEXTURE. Raises MeshError."""
+    """An image file as (H,W,4) sRGB, at most TEXTURE long. Raises MeshError."""
     from PIL import Image  # takes longer than a robot without textures
 
     try:

@@ -125,7 +125,6 @@ class _Document:
         return np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
 
     def parts(self) -> Iterator[Part]:
-        """The triangles of every mesh, wherever a node of the scene places it."""
         total, read = 0, dict[int, list[Part]]()
         for mesh, at in self._placed():
             if mesh not in read:
@@ -247,7 +246,6 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 
 def _triangles(corners: Ints, mode: int) -> Ints:
-    """Triangles (M,3) of corners (N,): a list, a strip or a fan."""
     if mode == STRIP:
         faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], 1)
         faces[1::2] = faces[1::2, ::-1]

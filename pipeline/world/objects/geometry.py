@@ -46,13 +46,12 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
 
 
 def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[Floats]:
-    """Corner uvs (M,3,2), twice, of the triangles of `quads`."""
     a, b, c, d = (np.stack(uv, 1) for uv in ((u0, v0), (u1, v0), (u1, v1), (u0, v1)))
     return [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
 
 
 def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> tuple[Mesh, Mesh]:
-    """Outside, with its rim, and inside of a hollow cone of radii `foot` and `rim` (m)."""
+    """Outside, with its rim, and inside of a hollow cone."""
     edge = (rim - wall, height)
     outside = revolve([(0, 0), (foot, 0), (rim, height), edge], sides)
     return outside, revolve([edge, (foot - wall, wall), (0, wall)], sides)
@@ -118,7 +117,6 @@ def hull_faces(points: NDArray) -> NDArray[np.integer]:
 
 @deferred
 def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) -> Mesh:
-    """From z = 0 to `height`, rims chamfered by `bevel`."""
     r, h, b = radius, height, bevel
     if b <= 0:
         return revolve([(0, 0), (r, 0), (r, h), (0, h)], sides)

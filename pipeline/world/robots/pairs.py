@@ -18,7 +18,7 @@ from .directory import TOML, RobotModel
 from .stands import HEAD_CAMERA, Stand, pedestal
 
 _STRETCHES = 0.6
-"""m; furniture below this height stretches, what is above rises."""
+"""m, below which furniture stretches and above which it rises."""
 
 
 def raised(embodiment: Embodiment, by: float) -> Embodiment:

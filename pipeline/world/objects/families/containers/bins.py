@@ -39,7 +39,6 @@ TONES = listed("tan, brown, beige, gold, rust, white, gray, charcoal, red, teal,
 
 
 def open_box(hx: float, hy: float, height: float, wall: float, corner: float) -> Mesh:
-    """A hollow open box of outer half extents with round vertical corners."""
     outline = rounded_rectangle(hx, hy, corner, 4)
     sx, sy = (hx - wall) / hx, (hy - wall) / hy
     levels = [(0, 1, 1), (height, 1, 1), (height, sx, sy), (wall, sx, sy)]
@@ -223,8 +222,6 @@ class Dustbin(Parametric):
 
 @register("big_bin")
 class BigBin(Parametric):
-    """Stands on the floor."""
-
     colour: str = one_of(COLOURS)
     hx: float = between(0.18, 0.22)
     hy: float = between(0.2, 0.27)

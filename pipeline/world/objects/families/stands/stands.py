@@ -41,8 +41,6 @@ TONES = {
 
 @register("display_stand")
 class DisplayStand(Parametric):
-    """A plate on a column on a foot."""
-
     radius: float = between(0.055, 0.075, size=LARGE)  # of the plate; half extent of a square one
     material: str = one_of(tuple(TONES))
     height: float = between(0.045, 0.085)
@@ -87,7 +85,6 @@ class DisplayStand(Parametric):
 
 
 def _edge(r: float, t: float) -> list[tuple[float, float]]:
-    """(radius, z) m along the edge of a plate of radius `r` and thickness `t`."""
     return [(r, 0.25 * t), (r - 0.0006, 0.58 * t), (r - 0.0025, 0.64 * t), (r - 0.003, t)]
 
 
@@ -115,7 +112,7 @@ class PhoneStand(Parametric):
     seed: int = texture()
 
     def boxes(self) -> list[tuple[tuple[float, float, float], np.ndarray, np.ndarray]]:
-        """Half extents, centre and quaternion of foot, back rest, ledge and lip."""
+        """Half extents, centre and quaternion of each part."""
         up, out = self.directions()
         turn, flat = quat_about((1, 0, 0), self.lean), quat_about((0, 0, 1), 0.0)
         seat, hx, t, ledge = self.seat_at(), self.hx, 0.0028, self.ledge

@@ -163,8 +163,6 @@ class Roller(Parametric):
 
 @register("seal")
 class Seal(Parametric):
-    """A stamp standing on its face."""
-
     noun = "stamp"
 
     material: str = one_of(("wood", "plastic"))
