@@ -154,13 +154,17 @@ def test_an_arm_takes_a_gripper_of_another_file(tmp_path, flange):
         ("<worldbody>", "<worldbody><torus/>", "unrecognized element"),
         ('axis="1 0 0"', 'axis="0 0 0"', "MuJoCo refuses it"),
         ('mass="1.5"', 'mass="nan"', "MuJoCo refuses it"),
-        ("<joint ", '<joint type="slide"/><joint ', "has a ball joint, a free joint or several"),
+        ("<joint ", '<joint type="slide"/><joint ', "must have one joint, a hinge or a slide"),
         (
             "<worldbody>",
             '<worldbody><body name="b"><joint/><geom size="1"/></body>',
             "links 'b', 'base' hang on no joint",
         ),
-        ("END", FLANGE + '<body name="cam"/>', "not clear (found flange, cam); give --flange LINK"),
+        (
+            "END",
+            FLANGE + '<body name="cam"/>',
+            "found flange, cam to carry the gripper; give --flange LINK",
+        ),
     ],
 )
 def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, words):
@@ -181,7 +185,7 @@ def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, wor
         ),
         (
             LINKAGE.replace('joint2="drive_a"', 'joint2="drive_a" polycoef="0 0 2"'),
-            "does not follow it in proportion",
+            "does not follow its driving joint in proportion",
         ),
         (
             LINKAGE.replace(
