@@ -13,8 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.names import SIDES, sides_of
 from pipeline.poses import Floats, Pose, compose, inverse, quat_to_matrix
+
+from .names import SIDES, sides_of
 
 ACTIONS = ("joints", "ee", "ee-relative", "ee-delta", "joints-relative", "joints-delta")
 ROTATIONS = {

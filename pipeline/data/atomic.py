@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pipeline.data.errors import DominoError
+from .errors import DominoError
 
 
 def temporary_name(path: Path) -> Path:

@@ -12,9 +12,10 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.data.errors import DominoError
-from pipeline.data.names import NONE, SIDES, is_embodiment
 from pipeline.poses import Floats, Pose, compose, frame, pose, quat_from_rpy
+
+from .errors import DominoError
+from .names import NONE, SIDES, is_embodiment
 
 ROBOTS = Path(__file__).parents[1] / "assets" / "robots"  # of this package
 

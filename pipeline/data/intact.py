@@ -5,11 +5,12 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.keys import file_hash
 from pipeline.data.process.machine import usable_cores
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.files import find_slot
+
+from .dataset import Dataset, DatasetError
+from .keys import file_hash
 
 CHANGED = (
     "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"

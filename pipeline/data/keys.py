@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.data.reading import open_regular
+from .reading import open_regular
 
 
 def canonical(value: Any) -> bytes:

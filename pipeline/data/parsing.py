@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from pipeline.data.errors import DominoError
-from pipeline.data.reading import open_regular
+from .errors import DominoError
+from .reading import open_regular
 
 SHOWN = 80  # characters of a value in a message
 LONGEST_LINE = 4096

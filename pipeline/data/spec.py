@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.data.names import is_embodiment, is_name
+from .names import is_embodiment, is_name
 
 HIGHEST_LEVEL = 9  # of any model of motions; which it has, a model tells (motion/models/)
 DOMAINS = ("clean", "randomized")

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.expert.actor import Actor
-from pipeline.expert.budgets import GRASP
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import limit_margin
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Floats, Pose, compose, inverse, pose, quat_about, quat_rotate
 from pipeline.world.objects.contract import Grasp
+
+from .actor import Actor
+from .budgets import GRASP
 
 _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with the jaws exchanged
 

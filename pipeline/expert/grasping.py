@@ -7,9 +7,6 @@ from itertools import chain
 
 import numpy as np
 
-from pipeline.expert.actor import Actor
-from pipeline.expert.budgets import GRASP, HAND_OVER
-from pipeline.expert.candidates import Candidates, GraspOptions, backed_off, find_candidates, lifted
 from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree, ending_clear
@@ -19,6 +16,10 @@ from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.shapes import Collider
+
+from .actor import Actor
+from .budgets import GRASP, HAND_OVER
+from .candidates import Candidates, GraspOptions, backed_off, find_candidates, lifted
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.expert.actor import Actor, Skill, Skills, Steps
-from pipeline.expert.budgets import GRASP, PLACE, SEAT
-from pipeline.expert.candidates import GraspOptions, leading_grasps
-from pipeline.expert.grasping import search_of
-from pipeline.expert.skills import grasp, in_turn, lift, open_, place, resting_poses, retreat
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.scene import Obstacle
 from pipeline.poses import Floats, Pose, compose, inverse, yawed
 from pipeline.world.physics.body import TABLE_TOP, apart
+
+from .actor import Actor, Skill, Skills, Steps
+from .budgets import GRASP, PLACE, SEAT
+from .candidates import GraspOptions, leading_grasps
+from .grasping import search_of
+from .skills import grasp, in_turn, lift, open_, place, resting_poses, retreat
 
 Goals = Sequence[Sequence[Pose]]  # those of GraspOptions
 

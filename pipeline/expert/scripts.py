@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
-from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.regrasping import place_or_regrasp, regrasp
-from pipeline.expert.skills import grasp, lift, open_, resting_poses, retreat
 from pipeline.poses import Pose
+
+from .actor import Actor, Skills
+from .regrasping import place_or_regrasp, regrasp
+from .skills import grasp, lift, open_, resting_poses, retreat
 
 
 def set_down_on(

@@ -12,12 +12,13 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.candidates import near_one
 from pipeline.motion.contract import TargetMotion
 from pipeline.poses import Floats
-from pipeline.stages.back_calculate import back_calculate
-from pipeline.stages.dry_run import DryRun, Variation, dry_run
-from pipeline.stages.failure import Failure
-from pipeline.stages.replay import Demonstrator, Replay, expert_of
-from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
+
+from .back_calculate import back_calculate
+from .dry_run import DryRun, Variation, dry_run
+from .failure import Failure
+from .replay import Demonstrator, Replay, expert_of
+from .scene import Scene, build_scene
 
 GRASPS = 3  # directions from which the target is grasped at most, until its motion fits
 

@@ -14,12 +14,13 @@ from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, Tar
 from pipeline.motion.models import Company, back_calculate_motion
 from pipeline.planning.collision_pieces import Sweep
 from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
-from pipeline.stages.dry_run import DryRun
-from pipeline.stages.failure import Failure
-from pipeline.stages.scene import Scene
 from pipeline.tasks import middle
 from pipeline.world.physics.body import TABLE_TOP, colliders_of
 from pipeline.world.shapes import Collider
+
+from .dry_run import DryRun
+from .failure import Failure
+from .scene import Scene
 
 EARLY = 0.08  # s by which the first touch may come before the planned meeting
 MARGIN = 0.002  # m from the moving target that counts as a touch

@@ -11,9 +11,10 @@ from pipeline.data.episode.state_log import SkillRun
 from pipeline.expert.actor import Actor
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import Floats
-from pipeline.stages.failure import Failure, failing_as, no_success
-from pipeline.stages.scene import Scene, rest
 from pipeline.tasks.outcome import failed
+
+from .failure import Failure, failing_as, no_success
+from .scene import Scene, rest
 
 DRY_RUN = "dry_run"
 

@@ -14,10 +14,11 @@ from pipeline.expert.tracking import TRACK, carried_along
 from pipeline.motion.changed import Changed
 from pipeline.motion.contract import TargetMotion
 from pipeline.poses import Floats
-from pipeline.stages.dry_run import DryRun
-from pipeline.stages.failure import Failure, failing_as, no_success
-from pipeline.stages.scene import Scene, rest, success_time
 from pipeline.tasks.outcome import failed
+
+from .dry_run import DryRun
+from .failure import Failure, failing_as, no_success
+from .scene import Scene, rest, success_time
 
 REPLAY, REACT = "replay", "react"
 

@@ -17,8 +17,6 @@ from pipeline.expert.actor import Actor
 from pipeline.motion.scenery import Prop
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Floats
-from pipeline.stages.failure import Failure
-from pipeline.stages.surroundings import clutter, embodiment_of, occluded, stance_of
 from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.contract import TRACKING
 from pipeline.tasks.language.sentences import Wording
@@ -31,6 +29,9 @@ from pipeline.world.physics.events import EventScript
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import PHYSICS_HZ, Motion, Simulation
 from pipeline.world.robots.contract import Embodiment
+
+from .failure import Failure
+from .surroundings import clutter, embodiment_of, occluded, stance_of
 
 
 def held_by(task: Task, embodiment: Embodiment) -> Hold:

@@ -16,8 +16,9 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.data.episode.state_log import Event
 from pipeline.data.names import CAMERAS
+
+from .state_log import Event
 
 EventKind = Literal[
     "stop",

@@ -14,13 +14,14 @@ from h5py import h5d, h5g, h5o, h5s  # pyright: ignore[reportAttributeAccessIssu
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from pipeline.data.episode.hdf5 import HASHES, check_dataset, content_hashes, differing, open_hdf5
-from pipeline.data.episode.jpeg import EpisodeError, decode_frame, stated_size
-from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.episode.state_log import Event, SkillRun, StateLog, Touch
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
+
+from .hdf5 import HASHES, check_dataset, content_hashes, differing, open_hdf5
+from .jpeg import EpisodeError, decode_frame, stated_size
+from .meta import EpisodeMeta
+from .state_log import Event, SkillRun, StateLog, Touch
 
 SCHEMA = 4  # version of the layout (docs/formats.md): a file of another one is not read
 

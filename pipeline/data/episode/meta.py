@@ -19,10 +19,11 @@ from pydantic import (
 
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.data.episode.events import DrawnEvent
-from pipeline.data.episode.visuals import FIRST_LOOK, Visuals
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import RETIRED, is_name
+
+from .events import DrawnEvent
+from .visuals import FIRST_LOOK, Visuals
 
 
 def _named(text: str) -> str:

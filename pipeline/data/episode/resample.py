@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.data.episode.state_log import StateLog
 from pipeline.poses import between
+
+from .state_log import StateLog
 
 
 def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:

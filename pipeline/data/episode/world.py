@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.actions import rotations_of
 from pipeline.data.cameras import Surfaces
-from pipeline.data.episode.state_log import StateLog
 from pipeline.poses import Floats, quat_conjugate, quat_multiply
+
+from .state_log import StateLog
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.data.atomic import atomic_path
 from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
-from pipeline.data.episode.file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
-from pipeline.data.episode.hdf5 import HASHES, content_hashes, new_hdf5
-from pipeline.data.episode.jpeg import encode_frames
-from pipeline.data.episode.state_log import Touch
 from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
+
+from .file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
+from .hdf5 import HASHES, content_hashes, new_hdf5
+from .jpeg import encode_frames
+from .state_log import Touch
 
 _GROUPS = (
     *("instruction", "joint_action", "joint_state", "endpose", "target"),

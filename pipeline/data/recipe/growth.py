@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.data.recipe.model import CHOOSING, Recipe
 from pipeline.data.setup import IMAGES, option_of
+
+from .model import CHOOSING, Recipe
 
 _LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
 

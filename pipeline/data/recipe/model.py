@@ -12,7 +12,6 @@ from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.keys import digest
 from pipeline.data.names import NONE, is_embodiment, is_name
 from pipeline.data.parsing import line, show_value
-from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.setup import RecipeError, Seed, Setup
 from pipeline.data.setup.rules import Corrections, Expert, Perturbation, Sight, Takeover
 from pipeline.data.spec import (
@@ -24,6 +23,8 @@ from pipeline.data.spec import (
     attempt_seed,
     condition_arms,
 )
+
+from .cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 
 MOST_SLOTS = 10_000_000  # episodes of one dataset
 SLOWEST = 1e-3  # m/s

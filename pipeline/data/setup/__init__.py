@@ -22,9 +22,10 @@ from pipeline.data.errors import DominoError
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import MOUNTED, RETIRED, SIDES
 from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
-from pipeline.data.setup.brought import Brought, read_light, read_textures
-from pipeline.data.setup.rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
-from pipeline.data.setup.written import (
+
+from .brought import Brought, read_light, read_textures
+from .rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
+from .written import (
     camera_name,
     check_kind,
     explain,

@@ -19,8 +19,9 @@ from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.cells import Cell, Slot, episode_name
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.data.store.place import delete, place_of, put
+
+from .records import FileFacts, SlotRecord, untimed
 
 EPISODE, GIVEN_UP = ".hdf5", ".given_up.json"  # how files of slots end
 

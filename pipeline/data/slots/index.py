@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.files import Rows
-from pipeline.data.slots.records import (
+
+from .files import Rows
+from .records import (
     ATTEMPTS,
     OF_ATTEMPT,
     PLACE,

@@ -21,9 +21,11 @@ from pipeline.data.process.machine import usable_cores
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.slots.files import Listing, Paths, read_given_up
-from pipeline.data.slots.index import BESIDE, DamagedIndex, Index
-from pipeline.data.slots.records import (
+from pipeline.data.store.place import drop, place_of
+
+from .files import Listing, Paths, read_given_up
+from .index import BESIDE, DamagedIndex, Index
+from .records import (
     ATTEMPTS,
     MOST_ATTEMPTS,
     PLACE,
@@ -33,7 +35,6 @@ from pipeline.data.slots.records import (
     retimed,
     untimed,
 )
-from pipeline.data.store.place import drop, place_of
 
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
 """What reading raises for what is no whole file of its slot."""

@@ -25,8 +25,9 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real, show_value, whole
-from pipeline.data.slots.records import PLACE
 from pipeline.data.spec import EpisodeSpec
+
+from .records import PLACE
 
 LONGEST = 4000  # characters; trees of more could exhaust the stack
 

@@ -21,7 +21,8 @@ from urllib.parse import quote, unquote
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.names import MANIFEST
 from pipeline.data.process.machine import CACHE, user_cache
-from pipeline.data.store.files import LEASE, Listed, Store, StoreError
+
+from .files import LEASE, Listed, Store, StoreError
 
 FOLDER = "places"
 

@@ -11,9 +11,6 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
-from pipeline.expert.reactive.controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
-from pipeline.expert.reactive.imagination import PACE, MeetingPlan, Script, imagine
-from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.motion.carried import Carried
 from pipeline.motion.models import others_of
 from pipeline.motion.workspace import Workspace
@@ -21,6 +18,10 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM
 from pipeline.poses import Floats, Pose, compose, inverse
+
+from .controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
+from .imagination import PACE, MeetingPlan, Script, imagine
+from .prediction import TargetFilter
 
 OBSERVED = 1 / CONTROL_HZ  # s for which it only looks, to see the target twice; plus the delay
 

@@ -3,11 +3,12 @@
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.reactive.actor import ReactiveActor
-from pipeline.expert.reactive.controller import ReactiveExpert
-from pipeline.expert.reactive.imagination import Script
 from pipeline.planning.kinematics import fk_batch
 from pipeline.poses import Floats
+
+from .actor import ReactiveActor
+from .controller import ReactiveExpert
+from .imagination import Script
 
 EVERY = 4  # physics rows of the plan between two places of the hand
 BEHIND, AHEAD = 0.5, 1.5  # s of the plan, from where the hand was, in which it is looked for

@@ -7,13 +7,14 @@ import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.limiter import LAG, Limiter
-from pipeline.expert.reactive.imagination import PACE, MeetingPlan
-from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import Planner
 from pipeline.poses import Floats, Pose, compose, inverse, quat_about, quat_conjugate, quat_multiply
+
+from .imagination import PACE, MeetingPlan
+from .prediction import TargetFilter
 
 Command = tuple[Floats, Floats]  # drive targets (A,) of a physics step and their velocities
 

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 from pipeline.expert.actor import Actor, Steps, skill
 from pipeline.expert.budgets import MOVE
 from pipeline.expert.candidates import hand_poses
-from pipeline.expert.skills.moving import reach
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats, Pose
+
+from .moving import reach
 
 Towards = Callable[[Pose], Floats]  # poses (M,7) of the other body for one pose (7,) of the first
 

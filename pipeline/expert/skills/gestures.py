@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from pipeline.expert.actor import Actor, Steps, skill
 from pipeline.expert.budgets import POUR, SPEEDS
-from pipeline.expert.skills.hand import hand_boxes
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import (
@@ -20,6 +19,8 @@ from pipeline.poses import (
     quat_rotate,
     transform,
 )
+
+from .hand import hand_boxes
 
 
 @skill()

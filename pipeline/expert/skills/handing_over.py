@@ -10,10 +10,11 @@ from pipeline.expert.actor import Actor, Steps, skill
 from pipeline.expert.budgets import HAND_OVER
 from pipeline.expert.candidates import GraspOptions, backed_off, hand_poses
 from pipeline.expert.grasping import can_take_over
-from pipeline.expert.skills.hand import take
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Pose
+
+from .hand import take
 
 
 @skill(arms=("giver", "receiver"), part="kinds")

@@ -1,7 +1,8 @@
 """Follow a moving target."""
 
 from pipeline.expert.actor import Actor, Skill, Steps, skill
-from pipeline.expert.skills.pairing import stretched
+
+from .pairing import stretched
 
 PACE = 0.75  # share of the planned speed; half of the acceleration limit is left for following
 

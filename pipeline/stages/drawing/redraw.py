@@ -10,7 +10,8 @@ from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import OBSERVER
 from pipeline.data.slots.assets import AssetError, AssetStore
-from pipeline.stages.drawing.render import Appearance, render, stored_appearance
+
+from .render import Appearance, render, stored_appearance
 
 FILMED = CameraType(640, 480, 40.0)
 FACING, FREE = (-0.40, -0.70, -0.50), 0.10

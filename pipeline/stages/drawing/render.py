@@ -21,7 +21,6 @@ from pipeline.data.setup.brought import Brought, light_of, textures_of
 from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Floats
-from pipeline.stages.drawing.exposure import Lapses, photograph
 from pipeline.world.cameras import CameraError, check_links, setup_cameras, wanted_cameras
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.sensing import Sensing, point_clouds
@@ -30,6 +29,8 @@ from pipeline.world.looks.textures import Rgba
 from pipeline.world.looks.visuals import CLEAN, IMAGE, draw_visuals, lit_by, with_textures
 from pipeline.world.physics.body import parts_of
 from pipeline.world.shapes import Material, Mesh, Parts
+
+from .exposure import Lapses, photograph
 
 
 def sensing_of(

@@ -11,10 +11,11 @@ from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
 from pipeline.motion.recorded import LEAST, SECONDS, TRACKS, before_meeting, is_unoccluded
 from pipeline.stages.attempt import Rollout
-from pipeline.stages.drawing.render import Appearance, appearance_of, body_poses
 from pipeline.stages.failure import Failure
 from pipeline.world.drawing.room import table_legs, table_top
 from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+
+from .render import Appearance, appearance_of, body_poses
 
 
 def track_arrays(

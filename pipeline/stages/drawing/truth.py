@@ -7,14 +7,15 @@ from scipy.spatial import ConvexHull
 from pipeline.data.cameras import world_poses
 from pipeline.data.episode.file import Episode, EpisodeError
 from pipeline.data.episode.world import BodyFacts, WorldTruth
-from pipeline.stages.drawing.redraw import read_stored
-from pipeline.stages.drawing.render import body_poses
 from pipeline.world.drawing.room import shell, table_legs, table_top
 from pipeline.world.drawing.silhouettes import solids_of, track_bodies
 from pipeline.world.drawing.truth import surfaces_of
 from pipeline.world.objects import FAMILIES
 from pipeline.world.robots import get_embodiment
 from pipeline.world.shapes import Collider, Shape, merge
+
+from .redraw import read_stored
+from .render import body_poses
 
 
 def truth(path: Path, camera: str, bodies: Path) -> WorldTruth:
