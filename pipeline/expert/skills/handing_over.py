@@ -1,20 +1,49 @@
-"""Pass a held body from hand to hand in the air."""
+"""What both hands do in the air: pass a body on, bring two bodies to each other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.expert.actor import Actor, Steps, skill
-from pipeline.expert.budgets import HAND_OVER
+from pipeline.expert.budgets import HAND_OVER, MOVE
 from pipeline.expert.candidates import GraspOptions, backed_off, hand_poses
 from pipeline.expert.grasping import can_take_over
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.trajectory import ArmTrajectory
-from pipeline.poses import Pose
+from pipeline.poses import Floats, Pose
 
 from .hand import take
+from .moving import reach
+
+Towards = Callable[[Pose], Floats]  # poses (M,7) of the other body for one pose (7,) of the first
+
+
+@skill(arms=("side", "other"))
+def face(a: Actor, side: str, poses: ArrayLike, other: str, towards: Towards) -> Steps:
+    """Carry the body that arm `side` holds to one of `poses` (N,7), and what arm `other` holds to
+    one of the poses `towards` it. Raises PlanFailure("facing_blocked")."""
+    name = a.held[side]
+    yield {side: _shown(a, side, np.atleast_2d(np.asarray(poses, float)), other, towards)}
+    yield {other: reach(a.arm_planner(other), hand_poses(a, other, towards(a.pose(name))))}
+
+
+def _shown(a: Actor, side: str, poses: Floats, other: str, towards: Towards) -> ArmTrajectory:
+    arm, there = a.arm_planner(side), a.arm_planner(other)
+    q, ok = arm.solve(hand_poses(a, side, poses))
+    free = arm.checker()
+    found = [i for i in np.flatnonzero(ok) if free(q[i])]
+    for i in found[:: max(1, len(found) // MOVE.tries)]:
+        waiting = there.within(there.scene.expecting(side, q[i]))
+        try:
+            first = arm.free_trajectory(q[i], free)
+            reach(waiting, hand_poses(a, other, towards(poses[i])))
+        except PlanFailure:
+            continue
+        return first
+    why = f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses"
+    raise PlanFailure("facing_blocked", why)
 
 
 @skill(arms=("giver", "receiver"), part="kinds")

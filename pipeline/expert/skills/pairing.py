@@ -1,15 +1,45 @@
-"""Two arms at once."""
+"""Several skills as one: alternatives, one after another, two arms at once, after a target."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from pipeline.data.names import SIDES
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, Steps, skill
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import NO_ARM, Apart
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats
+
+
+def first_of(*skills: Skill) -> Skill:
+    """The first of the skills that can be planned now; none replaces one that fails after its first
+    motion step. Raises the last one's PlanFailure."""
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        for each in skills[:-1]:
+            steps = each(a)
+            try:
+                first = next(steps)
+            except (PlanFailure, StopIteration):
+                continue
+            yield first
+            yield from steps
+            return
+        yield from skills[-1](a)
+
+    return act
+
+
+def in_turn(*skills: Skill) -> Skill:
+    """The skills one after another as one, so that the meeting may be in any of them."""
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        for each in skills:
+            yield from each(a)
+
+    return act
+
 
 CHECKED_EVERY = 4  # physics steps between two checks of the arms (17 ms)
 
@@ -95,3 +125,18 @@ def _arms_apart(a: Actor, apart: Apart, step: MotionStep) -> bool:
         q[side][np.minimum(rows, len(q[side]) - 1)] if side in q else NO_ARM for side in SIDES
     )
     return apart(left, right)
+
+
+PACE = 0.75  # share of the planned speed; half of the acceleration limit is left for following
+
+
+@skill()
+def track(a: Actor, side: str, act: Skill) -> Steps:
+    """Carry out `act`, the skill that meets the target, at matched velocity.
+
+    In a still scene this is `act` at PACE. The planned expert moves its hand with the known motion
+    (expert/tracking.py), the reactive one with what it has seen."""
+    for step in act(a):
+        own = step[side]
+        rows = round(len(own.q) / PACE)
+        yield step | {side: stretched(own, rows, a.q(side), a.gripper(side))}
