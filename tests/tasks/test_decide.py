@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.motion.changed import Change, changed
 from pipeline.motion.models import motion_from_json, others_of
 from pipeline.poses import compose, inverse
 from pipeline.stages.attempt import Phases, attempt
@@ -113,3 +114,11 @@ def test_a_wrong_choice_fails_by_name(name):
     swapped = replace(log, poses=log.poses[:, order], contacts=contacts, events=events)
     wrong = {n for n, holds in done.scene.conditions(swapped).items() if not holds}
     assert wrong and wrong <= failing
+
+
+def test_an_event_that_stops_the_target_stops_what_rides_along():
+    motion = accepted("pick_ripe").motion
+    stopped = changed(motion, Change(0.5, 0.0, 0.0, 0.0))
+    for name, other in others_of(stopped).items():
+        np.testing.assert_array_equal(other.pose(1.0), others_of(motion)[name].pose(0.5))
+        assert not other.twist(1.0).any()
