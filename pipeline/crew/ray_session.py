@@ -49,17 +49,17 @@ def session(crew: Crew) -> Iterator[None]:
         return
     base = tempfile.gettempdir()
     folder = tempfile.mkdtemp(prefix="domino-ray-", dir=base if len(base) <= _LONGEST else "/tmp")
-    try:
-        with redirect_stdout(sys.stderr):
+    with redirect_stdout(sys.stderr):  # Ray prints until its shutdown is over
+        try:
             if crew.address is None:
                 _start(crew.workers, folder)
             else:
                 _join(crew.address, crew.runtime_env, folder)
             yield
-    finally:
-        with hold_signals():
-            ray.shutdown()
-        shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            with hold_signals():
+                ray.shutdown()
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _start(workers: int, folder: str) -> None:
