@@ -32,7 +32,7 @@ class Tomato(Parametric):
         r, h = self.radius, self.height
         skin = revolve([(0, 0), *self.outline().tolist(), (0, h - 0.002)], 24, 60.0)
         leaves = at(cylinder(0.45 * r, 0.0015, 5), (0, 0, h - 0.0005))
-        stem = at(cylinder(0.08 * r, 0.006, 8), (0, 0, h))
+        stem = at(cylinder(0.08 * r, 0.006, 8), (0, 0, h - 0.0025))
         green = painted("dark green")
         return Shape(
             ((skin, glaze(self.colour)), (leaves, green), (stem, green)),
