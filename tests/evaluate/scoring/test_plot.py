@@ -8,6 +8,7 @@ from pipeline.evaluate.scoring.page import HEIGHT, PUBLISHED, WIDTH, page, panel
 def mean(policy, level, alpha, rate, **more):
     row = {
         "policy": policy,
+        "condition": "",
         "clock": "sim",
         "rules": "strict",
         "embodiment": "aloha-agilex",
