@@ -186,7 +186,7 @@ def _jobs(
 def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
     if clock.kind == "measured" or not len(commands):
         return ""
-    wanted = clock.delay(0, 0.0, case.spec.rng("evaluate/latency"))
+    wanted = clock.delay(0.0, case.spec.rng("evaluate/latency"))
     waited = commands[0, 0] / PHYSICS_HZ
     # an overlapped answer waits for whole control periods
     if -0.003 <= waited - wanted <= (0.5 if clock.join else 0.003):
