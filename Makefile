@@ -19,7 +19,7 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build puma puma-many test slow readme lint docs bench core setup clean help
+.PHONY: build puma puma-many test slow readme lint docs core setup clean help
 
 build: core  ## set up the core, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
@@ -54,11 +54,6 @@ lint: setup  ## check style, types, words, and which room imports which
 
 docs: setup  ## make the pages of docs/ a site in out/site; a broken link ends it
 	$(or $(wildcard .tools/bin/uvx),uvx) --with mkdocs-material==9.7.* --from mkdocs==1.6.1 mkdocs build --quiet --strict
-
-bench: setup  ## print every table of figures
-	@for file in benchmarks/[a-z]*.py; do \
-		echo "== $$file"; $(VENV)/python -m "benchmarks.$$(basename $$file .py)" || exit 1; \
-	done
 
 core:  ## make .venv from the lock: uv, Python 3.12, what builds and exports datasets, a Vulkan driver
 	@scripts/setup.sh core
