@@ -30,7 +30,7 @@ from pipeline.poses import Floats
 from pipeline.stages.failure import Failure
 
 LOADED = 1750
-"""Scenes that are loaded: 50 of each of 35 tasks."""
+"""Scenes that are loaded: as many as one level has, 50 of each of 35 tasks."""
 
 OLD = ["AVX", "AVX2", "FMA", "FMA4", "AVX512F", "AVX512CD", "AVX512BW", "AVX512DQ", "AVX512VL"]
 NUMPY = "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR"

@@ -1,5 +1,5 @@
-"""Every model of motions through what reads a dataset: `python -m benchmarks.motion_consumers
-[--level 3] [--out DIR]`.
+"""Every motion model of the suite `beyond` through what reads a dataset: `python -m
+benchmarks.motion_consumers [--level 3] [--out DIR]`.
 
 Builds one episode of a task of the suite `beyond` for each model, verifies it, evaluates the
 planned expert in closed loop on a new scene, exports the episode to LeRobot and Parquet, annotates
@@ -38,7 +38,7 @@ def command(*words: str | Path) -> None:
 
 
 def measure(out: Path, level: int) -> None:
-    """Print the table of one dataset with an episode of every model."""
+    """Print the table of one dataset with an episode of each of these models."""
     tasks = {TASKS[name].motion: name for name in expand_tasks(["beyond"])}
     data, scores, pages = out / "dataset", out / "evaluation", out / "pages"
     wanted = (

@@ -7,10 +7,10 @@ manipulate moving objects.
     dd.build(recipe, "out/bells")
     dataset = dd.open_dataset("out/bells")
 
-Importing this package registers the gymnasium ids `domino/<task>-v0`. It loads no simulator, no
-torch and no Ray: each function imports them when it is called. Every expected error is a
-`DominoError` of one line. docs/python_api.md shows all names in use. The packages `pipeline` and
-`training` are internal and change without notice.
+Importing this package registers the gymnasium ids `domino/<task>-v0` of the suite `domino`. It
+loads no simulator, no torch and no Ray: each function imports them when it is called. Every
+expected error is a `DominoError` of one line. docs/python_api.md shows all names in use. The
+packages `pipeline` and `training` are internal and change without notice.
 """
 
 from importlib import import_module

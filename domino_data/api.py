@@ -150,8 +150,8 @@ def evaluate(
 def make_env(
     task: str, embodiment: str = "aloha-agilex", level: int = 1, alpha: float = 0.1, **options: Any
 ) -> "DominoEnv":
-    """The gymnasium environment of a task; `options` are those of `DominoEnv`, such as cameras,
-    depth, actions and domain.
+    """The gymnasium environment of a task; `options` are those of `DominoEnv`, such as setup,
+    actions, benchmark and domain.
 
     Raises UnknownName for a task that does not exist, ValueError for options that do not fit.
     """

@@ -3,12 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-SUITE = Path(__file__).parent / "tasks" / "library" / "domino"
+LIBRARY = Path(__file__).parent / "tasks" / "library"
 
 
-def shipped_tasks() -> list[str]:
-    """Names of the tasks in the package, sorted: each has a file of sentences."""
-    return sorted(path.stem for path in SUITE.glob("*/phrases/*.txt"))
+def shipped_tasks(suite: str = "domino") -> list[str]:
+    """Names of the tasks in the package of a suite, or of all with `*`, sorted: each has a file of
+    sentences."""
+    return sorted(path.stem for path in LIBRARY.glob(f"{suite}/*/phrases/*.txt"))
 
 
 def env_id(task: str) -> str:
@@ -31,5 +32,5 @@ def register_ids(tasks: Iterable[str]) -> None:
 
 
 def register_shipped() -> None:
-    """Register the ids of the tasks in the package."""
+    """Register the ids of the suite `domino`."""
     register_ids(shipped_tasks())

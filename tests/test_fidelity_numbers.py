@@ -395,7 +395,7 @@ def test_the_drive_of_a_held_target_is_the_one_of_the_text():
 
 
 def test_filters_of_shapes_are_those_of_the_table():
-    """tests/stages/test_back_calculate.py measures them on drawn motions."""
+    """tests/motion/test_back_calculate.py measures them on drawn motions."""
     law = PAGE.split("## Law of the speeds")[1]
     assert f"no jump of {ABRUPT:g} alpha" in law
     assert f"the end speed is above {END_SPEED:g} alpha" in law
@@ -577,7 +577,7 @@ def test_a_bottle_is_upright_or_tilted_over_the_bin(stated):
 READ_ELSEWHERE = {
     "speed of the arms": "tests/stages/test_shaking.py, tests/expert/test_limits.py",
     "aloha-agilex": "tests/world/robots/test_forward.py",
-    "levels whose motion is retimed": "tests/evaluate/test_clock.py",
+    "levels whose motion is retimed": "tests/evaluate/scoring/test_clock.py",
 }
 
 

@@ -41,8 +41,8 @@ Baselines = Annotated[
 PolicyText = Annotated[
     str,
     option(
-        "replay, static, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and others"
-        " (docs/evaluation.md)."
+        "replay, static, still, tapper, chaser, interceptor, random, FILE.py, ws://HOST:PORT and"
+        " others (docs/evaluation.md)."
     ),
 ]
 Episodes = Annotated[int, number(1, MOST_EPISODES, "Admitted scenes per cell; the paper has 100.")]

@@ -40,7 +40,7 @@ _SCHEMA = Recipe.model_json_schema()["properties"]
 def complete_task(incomplete: str) -> list[str]:
     """Names of tasks that begin like this; those of plugins if some are loaded."""
     loaded = sys.modules.get("pipeline.tasks.contract")
-    return _fitting(incomplete, [*shipped_tasks(), *(loaded.TASKS if loaded else ())])
+    return _fitting(incomplete, [*shipped_tasks("*"), *(loaded.TASKS if loaded else ())])
 
 
 def complete_tasks(incomplete: str) -> list[str]:

@@ -31,8 +31,7 @@ BatchWait = Annotated[
     number(
         0,
         60_000,
-        "Load a BatchPolicy once for all workers or clients; a batch waits this many ms for"
-        " more questions.",
+        "Load a BatchPolicy once for all clients; a batch waits this many ms for more questions.",
     ),
 ]
 

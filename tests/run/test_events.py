@@ -45,6 +45,11 @@ def test_events_that_cannot_act_are_refused_before_anything_is_made(tmp_path, ve
     assert not (tmp_path / "out").exists()
 
 
+def test_the_shipped_recipe_can_be_planned():
+    code, _, err = inside("plan", "--manifest", "events")
+    assert code == 0, err
+
+
 def test_both_arms_are_the_same_until_the_event_and_exported_with_it(pair):
     files = sorted(pair.glob("episodes/**/*.hdf5"))
     episodes, images = [], []

@@ -81,7 +81,8 @@ class Recipe(Setup):
     weights of the domains."""
     paired: tuple[Literal["levels", "domains", "alpha", "events", "conditions"], ...] = ()
     """Cells that differ only in these keys try the same scenes slot by slot: same layout, objects
-    and looks. With `events`, slots 2k and 2k + 1 are one scene with and without its events."""
+    and looks. With `events`, slots 2k and 2k + 1 are one scene with and without its events;
+    with `conditions`, a scene is tried with every set of its events."""
     attempts: _Thousand = 30
     """Seeds tried for one slot before it is given up."""
     variants: _Thousand = 1
