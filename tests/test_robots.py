@@ -204,7 +204,7 @@ def test_a_mistake_in_a_robot_is_one_line(say, six, tmp_path):
         (
             "[place.right]",
             "[place.top]",
-            "robot.toml: place: give both sides, left and right (got left, top)",
+            "robot.toml: place.top",
         ),
     ],
 )

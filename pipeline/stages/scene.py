@@ -79,8 +79,8 @@ class Scene:
     @cached_property
     def events(self) -> tuple[DrawnEvent, ...]:
         """The events of the rules, drawn from streams of their own."""
-        spec = self.spec
-        return draw_events(self.rules.events, spec.rng("events"), spec.slot_rng("events"))
+        spec, asked = self.spec, self.rules.events
+        return draw_events(asked, spec.rng("events"), spec.slot_rng("events")) if asked else ()
 
     def _script(self, motion: Motion) -> EventScript | None:
         if not self.events:

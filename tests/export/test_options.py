@@ -99,7 +99,7 @@ def test_cameras_get_the_names_of_the_field_unless_others_are_given():
     }
     for given, said in (
         ({"front_camera": "x"}, "no camera front_camera"),
-        ({"head_camera": "../x"}, "is not a name"),
+        ({"head_camera": "../x"}, "is no camera name"),
         ({"head_camera": "cam_left_wrist"}, "the same name"),
     ):
         with pytest.raises(ValueError, match=said):

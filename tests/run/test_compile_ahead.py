@@ -48,7 +48,7 @@ def test_a_process_compiles_only_what_the_cache_lacks_and_ends_with_the_build(mo
     popen = subprocess.Popen
     monkeypatch.setattr(compile_ahead, "usable_cores", lambda: 2)
     monkeypatch.setattr(
-        compile_ahead.subprocess,
+        compile_ahead,
         "Popen",
         lambda *a, **k: started.append(popen(*a, **k)) or started[-1],
     )

@@ -22,7 +22,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.state_log import physics_id
 from pipeline.data.keys import SEAL, file_hash, seal_yaml
 from pipeline.data.setup.brought import read_unchanged
-from pipeline.run import drawing
+from pipeline.run import render as drawing
 from pipeline.run.build import build
 from pipeline.run.checks.verify import verify
 from pipeline.run.names import recipe_from

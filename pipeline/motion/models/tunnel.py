@@ -16,6 +16,7 @@ from pipeline.poses import Floats, yawed
 
 CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
 SHORTEST, LONGEST, SEEN = 0.045, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before
+TRIES = 20
 ROOM = 0.012  # m between the target and the walls
 
 
@@ -36,12 +37,17 @@ class Tunnel(Conveyor):
 
 
 class TunnelModel(ClosedFormModel[Tunnel]):
-    """The target never goes back. Where its path is short, it begins inside the tunnel."""
+    """The target never goes back. Where its path is short, it begins in the first half of the
+    tunnel; of TRIES drawn paces, the first that goes so far is taken."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
-        pace, radius = draw_forward(asked, streams.shape), asked.radius
-        clear = radius + float(streams.shape.uniform(*CLEAR))
-        way = -float(pace.advance(np.array(-asked.lead)))
+        radius, shape = asked.radius, streams.shape
+        clear = radius + float(shape.uniform(*CLEAR))
+        pace, far = draw_forward(asked, shape), clear + radius + SHORTEST / 2
+        for _ in range(TRIES):
+            if _way(pace, asked) <= far:
+                pace = draw_forward(asked, shape)
+        way = _way(pace, asked)
         length = float(np.clip(way - clear - radius - SEEN, 2 * radius + SHORTEST, LONGEST))
         for heading in headings(streams):
             yield Tunnel(
@@ -53,6 +59,10 @@ class TunnelModel(ClosedFormModel[Tunnel]):
                 length=length,
                 height=asked.height + ROOM,
             )
+
+
+def _way(pace: Pace, asked: MotionRequest) -> float:
+    return -float(pace.advance(np.array(-asked.lead)))
 
 
 LANES = (0.025, 0.035)  # m, half the distance of the two lanes
@@ -109,7 +119,7 @@ class TwiceModel(ClosedFormModel[Twice]):
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Twice]:
         rng = streams.shape
         pace = _faster(asked, rng) if asked.level == 3 else draw_forward(asked, rng)
-        way = -float(pace.advance(np.array(-asked.lead)))
+        way = _way(pace, asked)
         turn = max(0.01, min(float(rng.uniform(*LANES)), 0.12 * way))
         second = -float(pace.advance(np.array(pace.edges[0]))) if asked.level == 3 else HALF * way
         back = max(0.08, second - np.pi * turn / 2)

@@ -164,7 +164,7 @@ BROKEN = {
     ),
     "not finite": (
         _change("target/pose", np.full((4, 7), np.nan)),
-        "target pose holds values that are not finite",
+        "target/pose holds values that are not finite",
     ),
     "speechless": (
         _change("instruction/seen", np.array([], h5py.string_dtype())),

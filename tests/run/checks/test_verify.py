@@ -170,7 +170,13 @@ def test_damage_that_leaves_length_and_time_is_found_and_put_right(mine, built):
     assert (mine / FIRST).read_bytes() == (built / FIRST).read_bytes()
 
 
-@pytest.mark.parametrize("damage", [cut, flip, garble, *OF_CONTENT.values()])
+SILENT = {"a short array", "an array of another type"}
+"""Damage that only the hash tells, which is in the index."""
+
+
+@pytest.mark.parametrize(
+    "damage", [cut, flip, garble, *(OF_CONTENT[name] for name in OF_CONTENT if name not in SILENT)]
+)
 def test_a_file_says_itself_that_it_is_damaged(damage, mine):
     without_index(mine)
     damage(mine / FIRST)

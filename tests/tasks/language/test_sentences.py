@@ -244,7 +244,9 @@ def test_the_templates_of_every_task(name):
     rng = np.random.default_rng(0)
     bodies = lay_out(task, Draw(rng, rng))
     arms = task.arms(bodies)
-    check_templates(task.seen, task.unseen, bodies, arms)
+    choices = task.choices(bodies)
+    check_templates(task.seen, task.unseen, bodies, arms, choices)
     words = {n: b.instance.words() for n, b in bodies.items()}
-    drawn = instructions(Wording(task.seen, task.unseen, words, arms), rng, 200)
+    wording = Wording(task.seen, task.unseen, words, arms, choices=choices)
+    drawn = instructions(wording, rng, 200)
     assert not set(drawn["seen"]) & set(drawn["unseen"])
