@@ -16,7 +16,7 @@ from pipeline.poses import Floats, yawed
 
 CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
 SHORTEST, LONGEST, SEEN = 0.045, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before
-TRIES = 20
+TRIES = 8
 ROOM = 0.012  # m between the target and the walls
 
 
@@ -37,16 +37,16 @@ class Tunnel(Conveyor):
 
 
 class TunnelModel(ClosedFormModel[Tunnel]):
-    """The target never goes back. Where its path is short, it begins in the first half of the
-    tunnel; of TRIES drawn paces, the first that goes so far is taken."""
+    """The target never goes back. Of TRIES drawn paces the first is taken with which it begins
+    before the tunnel; with the longest of them it may begin inside."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
         radius, shape = asked.radius, streams.shape
         clear = radius + float(shape.uniform(*CLEAR))
-        pace, far = draw_forward(asked, shape), clear + radius + SHORTEST / 2
-        for _ in range(TRIES):
-            if _way(pace, asked) <= far:
-                pace = draw_forward(asked, shape)
+        far = clear + 3 * radius + SHORTEST + SEEN
+        paces = [draw_forward(asked, shape) for _ in range(TRIES)]
+        longest = max(paces, key=lambda pace: _way(pace, asked))
+        pace = next((pace for pace in paces if _way(pace, asked) > far), longest)
         way = _way(pace, asked)
         length = float(np.clip(way - clear - radius - SEEN, 2 * radius + SHORTEST, LONGEST))
         for heading in headings(streams):
