@@ -1,12 +1,10 @@
 """Numba kernels of collision checking between convex pieces.
 
 A piece is a convex core (box, cylinder, segment or points) swept by a ball. Cores at most the radii
-and the margin apart touch: the Gilbert-Johnson-Keerthi algorithm (van den Bergen, 2003), which ends
-early at a separating direction or a close point of the Minkowski difference. Closest points of a
-simplex: Ericson, 2005, section 5.1.
-
-Transforms are rows of 12: rotation by rows, translation. One file: numba's cache notices changes of
-a function's own file only."""
+and the margin apart touch: the Gilbert-Johnson-Keerthi algorithm (van den Bergen, 2003), with an
+early end; closest points of a simplex are those of Ericson, 2005, section 5.1. Transforms are rows
+of 12: rotation by rows, translation. Numba's cache notices only changes of a function's own file.
+"""
 
 import numpy as np
 from numba import njit
@@ -173,8 +171,7 @@ def reduce_simplex(s, count, weights, trial, v):
 
 @kernel
 def within(core, size, points, t, a, b, reach, s, weights, trial, v):
-    """Whether the cores of a and b are at most `reach` m apart; s, weights, trial, v are
-    scratch."""
+    """Whether the cores of a and b are at most `reach` m apart; the rest is scratch."""
     for c in range(3):
         v[c] = t[a, 9 + c] - t[b, 9 + c]
     if dot(v, v) < 1e-20:
@@ -276,9 +273,8 @@ def place_pieces(frames, frame, local, out):
 
 @kernel
 def first_swept_contact(pieces, t, own, at, ball, margin):
-    """First row at which a moving body is within `margin` m of the pieces 0 .. own - 1, or -1. The
-    other pieces are the body's, at transforms `at` (S,12), in `ball` (x, y, z, radius); `t`
-    (S,P,12) are world transforms."""
+    """First row at which the body of the pieces from `own` on, at transforms `at` (S,12), in `ball`
+    (x, y, z, radius), is within `margin` m of the others, at world transforms t (S,P,12), or -1."""
     _, _, local, core, size, radius, half, bound, points = pieces
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
     for row in range(at.shape[0]):

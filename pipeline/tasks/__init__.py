@@ -9,8 +9,7 @@ from pipeline.tasks.contract import (
     Placement,
     Region,
     Task,
-    middle,
     register,
     side_of,
 )
-from pipeline.tasks.layout import lay_out
+from pipeline.tasks.layout import lay_out, middle

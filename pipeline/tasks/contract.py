@@ -126,11 +126,10 @@ class Task(ABC):
     tolerances of the success conditions and `sizes` the sizes of goals, by name; a limit "lift"
     asks that the manipulated body was once that much higher than where it began. `own_conditions`
     names those that domino rules leave out, because the original does. `subgoals` lists, in their
-    order, the conditions that must hold for each part of a long task; their share is then the route
-    completion. `families` names the object families that it may ask for; without it they are found
-    by `families_of`. `seen` and `unseen` are read from phrases/<name>.txt unless the class has
-    them; there must be `least_seen` and `least_unseen`. `suite` is its folder in the library, or
-    "own" for a task from outside."""
+    order, the conditions of each part of a long task; their share is then the route completion.
+    `families` names the object families that it may ask for; without it `families_of` finds them.
+    `seen` and `unseen`, `least_seen` and `least_unseen` at least, are in phrases/<name>.txt unless
+    the class has them. `suite` is its folder in the library, or "own"."""
 
     name: ClassVar[str] = ""
     suite: ClassVar[str] = ""
@@ -300,8 +299,3 @@ def drawn_kind(family: str, rules: Rules, rng: np.random.Generator) -> type[Fami
     for it."""
     names = rules.standing_for(family)
     return FAMILIES[names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]]
-
-
-def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
-    """World point (3,) half way up a body: what the head camera must see of a target."""
-    return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])

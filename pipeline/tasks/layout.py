@@ -17,7 +17,6 @@ from pipeline.tasks.contract import (
     Task,
     UndeclaredFamily,
     family_of,
-    middle,
     name_of,
 )
 from pipeline.world.objects.contract import Family
@@ -159,3 +158,8 @@ def _draw_arms(task: Task) -> frozenset[frozenset[str]]:
 def can_do(task: Task, sides: Collection[str]) -> bool:
     """Whether a robot with the arms of `sides` can be given the task."""
     return set(sides) >= set(SIDES) or any(asked <= set(sides) for asked in _draw_arms(task))
+
+
+def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
+    """World point (3,) half way up a body: what the head camera must see of a target."""
+    return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])

@@ -99,6 +99,7 @@ STILL = Level("the target stands still", "#6b7280")
 """Level 0 of every model."""
 
 _MODULES = {"drop": "ballistic", "toss": "ballistic", "twice": "tunnel", "flash_red": "flash"}
+_MODULES |= {"shuffle": "turntable"}
 _NAMES = (
     "drop toss circle conveyor flash flash_red handed pendulum planar pushed ramp rebound rolling"
     " shuffle sinusoid tunnel turntable twice"

@@ -1,7 +1,7 @@
-"""The target stands on a visible disc that turns, and turns along."""
+"""The target stands on a visible disc that turns, and turns along; a ball may roll under it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
@@ -26,6 +26,8 @@ SLATE, INLAY, HUB = (0.30, 0.36, 0.42), (0.86, 0.86, 0.84), (0.75, 0.75, 0.78)
 RADIUS = (0.05, 0.11)  # m from the axis to the target
 RIM = 0.02  # m of disc outside of the target
 UP = np.array([0.0, 0.0, 1.0])
+COVERED, SOONEST = (0.8, 1.2), 0.4  # s at which the ball is under it, and at most (share)
+BALL, RED = 0.011, (0.85, 0.10, 0.08)
 
 
 @dataclass(frozen=True)
@@ -103,3 +105,37 @@ class TurntableModel(ClosedFormModel[Turntable]):
 
 
 register(TurntableModel(Turntable))
+
+
+@dataclass(frozen=True)
+class Shuffle(Turntable):
+    """As `turntable`. A ball leaves the middle of the disc at the start, and is under the target
+    from `covered` s on."""
+
+    kind: ClassVar[str] = "shuffle"
+    covered: float
+
+    def scenery(self) -> tuple[Prop, ...]:
+        ball = Piece("sphere", (BALL,), pose((0, 0, SHEET + BALL)), RED)
+        return (*super().scenery(), Prop("ball", (ball,), self._ball))
+
+    def _ball(self, t: ArrayLike) -> Floats:
+        t = np.asarray(t, float)
+        share = np.clip((t + self.lead) / (self.covered + self.lead), 0.0, 1.0)[..., None]
+        middle = np.array([*self.centre, self.end[2]])
+        at = np.broadcast_to(pose(middle), (*t.shape, 7)).copy()
+        at[..., :3] += share * share * (3 - 2 * share) * (self.pose(t)[..., :3] - middle)
+        return at
+
+
+class ShuffleModel(ClosedFormModel[Shuffle]):
+    """Turns as `turntable` draws them, about the middle of what is carried along."""
+
+    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Shuffle]:
+        covered = float(min(streams.shape.uniform(*COVERED), SOONEST * asked.duration))
+        for turn in TurntableModel(Turntable).candidates(asked, streams):
+            numbers = {field.name: getattr(turn, field.name) for field in fields(turn)}
+            yield Shuffle(**numbers, covered=covered)
+
+
+register(ShuffleModel(Shuffle))
