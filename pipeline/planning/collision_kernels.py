@@ -2,8 +2,8 @@
 
 A piece is a convex core (box, cylinder, segment or points) swept by a ball. Cores at most the radii
 and the margin apart touch: the Gilbert-Johnson-Keerthi algorithm (van den Bergen, 2003), with an
-early end; closest points of a simplex are those of Ericson, 2005, section 5.1. Transforms are rows
-of 12: rotation by rows, translation. Numba's cache notices only changes of a function's own file.
+early end; closest points of a simplex: Ericson, 2005, 5.1. Transforms are rows of 12, rotation by
+rows, translation. Numba's cache notices only changes of a function's own file.
 """
 
 import numpy as np
@@ -273,8 +273,9 @@ def place_pieces(frames, frame, local, out):
 
 @kernel
 def first_swept_contact(pieces, t, own, at, ball, margin):
-    """First row at which the body of the pieces from `own` on, at transforms `at` (S,12), in `ball`
-    (x, y, z, radius), is within `margin` m of the others, at world transforms t (S,P,12), or -1."""
+    """First row at which the body is within `margin` m of another piece, or -1. The body has the
+    pieces from `own` on, at transforms `at` (S,12), in `ball` (x, y, z, radius); the others stand
+    at t (S,P,12)."""
     _, _, local, core, size, radius, half, bound, points = pieces
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
     for row in range(at.shape[0]):
