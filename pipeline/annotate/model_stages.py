@@ -8,8 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.networks.features import features_of, load_encoder
-from pipeline.annotate.networks.masks import (
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.episode.meta import EpisodeMeta
+from pipeline.data.names import HEAD
+from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
+
+from .networks.features import features_of, load_encoder
+from .networks.masks import (
     Masks,
     exact_masks,
     load_detector,
@@ -18,13 +23,7 @@ from pipeline.annotate.networks.masks import (
     pack,
     unpack,
 )
-from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
-from pipeline.annotate.stage_key import AnnotateError
-from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.names import HEAD
-from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
-
+from .networks.models import ModelFiles, pick_device, resolve
 from .options import FeatureOptions, MaskOptions
 from .stage import (
     NotReady,
@@ -37,7 +36,7 @@ from .stage import (
     frames_inputs,
     sim_reading,
 )
-from .stage_key import annotation_key
+from .stage_key import AnnotateError, annotation_key
 from .store import entry_header
 
 ROLES = ("target", "manipulated")

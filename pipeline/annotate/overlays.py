@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.networks.masks import unpack
 from pipeline.data.episode.file import open_episode
 from pipeline.data.names import HEAD
 from pipeline.data.slots.annotations import Entry, annotation_path, read_entry, stages_of
 
 from .flow import Colour, colour_flow
+from .networks.masks import unpack
 
 WIDTH = 200  # pixels of a frame
 COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.networks.models import NoWeights, resolve
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.slots.select import attempts_of, columns_of, parse_where, select_rows, values_in
 
 from .flow_stage import FlowStage
 from .model_stages import FeatureStage, MaskStage
+from .networks.models import NoWeights, resolve
 from .options import AnnotateOptions
 from .stage import Redraw, Stage
 from .stage_key import AnnotateError

@@ -10,22 +10,21 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.data.recipe.file import is_edited, read_recipe
-from pipeline.data.recipe.growth import differences, left_out
-from pipeline.data.recipe.model import Recipe, RecipeError, Slot, parse_recipe
-from pipeline.data.slots.files import Listing, Paths, Rows
-from pipeline.data.slots.index import FULL, Index
-from pipeline.data.slots.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
-from pipeline.data.slots.reread import ask_index
-from pipeline.data.store.place import place_of, put
-
 from .atomic import atomic_path, write_atomic
 from .errors import DominoError, describe_error
 from .keys import seal_yaml
 from .names import RETIRED
 from .parsing import parse_json
 from .reading import check_regular, check_tree, read_regular
+from .recipe.file import is_edited, read_recipe
+from .recipe.growth import differences, left_out
+from .recipe.model import Recipe, RecipeError, Slot, parse_recipe
 from .setup import Setup
+from .slots.files import Listing, Paths, Rows
+from .slots.index import FULL, Index
+from .slots.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
+from .slots.reread import ask_index
+from .store.place import place_of, put
 
 EDITED = (
     "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"

@@ -5,12 +5,11 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from pipeline.data.process.machine import usable_cores
-from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.slots.files import find_slot
-
 from .dataset import Dataset, DatasetError
 from .keys import file_hash
+from .process.machine import usable_cores
+from .recipe.model import Recipe, Slot
+from .slots.files import find_slot
 
 CHANGED = (
     "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"

@@ -7,7 +7,7 @@ from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 
-from pipeline.data.store.place import place_of
+from .store.place import place_of
 
 LARGEST = 1 << 28  # bytes of a file that is parsed whole, at most
 IRREGULAR = "is no regular file; remove it"

@@ -8,7 +8,6 @@ from scipy.interpolate import CubicSpline
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.data.names import SIDES
-from pipeline.expert.reactive.controller import CLOSE, SAME_BRANCH
 from pipeline.planning.budgets import LIMITS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
@@ -16,6 +15,7 @@ from pipeline.planning.planner import NO_ARM, Planner
 from pipeline.poses import Floats, Pose, inverse, transform
 
 from .limiter import WINDOW, Limiter
+from .reactive.controller import CLOSE, SAME_BRANCH
 
 TRACK = "track"
 

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 from pipeline.data.actions import JOINTS
 from pipeline.data.slots.select import VALIDATION
-from pipeline.export.shared.draft import ExportDraft, Job, stage_directory
-from pipeline.export.shared.episodes import reading, sort_episodes
-from pipeline.export.shared.images import sensors_of
-from pipeline.export.shared.record import write_card
 from pipeline.registry import Registry
 
 from .options import recorded, representation_of
+from .shared.draft import ExportDraft, Job, stage_directory
+from .shared.episodes import reading, sort_episodes
+from .shared.images import sensors_of
+from .shared.record import write_card
 
 LEFT_OUT = "sensors_left_out"
 """Key of the summary: sensors that the dataset has and the export has not."""

@@ -8,8 +8,9 @@ from typing import Any
 from pipeline.data import parsing
 from pipeline.data.actions import ACTIONS, FRAMES, JOINTS, ROTATIONS, Representation
 from pipeline.data.names import CAMERAS
-from pipeline.export.shared.episodes import ExportError
-from pipeline.export.shared.labels import LABELS
+
+from .shared.episodes import ExportError
+from .shared.labels import LABELS
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.names import EXPORT_RECORD
-from pipeline.export.shared.episodes import ExportError
-from pipeline.export.shared.record import CARD, read_card, read_record
+
+from .shared.episodes import ExportError
+from .shared.record import CARD, read_card, read_record
 
 FILES = 100_000
 FILES_OF_A_FOLDER = 10_000

@@ -18,10 +18,11 @@ from pipeline.data.atomic import atomic_directory, write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
 from pipeline.data.process.machine import user_cache
-from pipeline.intake.catalogue.object_check import check_object
-from pipeline.intake.objects.add import add_objects, describe
-from pipeline.intake.objects.draft import ObjectOptions
 from pipeline.world.objects.from_files import TOML, ObjectError
+
+from .catalogue.object_check import check_object
+from .objects.add import add_objects, describe
+from .objects.draft import ObjectOptions
 
 USED = (".mtl", ".png", ".jpg", ".jpeg", ".txt")
 LICENCES = ("LICENSE", "LICENCE", "AUTHORS", "COPYING", "METADATA", "README")

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.contract import Features, TargetMotion
-from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, compose
+
+from .contract import Features, TargetMotion
+from .scenery import Prop
 
 CARRIED: Final = "carried"
 """In place of a model in `movers`: the body moves with the target, as one rigid thing."""

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.carried import Carried
-from pipeline.motion.contract import Features, TargetMotion
-from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats
+
+from .carried import Carried
+from .contract import Features, TargetMotion
+from .scenery import Prop
 
 PUSHED = 0.3
 """Time constant (s) with which a push loses its speed."""

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
 from pipeline.data.errors import DominoError
-from pipeline.motion.contract import (
+from pipeline.poses import Floats, quat_multiply, quat_rotate
+
+from .contract import (
     Features,
     Level,
     MotionRequest,
@@ -25,9 +27,8 @@ from pipeline.motion.contract import (
     bounded,
     derived,
 )
-from pipeline.motion.pace import LEVELS, Pace
-from pipeline.motion.scenery import Prop
-from pipeline.poses import Floats, quat_multiply, quat_rotate
+from .pace import LEVELS, Pace
+from .scenery import Prop
 
 
 class MotionError(DominoError):

@@ -8,9 +8,10 @@ from typing import Any, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.motion.scenery import Prop
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Floats
+
+from .scenery import Prop
+from .workspace import Workspace
 
 Array = Floats  # the name that extensions import
 SpeedBound = Literal["average", "maximum"]

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.contract import MotionRequest, described
 from pipeline.poses import Floats
+
+from .contract import MotionRequest, described
 
 LEVELS = described("constant speed", "speed that changes smoothly", "two or three abrupt speeds")
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.motion.contract import Features
-from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, Pose
+
+from .contract import Features
+from .scenery import Prop
 
 
 @cache

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
-from pipeline.motion.planar import interpolation
-from pipeline.motion.workspace import Workspace, draw_within_reach
 from pipeline.poses import Floats
+
+from .planar import interpolation
+from .workspace import Workspace, draw_within_reach
 
 TERMS = 5
 MAX_PIECES = 3

@@ -14,8 +14,9 @@ from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog, Touch
 from pipeline.data.names import SIDES
-from pipeline.motion.contract import TargetMotion
 from pipeline.poses import Floats, Pose, compose, inverse
+
+from .contract import TargetMotion
 
 GRASP_SECONDS = 0.2
 GRASP_DRIFT = 0.005  # m

@@ -96,8 +96,9 @@ def _link(path: Path, place: Path) -> None:
 def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
     """Write an episode at `fps`: its own images where they fall on its frames, else drawn again."""
     # the renderer, which an export at the dataset's own rate does without
-    from pipeline.run.slot.make import stored_images
     from pipeline.stages.drawing.render import capture, stored_appearance
+
+    from .slot.make import stored_images
 
     with EpisodeFile(path) as file:
         episode, images = file.read(), stored_images(file)

@@ -1,7 +1,7 @@
 """What a task is, and all tasks by name."""
 
-from pipeline.tasks import library
-from pipeline.tasks.contract import (
+from . import library
+from .contract import (
     INTERCEPTION,
     TASKS,
     TRACKING,
@@ -12,4 +12,4 @@ from pipeline.tasks.contract import (
     register,
     side_of,
 )
-from pipeline.tasks.layout import lay_out, middle
+from .layout import lay_out, middle

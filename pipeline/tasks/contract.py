@@ -18,10 +18,11 @@ from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skills
 from pipeline.motion.workspace import Workspace
 from pipeline.registry import Registry, place_in
-from pipeline.tasks.language.sentences import has_templates, read_templates
-from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.contract import FAMILIES, Family, Slide, stands_for
 from pipeline.world.physics.body import TABLE_TOP, Body
+
+from .language.sentences import has_templates, read_templates
+from .outcome import Outcome
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"

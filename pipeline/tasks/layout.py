@@ -10,7 +10,10 @@ import numpy as np
 from pipeline.data.names import SIDES
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Pose, compose, yawed
-from pipeline.tasks.contract import (
+from pipeline.world.objects.contract import Family
+from pipeline.world.physics.body import Body, apart, outline_of
+
+from .contract import (
     Draw,
     Placement,
     Region,
@@ -19,8 +22,6 @@ from pipeline.tasks.contract import (
     family_of,
     name_of,
 )
-from pipeline.world.objects.contract import Family
-from pipeline.world.physics.body import Body, apart, outline_of
 
 TRIALS = 32  # layouts that are drawn to find the families of a task
 

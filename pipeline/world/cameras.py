@@ -12,7 +12,7 @@ from pipeline.data.setup import Setup
 from pipeline.data.setup.written import camera_name
 
 if TYPE_CHECKING:
-    from pipeline.world.robots.contract import Embodiment
+    from .robots.contract import Embodiment
 
 OBSERVER_POSE = look((0.0, 0.85, 1.45), (0.0, -0.84, -0.54), (1.0, 0.0, 0.0))
 OBSERVER_FOVY = 62.0

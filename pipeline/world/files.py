@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
 from pipeline.data.reading import read_regular
-from pipeline.world.shapes import Material, Mesh, Parts, linear, srgb_of
+
+from .shapes import Material, Mesh, Parts, linear, srgb_of
 
 
 class Table(BaseModel):

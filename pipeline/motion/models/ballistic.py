@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import Pace, draw_pace
 from pipeline.motion.scenery import Prop, flat, rod
 from pipeline.poses import Floats, pose
+
+from . import register
 
 GRAVITY = 9.81
 HEIGHT = (0.06, 0.12)  # m of free fall, or of free rise

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import SHEET, Piece, Prop, flat, standing
 from pipeline.poses import Floats, pose, yawed
+
+from . import register
 
 RUBBER, RAIL, SLAT = (0.13, 0.14, 0.15), (0.62, 0.64, 0.66), (0.85, 0.72, 0.20)
 MARGIN = 0.025  # m of belt on either side of what rides on it

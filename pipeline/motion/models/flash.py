@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedFormModel, common, headings
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
-from pipeline.motion.models.conveyor import MARGIN, Conveyor
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import AWAY, SHEET, Prop, flat
 from pipeline.poses import Floats, pose
+
+from . import register
+from .conveyor import MARGIN, Conveyor
 
 ON, LASTS = (0.3, 0.6), 0.6  # s from the start, and for which the light is on
 DARK, GREEN, RED = (0.20, 0.21, 0.23), (0.20, 0.95, 0.30), (0.98, 0.15, 0.12)

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns
 from pipeline.motion.contract import MotionRequest, Streams, described
-from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import Floats, pose, quat_multiply
+
+from . import register
 
 PEAK = 1.875  # greatest speed of a minimum-jerk motion in mean speeds
 TURN = (0.15, 0.45)  # rad

@@ -16,9 +16,10 @@ from pipeline.motion.closed_form import (
     turns,
 )
 from pipeline.motion.contract import MotionRequest, Streams, described
-from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, rod, standing
 from pipeline.poses import Floats, pose
+
+from . import register
 
 GRAVITY = 9.81
 LENGTH = (0.25, 0.40)  # m from the pivot to the body's origin

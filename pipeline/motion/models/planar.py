@@ -19,10 +19,11 @@ from pipeline.motion.contract import (
     bounded,
     described,
 )
-from pipeline.motion.models import register
 from pipeline.motion.planar import PlanarMotion, Segment, derivative, evaluate, quadrature
 from pipeline.motion.planar_shapes import DRAW, DrawnPaths, turned
 from pipeline.poses import Floats
+
+from . import register
 
 BATCH = 128
 TURNS = 256  # directions tried of a shape, spread evenly over the circle

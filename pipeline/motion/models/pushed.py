@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
+
+from . import register
 
 PUSH = 0.12  # share of the time for which it is pushed
 # share of its speed that friction leaves it at the meeting

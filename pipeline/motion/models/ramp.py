@@ -9,10 +9,11 @@ import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import Floats, pose, quat_about, quat_multiply, quat_rotate, yawed
+
+from . import register
 
 SLOPE, FOOT = (0.2, 0.4), (0.03, 0.07)  # rad; m from the foot of the ramp to the meeting
 FILLET = 0.15  # m, radius of the bend at the foot

@@ -9,11 +9,12 @@ import numpy as np
 
 from pipeline.motion.closed_form import ClosedFormModel, common, headings, turns
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
-from pipeline.motion.models.rolling import Rolling
 from pipeline.motion.pace import SLOWEST, Pace, draw_forward
 from pipeline.motion.scenery import Piece, Prop, flat, standing
 from pipeline.poses import Floats, pose, quat_multiply, yawed
+
+from . import register
+from .rolling import Rolling
 
 OFTEN = 0.6  # share of the shapes that rebound
 TURN = (0.9, 1.9)  # rad by which a rebound turns the path

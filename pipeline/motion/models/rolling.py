@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, turns
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.poses import Floats, quat_multiply, quat_rotate
+
+from . import register
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.poses import Floats
+
+from . import register
 
 AMPLITUDE, WAVELENGTH = (0.015, 0.04), (0.10, 0.20)  # m
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
-from pipeline.motion.models.conveyor import Conveyor
 from pipeline.motion.pace import SLOWEST, Pace, draw_forward
 from pipeline.motion.scenery import Prop, hood, standing
 from pipeline.poses import Floats, yawed
+
+from . import register
+from .conveyor import Conveyor
 
 CLEAR = (0.035, 0.055)  # m between the exit and the target at the meeting
 SHORTEST, LONGEST, SEEN = 0.045, 0.16, 0.03  # m: tunnel beyond the target, tunnel, path before

@@ -17,10 +17,11 @@ from pipeline.motion.closed_form import (
     twists,
 )
 from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.models import register
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import SHEET, Piece, Prop, flat
 from pipeline.poses import Floats, pose, quat_about
+
+from . import register
 
 SLATE, INLAY, HUB = (0.30, 0.36, 0.42), (0.86, 0.86, 0.84), (0.75, 0.75, 0.78)
 RADIUS = (0.05, 0.11)  # m from the axis to the target

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
-from pipeline.tasks.language.sentences import (
+from .sentences import (
     CLAUSE,
     MOVING,
     Wording,

@@ -13,14 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.visuals import Visuals
 from pipeline.poses import Floats
-from pipeline.world.drawing.shadows import (
+from pipeline.world.shapes import Material, Mesh, Parts, linear, merge
+
+from .shadows import (
     SHADOW_CENTRE,
     SHADOW_DEPTH,
     SHADOW_HALF_SIZE,
     SHADOW_MAP,
     look_of,
 )
-from pipeline.world.shapes import Material, Mesh, Parts, linear, merge
 
 
 @dataclass(frozen=True)

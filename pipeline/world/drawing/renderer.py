@@ -11,8 +11,11 @@ from numpy.typing import ArrayLike
 from pipeline.data.cameras import Camera, View
 from pipeline.data.episode.visuals import Visuals
 from pipeline.poses import IDENTITY, Floats, compose
-from pipeline.world.drawing.edges import smoothed, through_lens
-from pipeline.world.drawing.engine import (
+from pipeline.world.looks.textures import Rgba
+from pipeline.world.shapes import Parts
+
+from .edges import smoothed, through_lens
+from .engine import (
     BACKGROUND,
     PRESETS,
     Drawn,
@@ -21,14 +24,12 @@ from pipeline.world.drawing.engine import (
     component,
     millimetres,
 )
-from pipeline.world.drawing.masks import Depths
-from pipeline.world.drawing.room import shell, table_legs, table_light, table_top
-from pipeline.world.drawing.seen import Seen
-from pipeline.world.drawing.shadows import NOTHING, ShadowMap, look_of
-from pipeline.world.drawing.surfaces import TABLE, channel, prepared
-from pipeline.world.drawing.vulkan import ensure_renderer
-from pipeline.world.looks.textures import Rgba
-from pipeline.world.shapes import Parts
+from .masks import Depths
+from .room import shell, table_legs, table_light, table_top
+from .seen import Seen
+from .shadows import NOTHING, ShadowMap, look_of
+from .surfaces import TABLE, channel, prepared
+from .vulkan import ensure_renderer
 
 MAX_BODIES = 255
 FURNITURE = "the furniture"  # no name of a body: those have no spaces

@@ -8,15 +8,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
 from pipeline.poses import Floats, compose, inverse, quat_to_matrix
-from pipeline.world.drawing.engine import FAR, NEAR
-from pipeline.world.drawing.masks import BLOCK, Blocks, Depths
-from pipeline.world.drawing.shadows import (
+from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
+
+from .engine import FAR, NEAR
+from .masks import BLOCK, Blocks, Depths
+from .shadows import (
     SHADOW_CENTRE,
     SHADOW_HALF_SIZE,
     SHADOW_MAP,
     sun_axes,
 )
-from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
 
 MARGIN = 1e-3  # m, far above the rounding of single precision
 SAME_VIEW = 4  # frames that share a set of visible bodies

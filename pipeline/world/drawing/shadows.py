@@ -11,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, SECOND_LOOK, Visuals
 from pipeline.poses import Floats
-from pipeline.world.drawing.masks import (
+from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
+from pipeline.world.shapes import Mesh, Parts, merge
+
+from .masks import (
     ALL,
     BLOCK,
     FAR,
@@ -26,9 +29,7 @@ from pipeline.world.drawing.masks import (
     known,
     soft,
 )
-from pipeline.world.drawing.surfaces import embossed, opened
-from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
-from pipeline.world.shapes import Mesh, Parts, merge
+from .surfaces import embossed, opened
 
 
 @dataclass(frozen=True)

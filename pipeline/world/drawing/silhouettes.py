@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
 from pipeline.poses import IDENTITY, Floats, compose, inverse, matrix, pose, quat_from_matrix
-from pipeline.world.drawing.engine import NEAR
 from pipeline.world.shapes import Parts
+
+from .engine import NEAR
 
 SAMPLES = 2048
 """Most pixels of a silhouette's box that are looked at, on an even grid; exact below it."""

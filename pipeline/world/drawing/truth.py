@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import Camera, Surfaces, extrinsics_cv, intrinsics, world_poses
 from pipeline.poses import IDENTITY, matrix
-from pipeline.world.drawing.engine import NEAR
-from pipeline.world.drawing.silhouettes import Floats, Solids, draw
+
+from .engine import NEAR
+from .silhouettes import Floats, Solids, draw
 
 
 def surfaces_of(solids: Solids, poses: Mapping[str, Floats], camera: Camera) -> Surfaces:

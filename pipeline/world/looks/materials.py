@@ -14,12 +14,13 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.slots.assets import AssetError, AssetStore
-from pipeline.world.looks.prints import PRINTS, Triple, handled, printing
-from pipeline.world.looks.skins import skin
-from pipeline.world.looks.tabletops import TABLETOPS
-from pipeline.world.looks.textures import BASIC, Rgba
-from pipeline.world.looks.walls import DISTANT, WALLS
 from pipeline.world.shapes import Material, Mesh, Parts, TextureSource
+
+from .prints import PRINTS, Triple, handled, printing
+from .skins import skin
+from .tabletops import TABLETOPS
+from .textures import BASIC, Rgba
+from .walls import DISTANT, WALLS
 
 PATTERNS: dict[str, Callable[[Generator, int, ArrayLike], Rgba]] = (
     BASIC | TABLETOPS | WALLS | DISTANT

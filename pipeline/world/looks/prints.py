@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from pipeline.world.looks.skins import packaging
-from pipeline.world.looks.textures import Rgba, by_name, mix, rgba, value_noise
+from .skins import packaging
+from .textures import Rgba, by_name, mix, rgba, value_noise
 
 Triple = tuple[float, float, float]
 BUSY = frozenset({"label", "product", "stripes", "dots", "diamond"})

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.world.looks.textures import Field, Rgba, by_name, fractal, rgba, value_noise
+from .textures import Field, Rgba, by_name, fractal, rgba, value_noise
 
 STRANDS = 8  # of a tile of wicker, both ways
 

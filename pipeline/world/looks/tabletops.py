@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from pipeline.world.looks.textures import (
+from .textures import (
     Field,
     Rgba,
     by_name,

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.visuals import LOOK, PointLight, Surface, Triple, Visuals
 from pipeline.poses import Floats
-from pipeline.world.looks.tabletops import TABLETOPS
-from pipeline.world.looks.textures import Rgba
-from pipeline.world.looks.walls import DISTANT, SPAN, WALLS
+
+from .tabletops import TABLETOPS
+from .textures import Rgba
+from .walls import DISTANT, SPAN, WALLS
 
 CLEAN = Visuals(
     table=Surface("staves", 12, (0.78, 0.68, 0.55), 0.60),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.world.looks.textures import BASIC, Rgba, by_name, fractal, rgba
+from .textures import BASIC, Rgba, by_name, fractal, rgba
 
 SPAN = 3.0  # m
 MUTED = (

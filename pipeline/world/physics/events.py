@@ -14,8 +14,9 @@ from pipeline.data.episode.state_log import Event
 from pipeline.motion.changed import Change
 from pipeline.motion.scenery import AWAY, Piece, Prop
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
-from pipeline.world.physics.body import TABLE_TOP, Motion
 from pipeline.world.robots.contract import Embodiment
+
+from .body import TABLE_TOP, Motion
 
 PROP = "event_"
 """What the names of such scenery begin with."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event, StateLog, Touch
 from pipeline.data.names import SIDES
 from pipeline.poses import Floats
-from pipeline.world.physics.simulation import PHYSICS_HZ, Simulation
+
+from .simulation import PHYSICS_HZ, Simulation
 
 CONTACT_EVERY = 8
 """Physics steps between samples of contacts (30 Hz); also sampled at the meeting."""

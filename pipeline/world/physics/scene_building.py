@@ -17,13 +17,14 @@ from sapien.physx import (
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, Pose, compose, frame, inverse
-from pipeline.world.physics.arms import add_arm, to_sapien
-from pipeline.world.physics.body import TABLE_COLLISION, TABLE_TOP, Body, colliders_of
-from pipeline.world.physics.contacts import Contacts, Pair
 from pipeline.world.robots.contract import (
     Embodiment,
 )
 from pipeline.world.shapes import Collider
+
+from .arms import add_arm, to_sapien
+from .body import TABLE_COLLISION, TABLE_TOP, Body, colliders_of
+from .contacts import Contacts, Pair
 
 _TABLE_FRICTION = 0.5
 _SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like

@@ -23,13 +23,14 @@ from pipeline.poses import (
     quat_rotate,
     rotation_vector,
 )
-from pipeline.world.physics.arms import to_sapien
-from pipeline.world.physics.body import BORNE, Body, Motion, StillMotion
-from pipeline.world.physics.contacts import ForceWatch, Overload
-from pipeline.world.physics.drive import AfterTouch, Drive, Hold, ImperfectDrives
-from pipeline.world.physics.events import EventScript
-from pipeline.world.physics.scene_building import PhysicsScene, as_pose, move_solid
 from pipeline.world.robots.contract import Embodiment
+
+from .arms import to_sapien
+from .body import BORNE, Body, Motion, StillMotion
+from .contacts import ForceWatch, Overload
+from .drive import AfterTouch, Drive, Hold, ImperfectDrives
+from .events import EventScript
+from .scene_building import PhysicsScene, as_pose, move_solid
 
 _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock starts
 _START = np.zeros(())

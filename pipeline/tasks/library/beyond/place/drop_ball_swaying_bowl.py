@@ -12,7 +12,8 @@ from pipeline.expert.skills import (
     track,
 )
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.beyond.place.put_can_pot import PutCanPot
+
+from .put_can_pot import PutCanPot
 
 ABOVE = 0.03  # m over the rim from which the ball is dropped
 

@@ -1,5 +1,6 @@
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.beyond.place.stand_on import StandOn
+
+from .stand_on import StandOn
 
 
 @register

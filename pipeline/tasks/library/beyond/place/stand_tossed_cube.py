@@ -1,6 +1,7 @@
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.beyond.place.stand_on import StandOn
 from pipeline.world.physics.body import TABLE_TOP
+
+from .stand_on import StandOn
 
 
 @register

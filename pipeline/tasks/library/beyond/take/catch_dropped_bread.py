@@ -1,5 +1,6 @@
 from pipeline.tasks.contract import register
-from pipeline.tasks.library.beyond.take.catch_dropped_ball import CatchDroppedBall
+
+from .catch_dropped_ball import CatchDroppedBall
 
 
 @register

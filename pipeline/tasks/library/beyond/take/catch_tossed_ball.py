@@ -1,6 +1,7 @@
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 from pipeline.world.physics.body import TABLE_TOP
+
+from .pick_from_belt import PickFromBelt
 
 
 @register

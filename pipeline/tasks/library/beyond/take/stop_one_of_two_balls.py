@@ -1,8 +1,9 @@
 from typing import cast
 
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 from pipeline.world.objects.families.toys.toy_car import PlayBall
+
+from .pick_from_belt import PickFromBelt
 
 
 @register

@@ -1,5 +1,6 @@
 from pipeline.tasks.contract import register
-from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
+
+from .pick_from_belt import PickFromBelt
 
 
 @register

@@ -1,7 +1,8 @@
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 from pipeline.world.physics.body import TABLE_TOP
+
+from .pick_from_belt import PickFromBelt
 
 
 @register

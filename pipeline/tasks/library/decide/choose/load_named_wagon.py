@@ -5,9 +5,10 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.motion.carried import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.library.decide.choose.named import COLOURS, lies_in, look_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
+
+from .named import COLOURS, lies_in, look_of
 
 RADIUS = 0.105  # m of the train's circle
 

@@ -1,8 +1,9 @@
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
-from pipeline.tasks.library.decide.choose.named import COLOURS, look_of, others_left
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
+
+from .named import COLOURS, look_of, others_left
 
 
 @register

@@ -1,8 +1,9 @@
 from pipeline.motion.carried import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.decide.choose.named import look_of, row
-from pipeline.tasks.library.decide.choose.pick_named import PickNamed
 from pipeline.world.physics.body import Body
+
+from .named import look_of, row
+from .pick_named import PickNamed
 
 
 @register

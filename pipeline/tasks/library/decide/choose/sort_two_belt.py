@@ -11,7 +11,10 @@ from pipeline.tasks.contract import (
     register,
     side_of,
 )
-from pipeline.tasks.library.decide.choose.named import (
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+from .named import (
     COLOURS,
     drop_in,
     lies_in,
@@ -19,8 +22,6 @@ from pipeline.tasks.library.decide.choose.named import (
     row,
     take,
 )
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
 
 
 @register

@@ -2,9 +2,10 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND, home
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.library.decide.choose.named import COLOURS, look_of, others_left
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
+
+from .named import COLOURS, look_of, others_left
 
 
 @register

@@ -1,9 +1,10 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register, side_of
-from pipeline.tasks.library.decide.choose.named import COLOURS, drop_in, lies_in, look_of, take
-from pipeline.tasks.library.decide.choose.sort_two_belt import SortTwoBelt
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
+
+from .named import COLOURS, drop_in, lies_in, look_of, take
+from .sort_two_belt import SortTwoBelt
 
 
 @register

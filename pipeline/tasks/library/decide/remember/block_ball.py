@@ -2,8 +2,9 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, by_name, register
-from pipeline.tasks.library.decide.remember.catch_from_tunnel import CatchFromTunnel
 from pipeline.tasks.outcome import Outcome
+
+from .catch_from_tunnel import CatchFromTunnel
 
 
 @register

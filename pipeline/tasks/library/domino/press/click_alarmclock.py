@@ -1,6 +1,7 @@
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.press.press import Press
+
+from .press import Press
 
 
 @register

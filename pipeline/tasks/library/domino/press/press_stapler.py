@@ -1,7 +1,8 @@
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.press.press import Press
 from pipeline.tasks.outcome import Outcome
+
+from .press import Press
 
 
 @register

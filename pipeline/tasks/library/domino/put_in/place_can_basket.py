@@ -1,7 +1,8 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.domino.put_in.basket import IntoBasket
+
+from .basket import IntoBasket
 
 
 @register

@@ -4,7 +4,8 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.candidates import lifted
 from pipeline.expert.skills import grasp, lift, place, resting_poses
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.tasks.library.domino.put_in.basket import IntoBasket
+
+from .basket import IntoBasket
 
 DROP = 0.055  # m over the basket's floor: a slanting hand cannot go below the rim
 

@@ -1,6 +1,7 @@
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
+
+from .set_down import SetDown
 
 
 @register

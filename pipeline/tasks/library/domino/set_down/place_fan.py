@@ -5,7 +5,8 @@ from pipeline.expert.candidates import lifted
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
+
+from .set_down import SetDown
 
 
 @register

@@ -1,8 +1,9 @@
 import numpy as np
 
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
+
+from .set_down import SetDown
 
 EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np.pi))
 

@@ -1,7 +1,8 @@
 import numpy as np
 
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
+
+from .set_down import SetDown
 
 
 @register

@@ -2,8 +2,9 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, pose
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
+
+from .set_down import SetDown
 
 GAP = 0.003
 """Metres between phone and back rest: a stand that comes from the front must not meet it before."""

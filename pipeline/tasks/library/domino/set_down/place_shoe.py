@@ -4,8 +4,9 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, inverse, yawed
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
+
+from .set_down import SetDown
 
 TO_THE_LEFT = yawed((0, 0, 0), np.pi)  # the shoe in the mat's frame, toe towards -x
 

@@ -8,9 +8,10 @@ from pipeline.tasks.contract import (
     register,
     side_of,
 )
-from pipeline.tasks.library.domino.set_down.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
+
+from .set_down import SetDown
 
 
 @register
