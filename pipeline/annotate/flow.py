@@ -1,9 +1,8 @@
-"""Optical flow between frames and its image, as in the paper's appendix. Row t holds the pair
-(max(0, t - stride), t) of absolute frames.
+"""Optical flow between frames, drawn as in the paper's appendix. Row t holds the frames (max(0, t -
+stride), t).
 
-OpenCV's AVX2 kernels use fused multiply-add, so Farneback differs in the last bits between CPUs.
-`bit_stable` gives the same bytes of one OpenCV release on every x86-64 machine: only the baseline
-(SSE3) runs, no slower at 64x64."""
+OpenCV's fused multiply-add changes Farneback's last bits between CPUs; `bit_stable` avoids it.
+"""
 
 import threading
 from collections.abc import Iterator
@@ -78,8 +77,9 @@ class Farneback:
 
 @dataclass(frozen=True)
 class Colour:
-    """Brightness is full at the percentile of each map (`per_map`, the paper's) or of all together
-    (`shared`), or at `full_scale` px (`fixed`). Maps of a scale below `threshold` px are black."""
+    """Brightness is full at a percentile of each map (`per_map`, the paper's), of all
+    (`shared`), or at `full_scale` px (`fixed`).
+    """
 
     normalisation: str = "per_map"
     percentile: float = 99.0

@@ -1,8 +1,8 @@
-"""The flow stage: per episode flow (T,h,w,2) fp16 px, rgb (T,h,w,3), scale (T,), previous (T,)
-frame index. Exact flow is of depth, segmentation, body poses and camera motion: a pixel shows a
-point of one rigid body, which moves with it and is projected again. Pixels that show no body move
-with the still world; those without depth are at infinity. A point that is hidden in the other frame
-still has its flow."""
+"""The flow stage: flow (T,h,w,2) fp16 px, rgb (T,h,w,3), scale (T,), previous (T,) frame index.
+
+Exact flow projects each pixel's point again after its body moved. Pixels without a body belong to
+the still world, those without depth lie at infinity.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -82,10 +82,9 @@ class FlowStage:
 
 
 def body_motions(bodies_a: Floats, bodies_b: Floats, camera_a: Floats, camera_b: Floats) -> Floats:
-    """Matrices (B+1,4,4) from OpenCV's camera coordinates (m) of frame a to those of frame b.
-
-    Row 0 is for the still world, row i+1 for body i. `bodies_*` (B,7) and `camera_*` (7,) are world
-    poses."""
+    """Matrices (B+1,4,4) from OpenCV's camera coordinates (m) of frame a to those of frame b;
+    row 0 is the still world. World poses: `bodies_*` (B,7), `camera_*` (7,).
+    """
     e_a, e_b = np.eye(4), np.eye(4)
     e_a[:3], e_b[:3] = extrinsics_cv(camera_a), extrinsics_cv(camera_b)
     moves = np.concatenate([np.eye(4)[None], matrix(bodies_b) @ matrix(inverse(bodies_a))])
@@ -105,9 +104,9 @@ def exact_flow(
 ) -> NDArray[np.float32]:
     """Flow (H,W,2) px at the pixels of frame a, x right and y down.
 
-    `depth` (H,W) m along the viewing axis (0 = nothing hit), `segmentation` (H,W) body index + 1
-    (0 = no body); `k` (3,3); `motions` as from `body_motions`. Points that end behind the camera
-    get zero flow."""
+    `depth` (H,W) m (0 = nothing hit), `segmentation` (H,W) body index + 1, `k` (3,3). Points that
+    end behind the camera get zero.
+    """
     flow, infinite = np.zeros((*depth.shape, 2), np.float32), depth == 0
     z, rays = np.where(infinite, 1.0, depth), pixel_rays(depth.shape, k)
     for label in np.unique(segmentation):

@@ -1,6 +1,6 @@
-"""The stages that need networks. Masks: per episode mask (T,K,bits), box (T,K,4), score, area and
-valid (T,K); attributes name objects and prompts. Features: feature (T,K,D) fp16, valid (T,K),
-coverage (T,K) in patches; objects as in its masks."""
+"""The stages that need networks. Masks: mask (T,K,bits), box (T,K,4), score, area, valid (T,K).
+Features: feature (T,K,D) fp16, valid (T,K), coverage (T,K) in patches.
+"""
 
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,5 +1,6 @@
-"""The stage `world`: what the simulator knows of all bodies and of what one camera sees of them
-(docs/labels.md has each array). Camera frames are OpenCV's (x right, y down, z forward), metres."""
+"""The stage `world`: simulator truth of bodies and of one camera's view (docs/labels.md). Camera
+frames are OpenCV's, m.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -137,9 +138,10 @@ def project_points(kind: CameraType, points: Floats) -> Floats:
 def point_tracks(
     surfaces: Surfaces, poses: Floats, bodies: Sequence[BodyFacts], count: int
 ) -> dict[str, NDArray[Any]]:
-    """Tracks of `count` points of each body, of world `poses` (T,B,7), in the layout of TAPVid-3D:
-    tracks_XYZ (T,N,3) in the camera frame, tracks_XY (T,N,2) px, visibility (T,N), extrinsics
-    (T,4,4) from world to camera, and the intrinsics (T,4) fx, fy, cx, cy."""
+    """Tracks of `count` points a body as in TAPVid-3D: tracks_XYZ (T,N,3) in the camera frame,
+    tracks_XY (T,N,2) px, visibility (T,N), extrinsics (T,4,4) from world to camera, intrinsics
+    (T,4).
+    """
     kind, frames = surfaces.camera.type, len(poses)
     extrinsics = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
     extrinsics[:, :3] = extrinsics_cv(surfaces.poses)
@@ -176,11 +178,11 @@ def _unoccluded(surfaces: Surfaces, xyz: Floats, xy: Floats) -> NDArray[np.bool_
 
 
 def dense_motion(surfaces: Surfaces, poses: Floats) -> dict[str, NDArray[Any]]:
-    """How what each pixel shows moves; zeros at the end that has no other frame.
+    """The motion of what each pixel shows; zeros at the end without another frame.
 
-    `flow_forward` (T,H,W,2) px to the next frame, `flow_backward` to the one before, `scene_flow`
-    (T,H,W,3) m in the world until the next frame. `poses` (T,B,7) are those of the bodies in the
-    order of the segmentation."""
+    `flow_forward`, `flow_backward` (T,H,W,2) px; `scene_flow` (T,H,W,3) m in the world until the
+    next frame. `poses` (T,B,7) are in the segmentation's order.
+    """
     k, frames, shape = intrinsics(surfaces.camera.type), len(poses), surfaces.depth.shape
     widths = {"flow_forward": 2, "flow_backward": 2, "scene_flow": 3}
     maps = {name: np.zeros((*shape, width), np.float16) for name, width in widths.items()}

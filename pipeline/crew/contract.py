@@ -38,10 +38,10 @@ class CrewError(DominoError):
 
 @dataclass(frozen=True)
 class Crew:
-    """`executor` is inline (this process) or ray (`workers` processes, each replaced after
-    `recycle` jobs). `address` names a running Ray cluster (host:port); without it, Ray starts here,
-    on loopback. `gpus` is each worker's share of a GPU; 0 gives each an equal share if
-    `share_gpus`, else none."""
+    """`executor` is inline or ray (`workers` processes, replaced after `recycle` jobs). Without
+    an `address` (host:port), Ray starts here, on loopback. `gpus` is each worker's share of a
+    GPU; 0 shares them equally if `share_gpus`.
+    """
 
     executor: str = "inline"
     workers: int = 1
@@ -104,9 +104,9 @@ def result_of[R](work: R | Steps[R]) -> R:
 
 
 def pick_executor(name: str, workers: int | None, jobs: int | None = None) -> tuple[str, int]:
-    """The executor and its number of workers. `auto` is inline for one worker, without Ray, and for
-    at most two `jobs`, which end before workers would have started. Raises CrewError without
-    Ray."""
+    """The executor and its workers. `auto` is inline for one worker, without Ray, or for at most
+    two `jobs`. Raises CrewError without Ray.
+    """
     count, has_ray = workers or usable_cores(), find_spec("ray") is not None
     if name == "auto":
         worth = has_ray and (jobs is None or jobs > 2)

@@ -25,17 +25,14 @@ def run[J, R](
     check: Check | None = None,
     lost: Callable[[], None] = lambda: None,
 ) -> Generator[Done[J, R] | Died[J], None, None]:
-    """Yield the end of every job: in order when inline, as they end on workers.
+    """Yield the end of every job: in order when inline, else as they end.
 
-    `jobs` is emptied from the left; the caller may append to it. A worker gets its next job after
-    its last one was yielded, so results do not pile up.
+    The caller may append to `jobs`. A worker gets its next job after its last was yielded. A worker
+    that dies or hangs for `seconds` is replaced and its job tried again; a second loss on the same
+    try yields Died.
 
-    A worker that dies, or hangs (`seconds` pass without the next step of its job), is replaced and
-    its job is tried again after the others; `lost` is called. The second loss on the same try
-    yields Died. A machine that leaves the cluster is no fault of its jobs.
-
-    Close the iterator to kill the workers. Raises what the work raises, and CrewError if no worker
-    starts, jobs in a row lose their worker, or `check` refuses a machine."""
+    Close the iterator to kill the workers. Raises what the work raises, and CrewError.
+    """
     if not jobs:
         return
     if crew.executor == "inline":

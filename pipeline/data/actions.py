@@ -1,9 +1,8 @@
 """Actions as joints or tool poses; absolute, relative or delta; conversions both ways.
 
-*Relative* is against the measured state at the moment of prediction, one reference for a chunk;
-*delta* against the action before. Grippers (0 closed, 1 open) are absolute. Relative and delta tool
-poses (tcp of robot.toml) are inverse(reference) * pose, as in UMI; those of joints are
-differences."""
+*Relative* is against the measured state at prediction, *delta* against the action before. Tool
+poses are then inverse(reference) * pose, as in UMI. Grippers (0 closed, 1 open) are absolute.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -37,10 +37,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
 @contextmanager
 def atomic_directory(path: Path) -> Iterator[Path]:
     """A temporary directory, which becomes `path` when the block ends without an error, else
-    vanishes.
-
-    A directory at `path` is replaced only then; one that a killed process set aside is put back
-    first. Raises OSError."""
+    vanishes. Raises OSError.
+    """
     old = path.with_name(f".{path.name}.old")
     made = not path.parent.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,8 +103,9 @@ class Busy(DominoError):
 
 @contextmanager
 def exclusive(directory: Path) -> Iterator[None]:
-    """Hold the lock of an existing directory, which ends with the process and leaves no file.
-    Raises Busy if it is held; a file system without locks holds nothing and prints one line."""
+    """Hold the lock of a directory; it ends with the process. Raises Busy. A file system without
+    locks holds nothing.
+    """
     descriptor = os.open(directory, os.O_RDONLY)
     try:
         try:

@@ -137,9 +137,9 @@ class View:
 
 @dataclass(eq=False)
 class Surfaces:
-    """The surfaces that a camera looks at, exactly: world poses (T,7), depth (T,H,W) m along the
-    viewing axis (0: nothing), segmentation as in View, and unit normals (T,H,W,3) of the triangles
-    in the camera frame, x right, y down, z forward."""
+    """What a camera looks at: world poses (T,7), depth (T,H,W) m (0: nothing), segmentation as
+    in View, unit normals (T,H,W,3) in the camera frame, x right, y down, z forward.
+    """
 
     camera: Camera
     poses: NDArray[np.float64]

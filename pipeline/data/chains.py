@@ -26,9 +26,9 @@ class ChainError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class ToolChain:
-    """The joints from an arm's root link to its tool frame (tcp of robot.toml), m and rad. `base`
-    (7,) is the world pose of the root link, `origins` (n,7) are the transforms before each joint,
-    `tool` (7,) is the last one."""
+    """The joints from an arm's root link to its tool frame, m and rad: `base` (7,) in the world,
+    `origins` (n,7) before each joint, `tool` (7,) last.
+    """
 
     base: Pose
     joints: tuple[str, ...]
@@ -55,8 +55,9 @@ class ToolChain:
 def read_chains(
     embodiment: str, layout: str = "ours", raised: float = 0.0, folders: Sequence[Path] = ()
 ) -> dict[str, ToolChain]:
-    """The chain of each arm by side, left first. `layout` as in data/setup/rules.py; `raised` (m)
-    is how much higher the bases are; robots are in ROBOTS or `folders`. Raises ChainError."""
+    """The chain of each arm by side, left first; `raised` (m) is how much higher the bases are.
+    Raises ChainError.
+    """
     if not is_embodiment(embodiment):
         raise ChainError(f"{embodiment!r} is not the name of a robot")
     left, _, right = embodiment.partition("+")

@@ -124,9 +124,9 @@ def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:
 
 
 def count_pairs(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> dict[str, int]:
-    """How many scenes two or more paired cells share, how many of these are `finished` in every
-    cell, and accepted with equal seeds (`complete`). `seeds` are those of finished physical slots,
-    None of one given up."""
+    """How many scenes paired cells share, how many are `finished` in every cell, and accepted
+    with equal seeds (`complete`). A seed is None if given up.
+    """
     groups = defaultdict[tuple[str, int], list[Slot]](list)
     for slot in recipe.physical_slots():
         groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)

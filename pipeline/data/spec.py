@@ -28,10 +28,10 @@ def condition_arms(events: int) -> tuple[str, ...]:
 class EpisodeSpec:
     """One attempt at one slot.
 
-    `alpha` is in m/s, `slot` the index in its cell, `seed` the attempt's own. Later attempts that
-    share `slot_seed` keep what it draws. Slots 2k and 2k + 1 of paired events are the arms EVENTFUL
-    and CONTROL of one scene; of events as conditions a scene has the arms `condition_arms`. Raises
-    ValueError for names that are not plain (paths are made from them) and values out of range."""
+    `alpha` is in m/s, `seed` the attempt's own; attempts that share `slot_seed` draw the same for
+    it. Slots 2k and 2k + 1 of paired events are the two arms of one scene. Raises ValueError for
+    names that are not plain and values out of range.
+    """
 
     task: str
     embodiment: str

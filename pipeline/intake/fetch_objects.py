@@ -102,9 +102,9 @@ def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[st
 
 
 def fetch_dataset(source: str, to: Path, api: Any, revision: str) -> Iterator[str]:
-    """Make the objects of a dataset on the hub, by a huggingface_hub.HfApi; a line for each.
-    `licences/SOURCE/source.json` names commit and hashes. Raises ObjectError if the hub cannot be
-    reached or a file is not what it states."""
+    """Make the objects of a dataset on the hub; yields a line for each. Raises ObjectError if
+    the hub cannot be reached or a file differs from its hash.
+    """
     dataset, wanted = HUB[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
         files, licences = Path(temporary), to / "licences" / source

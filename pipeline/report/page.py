@@ -53,9 +53,9 @@ def failed_folder(dataset: Path, cell: str) -> Path:
 
 
 def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
-    """Update the report and return the path of its first page. Figures come from the index; only
-    episodes that are shown are opened, and variants. One that cannot be read is left out. Raises
-    DatasetError for a directory without a recipe."""
+    """Update the report and return its first page. An episode that cannot be read is left out.
+    Raises DatasetError for a directory without a recipe.
+    """
     recipe = dataset.recipe()
     rows = dataset.present(recipe, "frames", "sha256")
     attempts = dataset.ask(lambda index: attempts_table(index, rows))
@@ -106,10 +106,9 @@ def write_report(
     sheets: Sequence[Figure] = (),
     keys: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the report of a dataset and return its path; `sheets` are pictures of annotations.
-
-    From MANY_CELLS cells on every task has a page of its own, tasks/TASK.html. `keys` names, by
-    task, what its page is made of: a page of the same key is not drawn again."""
+    """Write the report of a dataset and return its path. From MANY_CELLS cells on, every task
+    has a page. A page whose key in `keys` is unchanged is not drawn again.
+    """
     index, folder = dataset / "report" / "index.html", dataset / "report" / "tasks"
     name, tasks = dataset.resolve().name, defaultdict[str, list[Group]](list)
     for group in groups:

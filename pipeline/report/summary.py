@@ -65,8 +65,9 @@ def law(rows: Sequence[Row]) -> Law | None:
 
 
 def drawn_and_accepted(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
-    """Of attempts in any order: the first with a motion of every slot, and those accepted. They
-    differ if a fast motion failed and a later attempt drew another. Still targets are left out."""
+    """The first motion of every slot, and those accepted; they differ if a later attempt drew
+    another. Still targets are left out.
+    """
     slots: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         if row.get("average_speed"):
@@ -133,9 +134,9 @@ def summarise(groups: Sequence[Group]) -> dict[str, Any]:
 def speed_histogram(
     episodes: Sequence[EpisodeFacts], alpha: float, bins: int = 24
 ) -> dict[str, Any]:
-    """Average and maximum speeds over [0, `top`], 1.08 times the largest of them and alpha, as
-    columns (x, y, width, height) in SVG units: the axis is at `base`, the line of alpha at
-    `alpha_x`."""
+    """Average and maximum speeds as columns (x, y, width, height) in SVG units; the line of
+    alpha is at `alpha_x`.
+    """
     width, height, left, base, tall = 360, 170, 8, 140, 112
     average, maximum = ([*each] for each in zip(*(e[2:] for e in episodes), strict=True))
     top = max([alpha, *average, *maximum, 1e-3]) * 1.08

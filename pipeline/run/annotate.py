@@ -79,10 +79,11 @@ def annotate(
     redraw: Redraw | None = None,
     execution: Execution | None = None,
 ) -> AnnotateReport:
-    """Bring `stages` of a dataset directory up to date and report what was done.
+    """Bring `stages` of a dataset up to date.
 
-    `where` selects episodes (data/slots/select.py); `redraw` draws episodes again for simulator
-    truth if they store none. Raises AnnotateError for bad input, Busy, and CrewError."""
+    `redraw` draws episodes again for simulator truth that they lack. Raises AnnotateError, Busy,
+    CrewError.
+    """
     execution, dataset = execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)

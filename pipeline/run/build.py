@@ -36,9 +36,9 @@ ATTEMPT_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class BuildResult:
-    """`slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`.
-    The rest counts this call; `parts` are of what was made: OPEN, or what was made again
-    (run/state.py)."""
+    """`slots` (variants included), `accepted` and `given_up` describe the dataset, the rest this
+    call; `parts` are OPEN or as in run/state.py.
+    """
 
     slots: int
     accepted: int
@@ -53,8 +53,9 @@ class BuildResult:
 def build(
     root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar"
 ) -> BuildResult:
-    """Build the dataset, or resume its build. A worker that spends more than `timeout` seconds on
-    one attempt counts as hung. Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError."""
+    """Build the dataset, or resume its build. An attempt longer than `timeout` s counts as hung.
+    Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError.
+    """
     device, dataset = ensure_renderer(), Dataset(root)
     with _alone(dataset, recipe, crew):
         try:

@@ -73,10 +73,10 @@ def check_result(
     manifests: Path | None = None,
     benchmark: Benchmark | None = None,
 ) -> CheckedBundle:
-    """Check a directory of an evaluation; `again` random episodes are carried out again, without
-    which consistent forgeries pass. Scenes are those of `manifests`, by default OUT/manifests, or
-    of the benchmark, by default the one of its name that ships with the package. Raises
-    BundleError, OSError, ResultsError, ProtocolError, BenchmarkError."""
+    """Check a directory of an evaluation. `again` random episodes are run again, without which
+    consistent forgeries pass. Raises BundleError, OSError, ResultsError, ProtocolError,
+    BenchmarkError.
+    """
     check_tree(out)
     checked, jobs, known = CheckedBundle(), list[ReplayJob](), set[str]()
     results = read_bundle(out)

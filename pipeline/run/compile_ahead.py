@@ -1,5 +1,6 @@
-"""Compile the kernels of drawing beside the first simulation, which compiles those of planning:
-numba compiles one function at a time in a process, and processes share its cache on disk."""
+"""Compile drawing's kernels during the first simulation: numba compiles one function at a time
+in a process, and processes share its cache.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

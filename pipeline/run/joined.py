@@ -31,11 +31,10 @@ class DatasetPart:
 
 
 def weigh(sources: Sequence[DatasetPart], weights: Sequence[float]) -> list[DatasetPart]:
-    """As many episodes of each as keep the weights, shares of each robot's episodes. Raises
-    ExportError for a robot that one of them has not.
+    """As many episodes of each robot as keep the weights. Raises ExportError for a missing robot.
 
-    A hash of the physics chooses: a smaller share is a part of a larger one, and looks of one
-    physics stay together if the number allows."""
+    A hash of the physics chooses, so a smaller share is part of a larger one.
+    """
     chosen: list[list[Path]] = [[] for _ in sources]
     held = [by_robot(source.episodes) for source in sources]
     for robot in sorted(set().union(*held)):

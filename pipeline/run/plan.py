@@ -177,9 +177,9 @@ def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, work
 def plan(
     recipe: Recipe, dataset: Dataset | None, workers: int, cost: EpisodeCost | None = None
 ) -> dict[str, Any]:
-    """The work that is left: cells with wanted and finished slots; parts to make again (`redo`);
-    estimated hours, core-hours and bytes, by default from the dataset's episodes. Raises
-    DatasetError for a dataset of another recipe."""
+    """The work that is left: cells, parts to make again (`redo`), estimated hours, core-hours
+    and bytes. Raises DatasetError for a dataset of another recipe.
+    """
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
         if changed := differences(dataset.recipe(), recipe):

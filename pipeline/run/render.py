@@ -54,11 +54,11 @@ def render(
     quiet: bool = False,
     flags: Mapping[str, str] | None = None,
 ) -> RenderResult:
-    """Draw every finished episode of `source` into the dataset `out`, unless it is up to date
-    there.
+    """Draw every finished episode of `source` into `out`, unless it is up to date.
 
-    `changes` are keys of the recipe that differ from the source's, `flags` the options that gave
-    them. Raises DatasetError, Busy, RecipeError, CameraError, NoRenderer, CrewError."""
+    `changes` are recipe keys that differ. Raises DatasetError, Busy, RecipeError, CameraError,
+    NoRenderer, CrewError.
+    """
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
         raise DatasetError(
@@ -137,9 +137,7 @@ def work_of(
     slots: Iterable[Slot],
     damaged: Collection[Slot] = (),
 ) -> DrawWork:
-    """What is to be drawn of `slots` of the recipe of `out` from the episodes of `source`; those
-    that are `damaged` are drawn again. Of the same dataset, variants are drawn from the first
-    ones."""
+    """What to draw of `slots` of `recipe` from `source`; `damaged` episodes are drawn again."""
     held, jobs, done, missing = source.recipe(), list[DrawJob](), 0, 0
     if source.root == out.root:
         held = held.model_copy(update={"variants": 1})

@@ -31,9 +31,9 @@ DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "s
 
 @dataclass(frozen=True)
 class SlotState:
-    """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything),
-    IMAGES (from the stored state log) or SENTENCES; `because` names the parts of the key that
-    changed. `accepted` is what the index says, None for no such slot."""
+    """`todo` is DONE, OPEN, or what must be made again: PHYSICS, IMAGES or SENTENCES; `because`
+    names the parts of the key that changed. `accepted` is the index's, None for no such slot.
+    """
 
     todo: str
     because: tuple[str, ...] = ()
@@ -41,9 +41,7 @@ class SlotState:
 
 
 def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.int64]]:
-    """The states of groups of rows (same cell, variant, keys and outcome) if their files are there,
-    and the group of each (N,). A slot that was given up has images and sentences only where the
-    recipe keeps failed attempts."""
+    """The states of groups of rows if their files are there, and the group of each (N,)."""
     keys, keeps = RecipeKeys(recipe), recipe.keep_failures != "none"
     groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
     groups = groups * (max(rows.texts, default=0) + 1) + rows.keys
@@ -96,9 +94,9 @@ def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]
 
 
 def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot, SlotState]:
-    """The physical slots of a recipe that are not done, in order, after a look at every file. A
-    file that was written since it was last read is read, and its slot made again if it has other
-    bytes. So is a slot whose stored failures are missing."""
+    """The physical slots of a recipe that are not done, in order. A file changed since the index
+    read it is read again.
+    """
     damaged, rows = writer.catch_up(), writer.index.rows(recipe, "assets")
     rows = rows.where(rows.variants == 0)
     found = _states(dataset, recipe, rows)
@@ -157,9 +155,9 @@ def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
-    """Slots wanted, accepted, given up and open; attempts and their failures by reason; the same
-    per cell. `failures` has the reasons in detail (as Reason); `redo` what a build would make again
-    (redo_rows); `pairs` (count_pairs) is there if the recipe pairs cells."""
+    """Counts of slots, attempts and failures, in total and by cell. `redo` is what a build would
+    make again; `pairs` is there if cells are paired.
+    """
     recipe = installed_recipe(dataset)
     rows = dataset.rows(recipe)
     listed = Listing(dataset.episodes, recipe).there(rows)

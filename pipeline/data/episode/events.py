@@ -230,8 +230,7 @@ class DrawnEvent(_Strict):
 def draw_events(
     specs: Sequence[EventSpec], rng: np.random.Generator, kinds: np.random.Generator
 ) -> tuple[DrawnEvent, ...]:
-    """The events of an episode from two random streams, of numbers and of `kinds`. Every event
-    takes as many draws, whatever its kind; a second one of a kind is named with its number."""
+    """The events of an episode. Every event takes as many draws, whatever its kind."""
     seen, drawn = Counter[str](), list[DrawnEvent]()
     for spec in specs:
         choice = (spec.kind,) if isinstance(spec.kind, str) else spec.kind

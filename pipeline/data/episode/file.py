@@ -36,8 +36,8 @@ _FAULTS = (AttributeError, OSError, LookupError, MemoryError, RuntimeError, Type
 class Episode:
     """What one file holds but images, which `EpisodeFile` reads on demand.
 
-    `motion` is TargetMotion.to_json(), `interception` the arrays of that group without first
-    contacts, `attempts` those at its slot (data/slots/records.py, `untimed`), none of a variant."""
+    `attempts` are those at its slot, none of a variant.
+    """
 
     spec: EpisodeSpec
     log: StateLog

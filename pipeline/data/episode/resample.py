@@ -27,10 +27,9 @@ def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:
 def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
     """The log of `fps` frames a second at `rate`, which divides the physics rate.
 
-    Between two frames joints, velocities and positions are linear, quaternions normalised. A
-    command is the drive target at the end of its interval: targets go linearly from one to the
-    next, so that a higher rate drives the robot alike. Contacts belong to the interval that holds
-    the end of theirs."""
+    Joints, velocities and positions are linear between frames. A command is the drive target at the
+    end of its interval. A contact belongs to the interval that holds its end.
+    """
     at = frames_at(len(log), fps, rate)
     ends = at + fps / rate
 
@@ -59,9 +58,9 @@ def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
 
 
 def _contacts_at(contacts: NDArray[np.void], ratio: Fraction, frames: int) -> NDArray[np.void]:
-    """Contacts at `ratio` times the rate, in `frames` frames. At a higher rate every new frame has
-    those of the recorded interval in which it ends. At a lower rate an interval keeps the strongest
-    of each pair of bodies."""
+    """Contacts at `ratio` times the rate, in `frames` frames. A lower rate keeps the strongest
+    of each pair of bodies.
+    """
     ends = [int(frame) * ratio for frame in contacts["frame"]]
     if ratio > 1:
         places = [range(max(0, floor(end - ratio) + 1), floor(end) + 1) for end in ends]

@@ -35,10 +35,10 @@ class Event:
 
 @dataclass(frozen=True)
 class SkillRun:
-    """A skill that the expert executed in physics steps `start` (exclusive) to `end`.
+    """A skill executed in physics steps `start` (exclusive) to `end`.
 
-    `arms` are the sides that moved, `body` and `part` what it was about, `half` is "meet" or
-    "finish". Of nested runs the outer one comes first."""
+    `half` is "meet" or "finish". Of nested runs the outer one comes first.
+    """
 
     skill: str
     arms: tuple[str, ...]
@@ -51,8 +51,9 @@ class SkillRun:
 
 @dataclass(frozen=True)
 class Touch:
-    """The first physics step in which links of an arm pushed the target: `point` (3,) is the mean
-    of the contact `points` (m, world); the world poses (7,) of tcp and target follow that step."""
+    """The first physics step in which an arm pushed the target; `point` (3,) is the mean contact
+    (m, world).
+    """
 
     side: str
     step: int

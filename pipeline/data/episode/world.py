@@ -37,9 +37,9 @@ class WorldTruth:
 
 
 def twists_of(log: StateLog, target: str) -> Floats:
-    """Twists (T,B,6) of all bodies, world frame: velocity of the origin (m/s), angular velocity
-    (rad/s). The target's are recorded, others differences of the poses one frame before and
-    after."""
+    """World twists (T,B,6): origin velocity (m/s), angular velocity (rad/s). The target's is
+    recorded, others are pose differences.
+    """
     frames = np.arange(len(log))
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, len(log) - 1)
     seconds = np.maximum(log.times[after] - log.times[before], 1e-9)[:, None, None]

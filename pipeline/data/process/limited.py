@@ -1,5 +1,4 @@
-"""Runs a function on files or code of others in a child process of limited memory and time. It
-inherits what is installed, the environment and the directory; its output is dropped."""
+"""Runs a function on files or code of others in a child process of limited memory and time."""
 
 import importlib
 import os
@@ -47,8 +46,9 @@ USUAL = Limits()
 def run_limited[T](
     what: str, function: Callable[..., T], *arguments: Any, limits: Limits = USUAL
 ) -> T:
-    """The value of a module's function for picklable arguments. Raises DominoError with the line of
-    one that the function raises, LimitError, beginning with `what`, for any other end."""
+    """The value of a module's function for picklable arguments. Raises DominoError for its
+    errors, LimitError for any other end.
+    """
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as found:
         for part in (limits, (_module_of(function), function.__name__, arguments)):
             pickle.dump(part, given)

@@ -91,9 +91,9 @@ def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
 
 
 def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
-    """Exactly `total` episodes: by largest remainder over the domains, then evenly over the cells
-    of each. A larger total takes nothing from any cell, as largest remainder over single cells
-    would. Nothing is given if all weights are 0."""
+    """Exactly `total` episodes: by largest remainder over the domains, then evenly over their
+    cells. A larger total takes nothing from any cell.
+    """
     domains: dict[str, list[Cell]] = {}
     for cell, weight in weights.items():
         if weight:
@@ -107,9 +107,9 @@ def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
 
 
 def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
-    """Whole numbers with the sum `total` in proportion to positive weights: rounded down, and one
-    more for the largest remainders, the first of equal ones first. Of two weights none gets less of
-    a larger total."""
+    """Whole numbers with the sum `total` in proportion to positive weights, by largest
+    remainder, the first of equal ones first.
+    """
     whole = sum(weights)
     counts = [total * weight // whole for weight in weights]
     order = sorted(range(len(weights)), key=lambda i: -(total * weights[i] % whole))
@@ -119,9 +119,9 @@ def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
 
 
 def evenly(places: int, total: int) -> list[int]:
-    """`total` over places: the same for all, and one more for a few that lie evenly among them.
-    Their order is that of multiples of the golden ratio (Fibonacci hashing). A larger total takes
-    nothing from any place."""
+    """`total` over places: equal, with the rest spread by the golden ratio (Fibonacci hashing).
+    A larger total takes nothing from any place.
+    """
     order = sorted(range(places), key=lambda i: i * _GOLDEN % 2**64)
     counts = [total // places] * places
     for i in order[: total % places]:

@@ -64,9 +64,9 @@ class Paths:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Slots of a recipe that the index holds, in the recipe's order, as columns (N,): `ids` in the
-    index, `ranks` of their cells among `cells`, `keys` of `texts` (`pack_keys`), and `more` columns
-    that were asked for."""
+    """Slots of a recipe that the index holds, in its order, as columns (N,): `ids`, `ranks` of
+    cells, `keys` of `texts`, and `more`.
+    """
 
     cells: Sequence[Cell]
     ids: NDArray[np.int64]

@@ -1,7 +1,4 @@
-"""The index of a dataset: one SQLite file with a row for every finished slot and every attempt.
-
-A cache of what the files of the slots say, read from them again if it is lost (reread.py). What
-many slots share (cells, keys, names of assets) has tables of its own."""
+"""The index of a dataset: an SQLite cache of what the files of the slots state (reread.py)."""
 
 import errno
 import json

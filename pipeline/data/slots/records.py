@@ -66,10 +66,7 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class SlotRecord:
-    """A finished slot, with the `sha256` of its episode or of the note that it was given up.
-
-    Attempts are rows of ATTEMPTS, none of a variant; `phases` are seconds, from the index their
-    sum."""
+    """A finished slot, with the `sha256` of its episode or of its note; `phases` are in seconds."""
 
     keys: SlotKeys
     accepted: bool

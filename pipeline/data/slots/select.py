@@ -1,10 +1,7 @@
 """`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over COLUMNS.
 
-Comparisons (= == != < <= > >=, in, not in) joined by and, or, not and brackets. Values need quotes
-if they hold other characters than letters, digits and `_ . + -`, or are named like a column.
-
-Python parses it with placeholders for values, and the tree becomes a pyarrow expression. Nothing of
-the text is evaluated."""
+Python only parses the text; its tree becomes a pyarrow expression. Nothing is evaluated.
+"""
 
 import ast
 import hashlib

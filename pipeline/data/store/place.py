@@ -1,9 +1,8 @@
-"""A dataset on an object store: the directory in which a command works on it.
+"""A dataset on an object store: the directory in which a command works on it,
+CACHE/places/URL~HOST.PROCESS.X/.
 
-CACHE/places/s3%3A%2F%2Fbucket%2Fset~HOST.PROCESS.X/
-
-Files are pulled when they are read (data/reading.py), and put by the process that made them. The
-name tells any process of a cluster what it stands for."""
+Files are pulled when read (data/reading.py) and put by the process that made them.
+"""
 
 import hashlib
 import os

@@ -1,8 +1,8 @@
-"""Where two fingers can hold an object: opposite sides on lines through its convex pieces.
+"""Where two fingers can hold an object: opposite sides on horizontal lines through its convex
+pieces.
 
-Every line runs along a horizontal opening direction and gives the whole width, and the first wall
-of a hollow. Both sides must face each other, the material must be as wide a little beside, and
-neither fingers nor palm may be in it."""
+Both sides must face each other, with material beside and room for fingers and palm.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache

@@ -1,8 +1,7 @@
-"""`assets: robotwin:DIR`: the original's objects in place of our families, as in its 35 tasks.
+"""`assets: robotwin:DIR`: the original's objects in place of our families.
 
-DIR is RoboTwin-OD: `assets/objects` of a checkout, or a directory that holds it. Each instance
-becomes an object's directory in the user's cache, by the content of its files. The recipe names
-them as objects from files, with a key `task.family` for instances of single tasks."""
+Each instance becomes an object's directory in the user's cache, by the content of its files.
+"""
 
 import csv
 import os

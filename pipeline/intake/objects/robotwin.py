@@ -1,10 +1,9 @@
-"""Objects of RoboTwin-OD: meshes, scale, contact points as grasps, functional and target points as
-frames.
+"""Objects of RoboTwin-OD.
 
-A directory `NNN_name/` has instances i: `visual/base{i}.glb` and `collision/base{i}.glb`,
-`base{i}.glb` or `textured{i}.obj`, each with a `model_data{i}.json`; a single one may lack its
-number. Contact frames are unscaled, in the mesh's frame: the gripper comes against their y axis and
-opens along their z axis."""
+`NNN_name/` has instances `visual/base{i}.glb` and `collision/base{i}.glb`, `base{i}.glb` or
+`textured{i}.obj`, with a `model_data{i}.json`. Contact frames are unscaled: the gripper approaches
+against their y axis and opens along z.
+"""
 
 import re
 from dataclasses import dataclass, replace

@@ -1,8 +1,5 @@
-"""Convex pieces of an object, how it stands, and its frames and kinds of grasps, by likeness to its
+"""Convex pieces of an object, how it stands, and its frames and grasps, by likeness to its
 family.
-
-A frame lies where the family's first instance has it in its bounding box, moved along its normal to
-the surface if the family's is on one. A grasp is of the kind of the family's nearest grasp.
 """
 
 from collections.abc import Sequence
@@ -94,12 +91,11 @@ USUAL = 0.15  # advantage of the side that is up in the file
 def stand_up(
     pieces: Sequence[Collider], family: str, up: str | None, usual: str, name: str
 ) -> Floats:
-    """The 4x4 matrix from the file's frame to one with z up, the origin at the base and the heading
-    of the family.
+    """The 4x4 matrix from the file's frame to z up, origin at the base, heading of the family.
 
-    `up` is the axis of the file that is up, None for the way that is most like the family; `usual`
-    is the one that files of this format have. Raises ObjectError where the object does not stand
-    so."""
+    `up` is the file's axis, None for the one most like the family. Raises ObjectError if it does
+    not stand.
+    """
     ways = ways_to_stand(pieces)
     if up is None:
         near = [_nearest(ways, AXES[usual])]

@@ -35,11 +35,11 @@ class Coupling:
 
 
 def couplings(model: Any) -> dict[int, Coupling]:
-    """How each coupled joint of a compiled MuJoCo model follows a driving one.
+    """How each coupled joint of a compiled MuJoCo model follows a driving one, without gravity,
+    contacts or actuators.
 
-    Equality constraints, tendons and springs act; gravity, contacts and actuators do not. Raises
-    CouplingError for a driving joint without limits, and for one that others do not follow in
-    proportion."""
+    Raises CouplingError for joints without limits or not in proportion.
+    """
     by_joint: dict[int, Coupling] = {}
     driven = _driven(model)
     for group in _groups(model):

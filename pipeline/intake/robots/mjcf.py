@@ -33,11 +33,11 @@ REPLICAS, HEIGHTS = 10_000, 4_000_000  # of a file at most
 
 def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
     """The robot of an MJCF whose files lie below `root`, by default the second folder above; meshes
-    are written to `scratch`.
+    go to `scratch`.
 
-    Each body with joints that hangs on the world is a root. Coupled joints get the mimic rules that
-    MuJoCo moves them by. Raises UrdfError for a file that MuJoCo refuses, that names files
-    elsewhere, or that holds what no URDF can express."""
+    Coupled joints get MuJoCo's mimic rules. Raises UrdfError for a file that MuJoCo refuses, that
+    names files elsewhere, or that no URDF can express.
+    """
     try:
         import mujoco
     except ImportError as error:

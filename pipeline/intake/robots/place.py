@@ -1,7 +1,7 @@
-"""Where an arm should stand: how much of the table it reaches from a place, and how it rests there.
+"""Where an arm should stand, by how much of the table it reaches, and how it rests there.
 
-Reach is measured for the left arm (the right one mirrors it) over a grid on the table, with the
-tool at some heights and pitches, and at any of several azimuths."""
+Reach is measured for the left arm; the right one mirrors it.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -151,11 +151,9 @@ def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
 
 
 def find_site(arm: Arm) -> Embodiment | None:
-    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there;
+    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest;
     None without any.
-
-    The places are ranked by a sample of configurations; with six joints or more the best of them
-    are measured by inverse kinematics."""
+    """
     chain = chain_of(replace(arm, base=pose()))
     q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
     tools = fk_batch(chain, q)

@@ -89,10 +89,10 @@ def _plain(text: str) -> str:
 
 
 def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
-    """URDF of one arm, to be placed at `arm.base`; every name starts with `prefix`.
+    """URDF of one arm, to be placed at `arm.base`; names start with `prefix`.
 
-    The joints of the gripper have no `<mimic>`: all are driven. With `meshes`, visuals and convex
-    pieces are the files of `mesh_file`."""
+    The gripper's joints have no `<mimic>`: all are driven.
+    """
     robot = ET.Element("robot", name=f"{prefix}{arm.model}")
     for link in arm.links:
         _add_link(robot, link, prefix, meshes)

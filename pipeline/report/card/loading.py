@@ -106,8 +106,9 @@ BY_FORMAT = {
 
 
 def loading(summary: Mapping[str, Any], parts: Sequence[str]) -> dict[str, str]:
-    """Tool -> Python code, with DIR still in it. `parts` are the directories of LeRobot datasets if
-    there are several: they differ in the width of their vectors, so the code reads the first."""
+    """Tool -> Python code, with DIR still in it. Of several `parts`, which differ in vector
+    width, it reads the first.
+    """
     name, first = summary["format"], parts[0] if parts else ""
     words = {
         "EPISODES": ("domino_" if name.startswith("lerobot") else "") + "episodes.parquet",

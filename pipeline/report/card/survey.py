@@ -37,12 +37,10 @@ still."""
 class SurveyedEpisode:
     """The facts of one episode that a card uses.
 
-    `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that
-    motion in x and y (m) until the meeting, `speeds` (N,) its speed there (m/s); `low` and `high`
-    (A,) bound its actions. `visible` (T,) is, by camera, the share of the target's silhouette that
-    is in the image and not occluded, `last_visible` that of the frames just before the meeting;
-    both are empty for episodes without tracks. `after_success` counts the frames after the success,
-    `still` those over which no command changes by more than STILL."""
+    Its target moves from `start` (s) on `path` (N,2) m at `speeds` (N,) m/s until the meeting;
+    `low` and `high` (A,) bound its actions. `visible` (T,) by camera is the unoccluded share of the
+    target's silhouette. `after_success` and `still` count frames.
+    """
 
     file: Path
     spec: EpisodeSpec

@@ -92,8 +92,9 @@ def title(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
 
 
 def citation(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
-    """BibTeX of the dataset, then of the paper whose method made it. The identifier is 16 hex
-    digits of the SHA-256 of the sorted physics ids: the same for every format and rendering."""
+    """BibTeX of the dataset and of the paper. The identifier is from the sorted physics ids:
+    equal for every format and rendering.
+    """
     ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
     name = sha256("\n".join(ids).encode()).hexdigest()[:16]
     return f"""\

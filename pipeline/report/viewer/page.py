@@ -144,8 +144,9 @@ SILENCE = 10.0
 
 
 def viewer_server(dataset: Path, episodes: Sequence[Path], port: int) -> ThreadingHTTPServer:
-    """A server on the loopback interface only; port 0 takes a free one. It answers requests that
-    name this machine and come from no other site. Raises OSError for a port that is taken."""
+    """A server on loopback only; port 0 takes a free one. It refuses requests from other sites.
+    Raises OSError for a taken port.
+    """
 
     @cache
     def once(name: str) -> bytes:

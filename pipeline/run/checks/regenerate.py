@@ -20,9 +20,10 @@ from pipeline.world.drawing.vulkan import ensure_renderer
 
 
 def regenerate(dataset: Dataset, episode: str) -> list[str]:
-    """Make an episode again in a temporary directory, with all attempts at its slot. Returns the
-    datasets of its file that differ ("header" for attributes), none if the bytes are the same. Its
-    recipe's policy runs: see `check_trust`. Raises DatasetError, EpisodeError, NoRenderer."""
+    """Make an episode again in a temporary directory. Returns the names of datasets that differ
+    ("header" for attributes). Raises DatasetError, EpisodeError, NoRenderer. Its recipe's policy
+    runs: see `check_trust`.
+    """
     recipe = installed_recipe(dataset)
     slot = named_slot(dataset, recipe, episode)
     path = dataset.episode(slot)

@@ -41,16 +41,14 @@ def verify(
     trust: bool = False,
     episode: str | None = None,
 ) -> dict[str, Any]:
-    """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at
-    random. If `episode` names one, only that is judged and made again.
+    """Check every file of a dataset, or one `episode`, and make `again` random episodes again.
 
-    Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
-    "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
-    version of code or recipe, "again": a line for each that was made again}. Stale episodes cannot
-    be made again; a dataset with fewer than `again` others is not `ok`.
+    Returns {"ok", "problems": lines that begin with a path, "files", "episodes": sound ones,
+    "open", "stale", "again": a line each}. Stale episodes cannot be made again; a dataset with
+    fewer than `again` others is not `ok`.
 
-    Raises DatasetError, CrewError, NoRenderer, and Untrusted if making episodes again would run a
-    policy that is none of ours, unless `trust`."""
+    Raises DatasetError, CrewError, NoRenderer, and Untrusted for another's policy unless `trust`.
+    """
     if (again or episode) and not trust:
         check_trust(dataset.recipe().corrections, str(dataset.root))
     crew, root = crew or Crew(), str(dataset.root.resolve())
@@ -123,9 +121,9 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
 
 @dataclass
 class Comparison:
-    """What recipe and index state about a dataset's files, by path; nothing if the recipe was
-    edited. `strays` belong to no slot, `current` are up to date with the code; `problems` concern
-    files that are missing or belong elsewhere. `stale` and `open` count slots."""
+    """What recipe and index state about a dataset's files, by path. `strays` belong to no slot,
+    `current` are up to date; `stale` and `open` count slots.
+    """
 
     hashes: dict[str, str] = field(default_factory=dict[str, str])
     strays: set[str] = field(default_factory=set[str])

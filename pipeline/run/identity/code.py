@@ -1,8 +1,8 @@
 """What of the code decides an episode, as hashes of files of the package.
 
-The core (CORE) counts as a whole; of what registers itself (REGISTERED), the files of the episode's
-task, families and motion model and of what these inherit. Images also depend on DRAWING, sentences
-on LANGUAGE. Comments, docstrings and line breaks change no hash."""
+CORE counts as a whole; of REGISTERED, only the files that the episode's classes inherit. Comments,
+docstrings and line breaks change no hash.
+"""
 
 import sys
 from collections.abc import Iterable

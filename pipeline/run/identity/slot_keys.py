@@ -1,8 +1,6 @@
-"""The keys of a slot: what can change its physics, its images and its sentences.
-
-`physics`: the slot, the recipe's parameters, and the code's part of it (code.py); for corrections
-also the policy's label. `render`, on top of it: preset, cameras, sensors, visuals, and what draws.
-`language`, on top of it: templates, descriptions and grammar."""
+"""The keys of a slot: what can change its physics, its images (`render`) and its sentences
+(`language`). Each later key includes `physics`.
+"""
 
 from contextlib import suppress
 

@@ -29,9 +29,9 @@ class Orphan:
 
 
 def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
-    """Remove, or only list, the orphaned files of a dataset. A whole accepted episode goes to
-    orphans/; one that the index does not know stays. Raises Busy, OSError, and DatasetError if the
-    manifest was edited or more than LARGE of its episodes belong to no slot."""
+    """Remove, or only list, orphaned files. Accepted episodes go to orphans/. Raises Busy,
+    OSError, and DatasetError if more than LARGE of its episodes are orphans.
+    """
     dataset.check_seal()
     recipe = dataset.recipe()
     with exclusive(dataset.root):

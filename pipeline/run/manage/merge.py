@@ -39,10 +39,10 @@ class Merged:
 
 
 def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
-    """Join datasets into `out`, or resume a merge. Files become hard links where possible; exports
-    are not merged. The recipes may differ in what they choose; the result wants all of it. Raises
-    DatasetError for other recipes, slots that differ, another version of the code, and changed
-    bytes; Busy; OSError."""
+    """Join datasets into `out`, or resume a merge. Files become hard links where possible;
+    exports are not merged. Raises DatasetError for recipes, slots, code or bytes that differ;
+    Busy; OSError.
+    """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
     there = out.root.resolve()

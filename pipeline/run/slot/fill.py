@@ -47,8 +47,9 @@ class LostAttempt:
 
 @dataclass(frozen=True)
 class FillJob:
-    """`renewing` is the record of an episode of which only images or sentences are made. `lost`
-    attempts are recorded as failed; if RENEWAL is among them, the episode is made from nothing."""
+    """`renewing` is an episode's record of which only images or sentences are made. `lost`
+    attempts are recorded as failed.
+    """
 
     root: str
     recipe: Recipe
