@@ -88,9 +88,8 @@ class ToolPoses:
     def joints(
         self, action: Floats, command: Floats, tools: Floats | None = None
     ) -> tuple[Floats, tuple[str, ...]]:
-        """The joint action (A,) nearest to the command (A,), and the sides out of reach, which hold
-        still. With `tools` (S,7) poses are relative to these. Raises ActionError for a quaternion
-        of length zero."""
+        """The joint action (A,) nearest to the command (A,), and the sides out of reach. With
+        `tools` (S,7) poses are relative to these. Raises ActionError."""
         now, out, missed = self._planner.split(command), list[Floats](), list[str]()
         for i, side in enumerate(now):
             pose, gripper = action[8 * i : 8 * i + 7].copy(), action[8 * i + 7]

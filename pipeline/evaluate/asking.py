@@ -1,6 +1,5 @@
-"""Asks a policy: every outcome is a valid answer or one of two faults that end its episode:
-ActionError (no action), NoAnswer (an error, a lost connection, a time limit). What keeps it from
-being tried at all stays a PolicyError."""
+"""Asks a policy: an outcome is a valid answer, or a fault that ends its episode (ActionError,
+NoAnswer). What keeps it from being tried at all stays a PolicyError."""
 
 import hashlib
 import time
@@ -71,11 +70,9 @@ def introduce(
 
 
 def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
-    """The name with its probe: a hash of what is the same in two answers to a fixed question, and
-    of metadata. A label that was not given carries it.
+    """The name with its probe: a hash of two answers to a fixed question, and of metadata.
 
-    Raises PolicyError if the policy refuses, and for an address whose answers differ or are
-    none."""
+    Raises PolicyError if the policy refuses, and for an address whose answers differ."""
     anonymous = "://" in name.label
     try:
         first, second = _answer_of(policy, start), _answer_of(policy, start)

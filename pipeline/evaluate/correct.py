@@ -1,9 +1,8 @@
 """Corrections: a policy acts, the reactive expert labels every frame (DAgger, Ross et al. 2011),
 takes over, and finishes.
 
-It takes over at a drawn time (`time`), or when the policy's hand is farther off its path than a
-drawn distance (`error`; HG-DAgger, Kelly et al. 2019). Before that `perturb` holds or pushes the
-robot: the expert shows how to recover."""
+It takes over at a drawn time (`time`), or at a drawn distance of the hand from its path
+(`error`; HG-DAgger, Kelly et al. 2019). Before that `perturb` holds or pushes the robot."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -69,10 +68,8 @@ class Correction:
             raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
-        """The rollout, whose log has who acted at each frame and what the expert would have done.
-
-        Raises PolicyError, and Failure: takeover_late (a touch or a moved body before its turn),
-        no_error (it never erred), policy_failed (no valid answer), and those of
+        """The rollout, with the acting one and the expert's command in every frame. Raises
+        PolicyError, and Failure: takeover_late, no_error, policy_failed, and those of
         stages/replay.py."""
         recipe = self.recipe
         actor = scene.start(motion, fps, STAGE, ReactiveActor)

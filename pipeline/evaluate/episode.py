@@ -121,9 +121,8 @@ def _first(trial: Trial) -> float:
 
 
 def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial, dict[str, Any]]:
-    """The trial as it ended, and its row of JSON values, of which only `seconds_spent` (wall times)
-    differ between runs. A policy without a valid answer ends its episode; `fault` says why. Raises
-    PolicyError if the policy refuses, Failure if the scene does not rest."""
+    """The trial and its row, of which only `seconds_spent` differs between runs. Without a valid
+    answer `fault` has the reason. Raises PolicyError, and Failure if the scene does not rest."""
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
         scene = job.case.scene(job.setup)

@@ -39,9 +39,8 @@ BASELINES = ("static", "still")  # one solves still scenes, one does nothing
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results of another `code` do not count. The first `films` episodes of every cell are filmed.
-    With `baselines`, BASELINES try the same scenes. `paired` runs every scene with and without its
-    events, `conditions` with every set of them."""
+    """Results of another `code` do not count. The first `films` episodes of every cell are
+    filmed. `paired` runs every scene with and without its events."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -95,13 +94,10 @@ def evaluate(
     manifests: Path | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> EvaluationResult:
-    """Evaluate into OUT/episodes.jsonl, or resume; manifests of seeds are in `manifests`, by
-    default OUT/manifests.
+    """Evaluate into OUT/episodes.jsonl, or resume; `manifests` is by default OUT/manifests.
 
-    The policy is loaded, and its contract compared, before any scene is admitted. Raises OSError,
-    ProtocolError, ResultsError, PolicyError (it cannot be made, refuses, or differs from the one
-    that made rows of this label), BenchmarkError for scenes or rows of another one, and Busy if
-    another evaluation writes to `out`."""
+    Raises OSError, ProtocolError, ResultsError, PolicyError (also if another policy made rows of
+    this label), BenchmarkError, and Busy if another evaluation writes to `out`."""
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
     seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup.calm, apart)

@@ -25,9 +25,8 @@ def option(
     factory: Any = MISSING,
     quiet: bool = False,
 ) -> Any:
-    """A field of an options dataclass. `parse` makes the value of a text or raises ValueError.
-    export.json leaves out a `quiet` one at its default. A bool is a flag; one without a default
-    must be given."""
+    """A field of an options dataclass. `parse` raises ValueError. export.json leaves out a
+    `quiet` one at its default. One without a default must be given."""
     metadata = {"help": help, "parse": parse, "quiet": quiet}
     if factory is not MISSING:
         return field(default_factory=factory, metadata=metadata)

@@ -38,24 +38,20 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     """One task x embodiment x level x alpha x domain. `setup` is a Setup, keys of one, or the
     directory of a dataset.
 
-    Observation "policy": "agent_pos" (A,) measured joints, grippers 0-1; "instruction"; "pixels"
-    (H,W,3) uint8 by camera; by the setup "depth" (H,W) uint16, mm along the viewing axis,
-    "segmentation" (H,W) uint8, "pointcloud" (N,6). "state": the true state as one vector (N,) with
-    `state_names`. Numbers beyond the spaces are cut.
+    Observation: "agent_pos" (A,) measured joints, grippers 0-1; "pixels" (H,W,3) uint8 by
+    camera; by the setup "depth" (H,W) uint16 (mm), "segmentation" (H,W) uint8, "pointcloud"
+    (N,6). "state" is the true state (N,). Numbers beyond the spaces are cut.
 
-    Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose (x,
-    y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
+    Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose
+    (x, y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
     measured ones.
 
-    Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
-    change of a potential with `discount` (reward.py); the step limit is then `terminated`, because
-    `time_left` shows it.
+    Reward "score": 0-100 at the end. "dense" is in reward.py; the step limit is then
+    `terminated`, because `time_left` shows it.
 
-    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; no
-    evaluation with a `--seed` below 10000 shows them. With `scenes=0` a reset without a seed runs
-    the expert on a new scene. With a `benchmark`, a name or a file, seed n takes its frozen scene n
-    of the cell, modulo their number, and a reset without a seed the next one. `info` has
-    "is_success", at the end "score" (EpisodeScore). Raises ValueError, RecipeError."""
+    `scenes=N` draws from N admitted scenes, which no evaluation with a `--seed` below 10000
+    shows. With `scenes=0` a reset without a seed admits a new one. With a `benchmark` seed n
+    takes scene n of the cell, modulo their number. Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -141,9 +137,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Seed n is its scene if the expert solves it, else that of the next seed derived from n;
-        `options` may have a "case". Raises NoCase if it solves none of 30, OtherCase for another
-        cell or setup."""
+        """Seed n is its scene if the expert solves it, else that of the next derived seed.
+        Raises NoCase if it solves none of 30, OtherCase for another cell or setup."""
         super().reset(seed=seed)
         case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)

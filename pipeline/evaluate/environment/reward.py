@@ -39,12 +39,12 @@ class Meter:
 
     - approach: nearness of the nearest acting tool to the handled body; 1 once it was held
 
-    - hold: 1 once both fingers of an acting arm touched it; where the target is pressed, one finger
+    - hold: 1 once both fingers of an acting arm touched it (one finger if the target is pressed)
 
     - lift: its greatest rise over LIFT
 
     - place: from the first touch on, the share of success conditions that hold; if something is
-    brought to another body, the mean of that and their nearness, seen from above"""
+    brought to another body, the mean of that and their nearness"""
 
     def __init__(self, trial: Trial) -> None:
         scene = trial.scene

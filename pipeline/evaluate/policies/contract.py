@@ -17,12 +17,9 @@ from .policy import LONGEST_CHUNK, Policy, PolicyError, Start, attribute
 
 @dataclass(frozen=True)
 class Contract:
-    """What a policy was made for; None means anything. `action_names` are the joints of state and
-    action; `image_sizes` (height, width) by needed camera; `rate` actions a second; `chunk` the
-    most actions in one answer; the others say what an action is (data/actions.py).
-
-    The policy turns joints and images into what its network takes and back, and keeps past
-    observations."""
+    """What a policy was made for; None means anything. `image_sizes` are (height, width) by
+    needed camera, `rate` actions a second, `chunk` the most actions in one answer; the others
+    are those of data/actions.py."""
 
     action_names: tuple[str, ...] | None = None
     image_sizes: Mapping[str, tuple[int, int]] | None = None

@@ -1,8 +1,7 @@
 """LeRobot policies: --policy lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true&like=EXPORT
 
-Cameras have the names of our exports (cam_high, ...) or of episodes (head_camera, ...). Policies
-that see one observation are asked for `n_action_steps` actions at once, others for one. `resize`
-scales images to the sizes of training; otherwise other sizes are refused."""
+Policies that see one observation are asked for `n_action_steps` actions at once, others for one.
+`resize` scales images to the sizes of training; otherwise other sizes are refused."""
 
 import logging
 from dataclasses import astuple, replace

@@ -1,6 +1,5 @@
-"""What a policy is. It may declare what it was made for (contract.py). If it answers some questions
-from a chunk it has, it counts the runs of its network in `inferences`: latency is charged for
-those."""
+"""What a policy is; contract.py has what it may declare. Latency is charged for `inferences`,
+the runs of its network, if it counts them."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -36,9 +35,8 @@ class NoAnswer(PolicyError):
 class Start:
     """What a policy receives before an episode. Nothing in it identifies the scene.
 
-    `action_names` of an action as the policy answers, `state_names` of the joints; `image_sizes`
-    (height, width) by camera; `seed` for its own draws. The robot's base is `lift` m, to 0.1 mm,
-    higher above the table than usual."""
+    `image_sizes` are (height, width) by camera; `seed` is for its own draws. The robot's base is
+    `lift` m, to 0.1 mm, higher above the table than usual."""
 
     instruction: str
     embodiment: str
@@ -65,9 +63,8 @@ def policy_seed(instruction: str, embodiment: str) -> int:
 class Observation:
     """Measured joints (A,), grippers 0-1; `time` in s; images (H,W,3) uint8 RGB by camera.
 
-    With sensors also depth (H,W) uint16 in mm (0 = nothing seen), the body of each pixel (H,W)
-    uint8, a point cloud (N,6): x y z (m, world), r g b (0-1). On an `async` clock `committed` (N,A)
-    are executed during an inference as long as the last one."""
+    With sensors depth (H,W) uint16 in mm (0 = nothing), bodies (H,W) uint8, points (N,6): x y z
+    (m, world), r g b (0-1). On an `async` clock `committed` (N,A) are executed meanwhile."""
 
     joints: NDArray[np.float64]
     instruction: str
@@ -96,9 +93,8 @@ class Policy(Protocol):
 
 
 class BatchPolicy(ABC):
-    """A policy that answers many episodes together; in a single episode it is a Policy. The memory
-    of an episode is what `begin` returns; its `inferences`, if any, counts the runs of the
-    network."""
+    """A policy that answers many episodes together. The memory of an episode is what `begin`
+    returns; its `inferences` counts the runs of the network."""
 
     _episode: Any = None
 
@@ -108,9 +104,8 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:
-        """An answer, as of `act`, for each pair of an episode's memory and its observation,
-        whatever the rest of the batch. After an error each question is asked again alone: change a
-        memory after everything that can fail."""
+        """An answer for each pair of a memory and its observation. After an error each question
+        is asked again alone: change a memory after everything that can fail."""
 
     def reset(self, start: Start) -> None:
         self._episode = self.begin(start)
@@ -134,9 +129,8 @@ class SeesTruth(Protocol):
 
 @dataclass(frozen=True)
 class PolicyName:
-    """How a policy was asked for. `label` names it in results; `probe` is a hash of its answer to a
-    fixed question; `process` is "evaluator" (with the simulation and its judge), "own" or "server";
-    it prints to `prints`; an export says that its actions are `actions`."""
+    """How a policy was asked for. `label` names it in results; `probe` hashes its answer to a
+    fixed question; `process` is "evaluator", "own" or "server"."""
 
     text: str
     label: str

@@ -28,9 +28,8 @@ from .policy import LONGEST_CHUNK, Observation, PolicyError, Start
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """The first half of a script (`meet`) for a target that stands at `aim` (7,). `actions` (T,A),
-    one a control period; in the period `last_skill` the last skill begins. `meeting` (s) is the
-    first touch, or the end; `held` what was in which hand then."""
+    """The first half of a script for a target at `aim` (7,). `actions` (T,A) are one a control
+    period; `meeting` (s) is the first touch, or the end; `held` what was in which hand then."""
 
     aim: Pose
     actions: Floats
@@ -102,10 +101,8 @@ FIRST_GUESSES = (2.0, 1.0, 3.0)
 
 
 class _Stream:
-    """Takes motions, actions (N,A) planned together, from a generator, then holds the last command.
-
-    A chunk of at most `chunk` actions never spans two motions: the next is planned from the state
-    in which one ended."""
+    """Takes motions, actions (N,A), from a generator, then holds the last command. A chunk never
+    spans two motions: the next is planned from the state in which one ended."""
 
     scripted = True
     """Its chunks do not begin at the observation: no `async` clock can skip into them."""

@@ -1,6 +1,5 @@
 """RoboTwin's deploy_policy.py files, unmodified: --policy robotwin:policy/ACT?ckpt_dir=...
 
-`get_model(usr_args)`, `eval(TASK_ENV, model, observation)` and perhaps `reset_model(model)`.
 usr_args are the keys of deploy_policy.yml, then the options of the name, then left_arm_dim and
 right_arm_dim."""
 
@@ -51,9 +50,9 @@ class RobotwinRobot:
         return {side: (compose(tcp, _FROM_TCP), tcp) for side, tcp in tcps.items()}
 
     def observation(self, seen: Observation, command: Floats) -> dict[str, Any]:
-        """observation/<camera>/rgb (H,W,3) uint8, joint_action/..., endpose/... (7,) wxyz,
-        instruction, timestamp (s), as `export --format robotwin` writes. joint_action and grippers
-        are the targets in force, `command` (A,); tool poses are measured."""
+        """The observation as `export --format robotwin` writes it, with `timestamp` (s).
+        joint_action has the targets in force, `command` (A,); tool poses (7,) wxyz are
+        measured."""
         joints: dict[str, Any] = {"vector": command.copy()}
         endpose: dict[str, Any] = {}
         tools = self.tool_poses(seen.joints)
@@ -70,9 +69,8 @@ class RobotwinRobot:
         }
 
     def joints(self, action: ArrayLike, kind: str, measured: Floats, command: Floats) -> Floats:
-        """Joint targets (A,) of an action: `qpos` (A,), `ee` (8S,) a pose of the tool and the
-        gripper per arm, `delta_ee` poses relative to the measured ones, in their own frames. Raises
-        ActionError."""
+        """Joint targets (A,) of an action: `qpos` (A,), `ee` (8S,) poses of the tools,
+        `delta_ee` relative to the measured ones. Raises ActionError."""
         if kind == "qpos":
             return check_action(action, len(command))
         if kind not in ("ee", "delta_ee"):

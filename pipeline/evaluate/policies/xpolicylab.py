@@ -1,7 +1,6 @@
 """XPolicyLab's Model classes: --policy xpolicylab:FILE.py?key=value
 
-`Model(settings)` has `reset()`, `update_obs(observation)` and `get_action()`: an action (A,), a
-chunk (H,A) of joint targets, or dicts of XPolicyLab's format v1.0."""
+`get_action()` returns an action (A,), a chunk (H,A) of joint targets, or dicts of format v1.0."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,9 +1,8 @@
-"""A benchmark: one file with the scenes of an evaluation as data, which nothing has to draw or to
-admit again.
+"""A benchmark: one file with the scenes of an evaluation as data, neither drawn nor admitted
+again.
 
-It is text, compressed with xz: a line of JSON about the whole, then a line for each scene, cell
-after cell. Its hash is that of the text, so it does not depend on who compressed it.
-"""
+Text compressed with xz: a line of JSON about the whole, then a line for each scene, cell after
+cell. Its hash is that of the text."""
 
 import hashlib
 import json

@@ -54,10 +54,9 @@ class BenchmarkError(DominoError):
 
 @dataclass(frozen=True)
 class Case:
-    """A spec that the expert solved, under the physics of `setup`. `meeting` is the time (s) of the
-    first touch in the dry run, `frames` the length of the expert's episode; `start` and `end` are
-    hashes of the first frame and of the state log; `state` is the scene itself if a benchmark has
-    frozen it."""
+    """A spec that the expert solved, under the physics of `setup`. `meeting` is the first touch
+    (s) in the dry run, `frames` the expert's length; `start` and `end` hash the first frame
+    and the state log."""
 
     spec: EpisodeSpec
     motion: str

@@ -1,6 +1,5 @@
-"""The scenes of an evaluation: the first seeds from 100000 * (1 + s) that the expert solves, in one
-JSON file a cell. Seeds are tried in order and in batches whose size does not depend on the
-workers."""
+"""The scenes of an evaluation: the first seeds from 100000 * (1 + s) that the expert solves, one
+JSON file a cell. The size of batches does not depend on the workers."""
 
 import hashlib
 import json

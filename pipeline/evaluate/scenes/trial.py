@@ -39,10 +39,9 @@ HOLD_FRAMES = 3
 class Trial:
     """A settled simulation under a policy. `ending` is "" while it runs.
 
-    It succeeds when all success conditions hold for HOLD_FRAMES after the first touch, at every
-    physics step between (at one recorded frame under domino rules). It fails when the middle of a
-    target that moves by itself leaves the head camera's image, and at the step limit, in periods of
-    DEFAULT_FPS. Raises Failure("unstable") without an `actor`."""
+    Success: all conditions hold for HOLD_FRAMES after the first touch, at every physics step
+    (under domino rules at one frame). Failure: a target that moves by itself leaves the head
+    camera's image, or the step limit. Raises Failure("unstable") without an `actor`."""
 
     def __init__(
         self, scene: Scene, motion: Motion, setup: Setup = DEFAULT, actor: Actor | None = None

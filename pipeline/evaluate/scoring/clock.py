@@ -142,9 +142,8 @@ def in_turn(trial: Trial, ask: Question) -> None:
 
 
 def drive_overlapped(trial: Trial, ask: Question, join: Join) -> None:
-    """Execute a chunk while the next one is computed, which is asked for once half of it is done.
-    Delays are rounded up to whole periods; the last action stays in force until the next one
-    arrives."""
+    """Ask for the next chunk once half of one is done. Delays are rounded up to whole periods;
+    the last action stays in force until the next one arrives."""
     chunk, delay = ask(np.empty((0, trial.length)))
     wait = _periods(delay, trial.fps)
     trial.hold(wait * trial.per_period)
@@ -181,9 +180,8 @@ def join_chunks(old: Floats, new: Floats, wait: int, join: Join) -> Floats:
     """The actions (N,A) to execute when `new` (H,A) arrives `wait` periods after its question;
     `old` (M,A) is left.
 
-    `switch` takes `new` from its action `wait` on, `blend` goes over to it linearly, `rtc` with the
-    weights of real-time chunking (Black et al. 2025, arXiv 2506.07339). A chunk no longer than the
-    wait leaves its last action."""
+    `rtc` has the weights of real-time chunking (Black et al. 2025, arXiv 2506.07339). A chunk no
+    longer than the wait leaves its last action."""
     fresh = new[min(wait, len(new) - 1) :].copy()
     both = min(len(old), len(fresh))
     if join == "switch" or not both:

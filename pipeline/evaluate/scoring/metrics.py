@@ -1,7 +1,5 @@
 """Success, route completion, manipulation score (paper, section 3.2), and why an episode failed.
-
-Distances are between the tool point (`tcp`; the original measures 12 cm behind it) and the origin
-of the target."""
+Distances are from the tool point (`tcp`; the original's is 12 cm behind it)."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -36,11 +34,10 @@ touched what is handled, dropped, else unfinished."""
 
 @dataclass(frozen=True)
 class EpisodeScore:
-    """`route_completion` and `manipulation_score` are in 0-100. Success conditions `failed` to hold
-    at the end; `failure` is of FAILURES, "" for a success. `meeting` is the time (s) of the first
-    touch, `hold` how much later (s) something first held the target for two frames. `nearest` (m)
-    is a tool's least distance from the target up to the touch. `jerk` is the RMS of the third
-    derivative of the tool positions (m/s3)."""
+    """`route_completion` and `manipulation_score` are in 0-100; `failure` is of FAILURES, "" for
+    a success. `meeting` is the time (s) of the first touch, `hold` how much later (s) the
+    target was held for two frames. `nearest` (m) is a tool's least distance up to the touch,
+    `jerk` an RMS (m/s3)."""
 
     success: bool
     route_completion: float

@@ -34,9 +34,8 @@ TIMES = "seconds_spent"  # differs between runs of one episode
 class Results:
     """An append-only file of rows with the key of their episode under "key".
 
-    `check` raises ValueError for an unusable row. A last line that was cut off is dropped. Raises
-    ResultsError for a damaged line elsewhere, and for rows of one episode that contradict each
-    other."""
+    A last line that was cut off is dropped. Raises ResultsError for a damaged line elsewhere,
+    and for rows of one episode that contradict each other."""
 
     def __init__(
         self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None

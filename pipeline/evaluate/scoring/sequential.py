@@ -1,8 +1,7 @@
-"""Which of two policies is better, decided after as few scenes as possible, by betting against "no
-difference": a wealth that starts at 1 and whose expectation stays at most 1 while the mean
-difference is 0. The chance that it ever reaches 1 / alpha is at most alpha (Ville), however often
-it is looked at. Waudby-Smith & Ramdas (2024), JRSS B 86:1-27; for policies of robots
-arXiv:2603.13616, for a limit of scenes arXiv:2503.10966."""
+"""Which of two policies is better, after as few scenes as possible, by betting against "no
+difference". The chance that the wealth ever reaches 1 / alpha is at most alpha (Ville).
+Waudby-Smith & Ramdas (2024), JRSS B 86:1-27; arXiv:2603.13616; for a limit of scenes
+arXiv:2503.10966."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

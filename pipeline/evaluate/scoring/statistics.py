@@ -156,10 +156,8 @@ def bootstrap(
 
 
 def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Wilson's interval, in 0-1, of a rate with trials in clusters: (successes, trials) of each.
-    They count as p (1 - p) / v independent ones, v the variance of the rate p between clusters,
-    between the number of clusters and of trials. Dean & Pagano (2015), J. Surv. Stat. Methodol.
-    3:484-503."""
+    """Wilson's interval, in 0-1, of a rate from (successes, trials) of each cluster; p (1 - p) /
+    v independent trials. Dean & Pagano (2015), J. Surv. Stat. Methodol. 3:484-503."""
     if not clusters:
         return wilson(0, 0)
     solved, trials = np.array(clusters, float).T

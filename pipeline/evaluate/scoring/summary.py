@@ -72,8 +72,8 @@ def numbers(rows: Sequence[Row]) -> Row:
 def over_tasks(rows: Sequence[Row]) -> list[Row]:
     """Means of cells over their tasks, all and by category; every task counts the same.
 
-    The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T
-    tasks; that of the scores a bootstrap over episodes inside each task."""
+    Wilson's interval of success is for T^2 / sum(1/n) episodes; that of scores a bootstrap
+    inside each task."""
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     by = [key for key in CELL if key != "task"]
     for row in rows:

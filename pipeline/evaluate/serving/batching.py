@@ -26,9 +26,8 @@ class Question:
 
 
 class Batcher:
-    """Answers the questions of all seats with one policy, in a thread of its own: as soon as every
-    seat that plays has asked, `most` questions are there, or the first has waited for `wait` s.
-    Methods raise what the policy raises."""
+    """Answers the questions of all seats with one policy, in a thread: as soon as every playing
+    seat has asked, `most` questions are there, or the first has waited for `wait` s."""
 
     def __init__(self, policy: BatchPolicy, wait: float, most: int = MOST) -> None:
         self.policy, self._wait, self._most = policy, wait, most

@@ -54,12 +54,11 @@ def open_again[T](opening: Callable[[], T]) -> T:
 
 
 class Client:
-    """A policy behind a connection, which is opened at once, and again if it was lost between
-    episodes. One answer may take `seconds`.
+    """A policy behind a connection, which is opened again if it was lost between episodes. One
+    answer may take `seconds`.
 
-    A server without an offer is openpi's own, with the observations of ALOHA: square images of
-    `size` pixels; the first `execute` rows of a chunk are executed. `prefix` begins error messages.
-    Raises PolicyError."""
+    A server without an offer is openpi's own: square images of `size` pixels, and the first
+    `execute` rows of a chunk. `prefix` begins error messages. Raises PolicyError."""
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
-"""A policy on a GR00T server: ZeroMQ requests of msgpack maps; parts and keys are those of
-meta/modality.json in our LeRobot exports.
+"""A policy on a GR00T server: ZeroMQ requests of msgpack maps, with the keys of
+meta/modality.json.
 
-"get_action" sends "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and
-"language" {key: [[text]]}; the answer is [{part: (1,T,D)}, information], or {"error": text}. An
+"get_action" sends "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32},
+"language" {key: [[text]]}. The answer is [{part: (1,T,D)}, information], or {"error": text}; an
 array is {"__ndarray_class__": true, "as_npy": NPY file}."""
 
 import io

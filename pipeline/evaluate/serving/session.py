@@ -1,8 +1,7 @@
 """The server's side of the protocol (docs/policy_server.md), without a network.
 
-openpi's own clients have one robot and images (3,H,W) or (H,W,3) by exported names. Their episode
-begins with a new prompt, if the robot is at home although the last answer did not take it there, or
-after N questions."""
+openpi's own clients send no reset: an episode begins with a new prompt, if the robot is home
+unasked, or after N questions."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -5,9 +5,8 @@
                "examples": [{"image": [(H,W,3) uint8, ...], "lang": text}]}}
     server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
 
-The server's `action_keys` decide the order of its actions. Images are head, left wrist, right
-wrist, scaled to the size of training without keeping their shape, as StarVLA does. Servers of
-before PR #318 answer with `normalized_actions`: docs/policy_server.md has the options for them."""
+`action_keys` decide the order of actions. Images are head, left wrist, right wrist, scaled
+without keeping their shape. Servers of before PR #318: docs/policy_server.md."""
 
 from dataclasses import dataclass, replace
 from functools import partial

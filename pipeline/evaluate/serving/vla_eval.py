@@ -29,10 +29,8 @@ def __getattr__(name: str) -> type:
 
 
 class DominoEpisodes:
-    """Tasks of one level, alpha, domain and robot. `setup` are keys of a setup, or the directory of
-    a dataset. Actions are drive targets (A,).
-
-    Raises KeyError for an unknown task or robot, ValueError for another unknown option."""
+    """Tasks of one level, alpha, domain and robot. Actions are drive targets (A,). Raises
+    KeyError for an unknown task or robot, ValueError for another unknown option."""
 
     _last_result: Any  # of StepBenchmark
 

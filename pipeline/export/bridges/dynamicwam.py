@@ -1,8 +1,6 @@
 """The files that DynamicWAM's converter reads: RoboTwin's layout with a group `interception` of
-schema 2 (docs/exports.md), 14-wide vectors only.
-
-Fields that begin with `first_`, and `stable_grasp_succeeded`, state what has happened until the
-frame; before that, steps and times are -1, poses and points zero."""
+schema 2 (docs/exports.md), 14-wide vectors only. What has not happened by a frame is -1 or
+zero."""
 
 from dataclasses import dataclass
 from typing import Any

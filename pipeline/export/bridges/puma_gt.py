@@ -1,7 +1,7 @@
 """puma-gt: the target's true motion as PUMA's loader reads it, <dataset name>/ep000/gt.pkl.
 
-`pose7_frame_aligned` (T,7) is the target in every frame, `pose7_sim` (N,7) its motion at every
-physics step until the meeting; poses are x y z qw qx qy qz."""
+`pose7_frame_aligned` (T,7) is by frame, `pose7_sim` (N,7) by physics step until the meeting;
+poses are x y z qw qx qy qz."""
 
 import pickle
 from contextlib import closing

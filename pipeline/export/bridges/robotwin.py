@@ -1,6 +1,5 @@
-"""RoboTwin's files, as the converters of RoboTwin and DOMINO read them; docs/exports.md has the
-layout. The original stores the drive targets in force at a frame. Ours are commanded for the
-interval after it, so they move by one."""
+"""RoboTwin's files (layout: docs/exports.md). The original stores the drive targets in force at
+a frame; ours are for the interval after it, so they move by one."""
 
 import json
 from abc import abstractmethod

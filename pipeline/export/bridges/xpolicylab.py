@@ -1,5 +1,5 @@
-"""XPolicyLab's trajectory format v1.0, which RoboTwin's main branch writes; docs/exports.md has the
-layout. `state[t]` is the joint target in force at frame t, `action[t]` the one after it."""
+"""XPolicyLab's trajectory format v1.0 (docs/exports.md). `state[t]` is the joint target in force
+at frame t, `action[t]` the one after it."""
 
 import json
 from collections.abc import Sequence

@@ -36,9 +36,8 @@ def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Contents:
-    """One file. `later` names arrays that are those of other keys one frame later, the last frame
-    twice: HDF5 virtual datasets. `of_groups` are attributes of groups; `cache` the bytes of chunks
-    that h5py holds, on which the file's order depends."""
+    """One file. `later` names arrays that are other keys one frame later: HDF5 virtual datasets.
+    The file's order depends on `cache`, the bytes of chunks that h5py holds."""
 
     values: Mapping[str, NDArray[Any] | str]
     attributes: Mapping[str, Any]

@@ -1,5 +1,4 @@
-"""TFRecord files of tf.train.Example messages, without TensorFlow: length, masked CRC-32C of it,
-message in protocol buffers' wire format, masked CRC-32C
+"""TFRecord files of tf.train.Example messages, without TensorFlow
 (https://www.tensorflow.org/tutorials/load_data/tfrecord)."""
 
 import struct

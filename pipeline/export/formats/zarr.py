@@ -1,6 +1,5 @@
-"""Replay buffers in zarr, as Diffusion Policy and DP3 read them (docs/exports.md). Format 2
-(https://zarr-specs.readthedocs.io/en/latest/v2/v2.0.html) are written by hand so that chunks of an
-older export are linked."""
+"""Replay buffers in zarr for Diffusion Policy and DP3 (docs/exports.md), in format 2. They are
+written by hand so that chunks of an older export are linked."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,5 @@
-"""An export while it is written. A file that the same code and options would make from the same is
-linked from the older export; the result equals, byte for byte, an export to an empty directory."""
+"""An export while it is written. Unchanged files are linked from the older export; the result
+has the bytes of an export to an empty directory."""
 
 import functools
 import hashlib
@@ -46,9 +46,8 @@ def code() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Job[O]:
-    """One export. What is written never depends on `workers`. `describe(folder, summary)` gives the
-    card's text and may write images. `origins` are the originals of episodes made for this export;
-    `given` is what export.json has beside the format's options."""
+    """One export. What is written never depends on `workers`. `describe(folder, summary)` gives
+    the card's text; `given` is what export.json has beside the options."""
 
     dataset: Path
     out: Path

@@ -1,7 +1,5 @@
-"""What the expert did in every frame, in names and in words, from the runs of skills.
-
-A frame belongs to the runs that act in the physics step after it. Without one the skill is "wait",
-and "policy" where a policy acts."""
+"""What the expert did in every frame, from the runs of skills that act in the physics step after
+it. Without one the skill is "wait", or "policy" if a policy acts."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -71,9 +71,8 @@ class RowWriter:
 
 
 def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
-    """Where an episode comes from, one value a column. T_meet and x_meet ... (m) are the planned
-    meeting; other t_ are s since the first frame, None for what did not happen. Speeds are m/s
-    along the planned motion. `skills` and `conditions` are JSON."""
+    """The origin of an episode, one value a column. T_meet (s) and x_meet ... (m) are planned;
+    other t_ are s since the first frame, None for what did not happen. Speeds are m/s."""
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     start, first = log.times[0], derived.first_contacts
     times = {f"t_{event}": log.time_of(event) for event in ("meeting", "release", "success")}

@@ -20,8 +20,8 @@ from .episodes import ExportError
 @dataclass(frozen=True)
 class EncoderLimits:
     """Defaults of an encoder, and the crf above which it clips without a word. `alone` makes its
-    bytes a function of the frames. `predicted` is for frames predicted from others: x264's
-    look-ahead differs now and then, and packets of episodes must follow each other."""
+    bytes a function of the frames. `predicted` is without x264's look-ahead, which differs
+    now and then."""
 
     crf: int
     largest_crf: int

@@ -1,5 +1,5 @@
-"""Features and columns of a LeRobot dataset, made whole episodes at a time. What a robot does not
-know, such as the target's pose, is outside of `observation.`, which policies take for an input."""
+"""Features and columns of a LeRobot dataset. What a robot does not know is outside of
+`observation.`, which policies take for an input."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,11 +1,9 @@
 """Schema, info.json, tasks and statistics, with the bytes that lerobot 0.6.1 writes, and its
 language columns (lerobot/datasets/language.py).
 
-`language_persistent` has the rows of the whole episode in every frame, each with the time from
-which it is active: `subtask`, `plan` (the subtasks from here on) and `motion` (metres along x, y, z
-of the world until the next subtask, and the gripper). `language_events` has rows of the frame:
-every third frame a `trace` for each camera that sees the target, where it goes within a second, in
-pixels."""
+Every frame's `language_persistent` has all rows of the episode, with the time from which each is
+active: `subtask`, `plan`, `motion` (m, world). `language_events` has a `trace` every third
+frame: the target's path in the next second, in pixels."""
 
 import json
 from collections.abc import Mapping, Sequence

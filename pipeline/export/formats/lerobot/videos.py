@@ -1,6 +1,5 @@
-"""Video files of a LeRobot dataset: each episode is encoded alone, so that its packets depend on
-its frames only, and appended without encoding. meta/domino_encoded.parquet has what a later export
-needs to take videos over; one row an episode and camera."""
+"""Video files of a LeRobot dataset: each episode is encoded alone and appended without encoding.
+meta/domino_encoded.parquet has what a later export needs to take videos over."""
 
 import io
 from collections.abc import Iterator, Sequence
