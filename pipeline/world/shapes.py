@@ -1,5 +1,5 @@
-"""What a rigid body looks like and how it collides, as plain data (m, z up, origin at the centre of
-the base for objects). Colours are sRGB 0-1."""
+"""How a rigid body looks and collides, as plain data (m, z up, objects: origin at the base's
+centre). Colours are sRGB 0-1."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ class Mesh:
 
 
 class _Deferred(Mesh):
-    """A mesh whose arrays are computed when the first is read; a plain one from then on."""
+    """A mesh whose arrays are computed when first read."""
 
     def __init__(self, make: Callable[[], Mesh]) -> None:
         self.__dict__["_make"] = make
@@ -55,8 +55,8 @@ class _Deferred(Mesh):
 
 
 def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
-    """Function decorator: the mesh is computed when first read. Layouts, plans and simulations need
-    the collision pieces alone."""
+    """Decorator: compute the mesh when first read. Planning and simulation need the collision
+    pieces alone."""
 
     @wraps(make)
     def later(*arguments: P.args, **options: P.kwargs) -> Mesh:
@@ -66,7 +66,7 @@ def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
 
 
 def quads(*corners: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Triangles (2M,3) of M quadrilaterals from the indices (M,) of their four corners in turn."""
+    """Triangles (2M,3) of M quadrilaterals from the indices (M,) of their corners."""
     a, b, c, d = corners
     return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
 
@@ -107,8 +107,7 @@ class TextureSource:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """sRGB colour 0-1, roughness and metallic 0-1, a texture (H,W,4) uint8 sRGB that replaces the
-    colour, and how it was made."""
+    """sRGB colour, roughness and metallic 0-1; a texture (H,W,4) uint8 sRGB replaces the colour."""
 
     color: tuple[float, float, float]
     roughness: float = 0.6
@@ -119,8 +118,8 @@ class Material:
 
 @deferred
 def seen_along(mesh: Mesh, axes: Floats, tile: ArrayLike) -> Mesh:
-    """The mesh with uvs projected along one direction, from its smallest corner: `axes` (2,3) are
-    the directions of u and v, `tile` the size (m) of an image, or of its two sides."""
+    """uvs projected along one direction: `axes` (2,3) are the directions of u and v, `tile` the
+    size (m) of an image or its sides."""
     across = mesh.vertices @ np.asarray(axes, np.float32).T
     uvs = ((across - across.min(0)) / np.asarray(tile)).astype(np.float32)
     return Mesh(mesh.vertices, mesh.triangles, mesh.normals, uvs)
@@ -131,9 +130,9 @@ type Parts = Sequence[tuple[Mesh, Material]]
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """One convex collision piece. Sizes: box half extents, sphere (r,), cylinder and capsule (r,
-    half length) along local z, convex () with `vertices` (N,3). `pose` is in the body frame,
-    `weight` the relative density, `measured` the volume (m^3) of a convex piece if known."""
+    """One convex piece. Sizes: box half extents, sphere (r,), cylinder and capsule (r, half length)
+    along z, convex () with `vertices` (N,3). `pose` is in the body frame, `weight` the relative
+    density, `measured` a convex piece's volume (m^3)."""
 
     kind: str
     size: tuple[float, ...]
@@ -180,7 +179,7 @@ class Shape:
     friction: float = 0.6
 
     def aabb(self) -> Floats:
-        """Lower and upper corner (2,3) of the collision pieces in the body frame; read-only."""
+        """Lower and upper corner (2,3) of the pieces in the body frame; read-only."""
         return self._bounds
 
     @cached_property

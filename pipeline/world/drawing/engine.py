@@ -1,5 +1,5 @@
-"""The renderer's part that speaks to the engine: ways to draw, draw calls, and scenes of bodies,
-lights and cameras. A draw call costs the software rasteriser about 20 us whatever it draws."""
+"""The renderer's interface to the engine: draw calls and scenes of bodies, lights and cameras. A
+draw call costs the software rasteriser about 20 us whatever it draws."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -26,8 +26,8 @@ from .shadows import (
 
 @dataclass(frozen=True)
 class Preset:
-    """How to draw: a shader folder of ours or a stock one, colour target, shadows. `samples` per
-    pixel are edge samples, or paths of ray tracing; `edges` are smoothed afterwards."""
+    """How to draw: shader folder, colour target, shadows. `samples` per pixel are edge samples, or
+    paths of ray tracing."""
 
     shader: str
     target: str = "Image"
@@ -37,7 +37,7 @@ class Preset:
 
     @property
     def stock(self) -> bool:
-        """Whether SAPIEN's own shaders draw: they divide light by pi and want linear colours."""
+        """Whether SAPIEN's own shaders draw: they divide light by pi and expect linear colours."""
         return self.shader == "rt"
 
 
@@ -55,7 +55,7 @@ PLAIN = -(1 << 20)
 
 
 def by_material(parts: Parts) -> list[tuple[Mesh, Material]]:
-    """The parts with those of equal material merged, in the order of first appearance."""
+    """The parts, merged by material in order of first appearance."""
     groups: dict[tuple[Any, ...], tuple[list[Mesh], Material]] = {}
     for mesh, m in parts:
         key = tuple(m.color), m.roughness, m.metallic, _content(m), mesh.uvs is None
@@ -64,8 +64,8 @@ def by_material(parts: Parts) -> list[tuple[Mesh, Material]]:
 
 
 def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
-    """The parts as one mesh per texture, at least one. Untextured parts carry their material in
-    their uvs (`material_uv`) and join the first mesh."""
+    """One mesh per texture, at least one. Untextured parts carry their material in their uvs and
+    join the first."""
     groups: dict[tuple[Any, ...], tuple[list[Mesh], Material]] = {}
     plain: list[Mesh] = []
     one = sum(m.texture is not None for _, m in parts) < 2  # hashing takes 10 ms an episode
@@ -84,8 +84,7 @@ def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
 
 
 def material_uv(material: Material) -> NDArray[np.float32]:
-    """A material as a uv pair (2,): colour as 0xRRGGBB, PLAIN - (roughness * 256 + metallic), 8
-    bits each."""
+    """A uv pair (2,): colour as 0xRRGGBB, PLAIN - (roughness * 256 + metallic), 8 bits each."""
     r, g, b, roughness, metallic = np.rint(
         np.clip([*material.color, material.roughness, material.metallic], 0, 1) * 255
     )
@@ -93,7 +92,7 @@ def material_uv(material: Material) -> NDArray[np.float32]:
 
 
 def bounds(parts: Parts) -> tuple[Floats, Floats]:
-    """Middle and half size (3,), m, of the bounding box of the parts in the body frame."""
+    """Middle and half size (3,), m, of the bounding box in the body frame."""
     points = np.concatenate([mesh.vertices for mesh, _ in parts]).astype(np.float64)
     lower, upper = points.min(0), points.max(0)
     return (lower + upper) / 2, (upper - lower) / 2
@@ -112,8 +111,8 @@ BACKGROUND = 0  # the number of what is no body
 
 @dataclass(frozen=True)
 class Drawn:
-    """A render component and its number in the segmentation. A plane of the room, lit per
-    vertex, has its channel of the shadow masks and its roughness."""
+    """A render component and its segmentation number; a plane of the room has a shadow channel and
+    roughness."""
 
     component: Any
     number: int = BACKGROUND
@@ -122,9 +121,8 @@ class Drawn:
 
 
 class DrawnScene:
-    """Bodies that can be placed, shown and hidden, their lights, and cameras, made when first
-    used. Planes are drawn last. `scattered` is the light that the table sends back; `textures`
-    are what our shaders sample, by name."""
+    """Bodies, lights and cameras made on first use. Planes are drawn last. `scattered` is light
+    from the table; `textures` are for our shaders."""
 
     def __init__(
         self,
@@ -170,8 +168,7 @@ class DrawnScene:
         self._shown = shown
 
     def take(self, kind: CameraType, shader: str, pose: ArrayLike) -> Any:
-        """Draw an image from a world pose (7,); the camera returned holds it until its next
-        image."""
+        """Draw from a world pose (7,); the camera holds the image until its next one."""
         if (kind, shader) not in self._cameras:
             self._cameras[kind, shader] = self._camera(kind, shader)
         camera = self._cameras[kind, shader]
@@ -231,8 +228,8 @@ class DrawnScene:
 
 
 def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
-    """Render component of a body's parts: one draw call per texture for our shaders, per
-    material for stock ones. Textures get `levels`, each half as fine as the one before."""
+    """Render component: one draw call per texture for our shaders, per material for stock ones.
+    Textures get `levels` mip levels."""
     render, body = sapien.render, sapien.render.RenderBodyComponent()
     for mesh, material in by_material(parts) if stock else packed(parts):
         color = np.asarray(material.color, float)
@@ -255,7 +252,7 @@ def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
 
 
 def millimetres(depth_buffer: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Depth buffer (H,W) 0-1 -> distance along the viewing axis in mm, 0 for the background."""
+    """Depth buffer (H,W) 0-1 -> mm along the viewing axis, 0 for the background."""
     d = depth_buffer.astype(np.float64)
     z = NEAR * FAR / (FAR - d * (FAR - NEAR))
     return np.where(d < 1.0, np.rint(z * 1000.0), 0).astype(np.uint16)

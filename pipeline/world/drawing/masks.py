@@ -1,4 +1,4 @@
-"""The light that a map of depths leaves on table and floor, as masks over the same map."""
+"""Masks of the light that a depth map leaves on table and floor."""
 
 from dataclasses import dataclass
 
@@ -26,8 +26,8 @@ DARKEST = 0.85  # share of the room's light that goes below a body which lies on
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What shadows fall on: depths (N,N) of `table` and `floor` in the map, 0-1 over `depth`
-    (m). `window` are the rows and columns of the table and FAR // 2 texels around it."""
+    """Depths (N,N) of `table` and `floor`, 0-1 over `depth` (m). `window` are rows and columns of
+    the table and FAR // 2 texels around."""
 
     table: Depths
     floor: Depths
@@ -36,8 +36,8 @@ class Ground:
 
 
 def hard(depths: Depths, ground: Ground, masks: Masks | None = None, area: Area = ALL) -> Masks:
-    """Share of the sun's light, 0-255, on table and floor (N,N,2), averaged over 3x3 texels.
-    `masks` are brought up to date where depths changed in an `area` only."""
+    """Sunlight 0-255 on table and floor (N,N,2), averaged over 3x3 texels. Given `masks` are
+    updated where depths changed in `area`."""
     masks = np.full((*depths.shape, 2), 255, np.uint8) if masks is None else masks
     for channel, plane in enumerate((ground.table, ground.floor)):
         _light(depths, plane, 3, masks, channel, known(area, depths.shape))
@@ -45,9 +45,8 @@ def hard(depths: Depths, ground: Ground, masks: Masks | None = None, area: Area 
 
 
 def soft(depths: Depths, ground: Ground, masks: Masks | None = None, area: Area = ALL) -> Masks:
-    """Masks (N,N,4), 0-255: the sun's light on the table, on the floor, the room's light on the
-    table, and 255; otherwise as `hard`. Edges of shadows widen with the distance between body and
-    table."""
+    """Masks (N,N,4), 0-255: sunlight on table and floor, room light on the table, 255; otherwise as
+    `hard`. Shadow edges widen with height over the table."""
     masks = np.full((*depths.shape, 4), 255, np.uint8) if masks is None else masks
     area, window = (known(part, depths.shape) for part in (area, ground.window))
     _light(depths, ground.floor, MIDDLE, masks, 1, area)
@@ -98,8 +97,8 @@ def _within(part: Area, source: Area) -> Area:
 
 @njit(cache=True, error_model="numpy")
 def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks, Masks]) -> None:
-    """For every texel, 0-255: whether a body blocks the sun, how high it is, and what it takes
-    of the room's light."""
+    """For every texel, 0-255: whether a body blocks the sun, its height, and the room light it
+    takes."""
     blocked, height, contact = out
     scale, close = np.float32(depth * 255 / SOFTEST), np.float32(depth / CONTACT)
     below = np.float32(-BELOW / depth)
@@ -116,8 +115,7 @@ def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks,
 def _mix(
     shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], out: Masks
 ) -> None:
-    """The table's channels; the shadow is mixed of three by the mean height of bodies around a
-    texel."""
+    """The table's channels: three shadows mixed by the mean height of bodies around."""
     near, middle, far = shadows
     line, wide = contact
     for y in range(out.shape[0]):
@@ -147,8 +145,8 @@ def _bordered(light: Masks) -> Masks:
 def compare(
     different: NDArray[np.bool_], before: Masks, now: Masks, corner: tuple[int, int], out: Blocks
 ) -> None:
-    """Blocks (3,M,M) in which the light on the table, on the floor, and the depths differ; `before`
-    is from `corner` on."""
+    """Blocks (3,M,M) of changed light on table, on floor, and changed depths; `before` starts at
+    `corner`."""
     for i in range(before.shape[0]):
         y = corner[0] + i
         for j in range(before.shape[1]):

@@ -36,16 +36,16 @@ FURNITURE = "the furniture"  # no name of a body: those have no spaces
 
 
 class Renderer:
-    """A render-only scene: `visual_bodies` move, `fixed` and the room of `visuals` do not.
-    `images` are the room's textures that are not drawn, by kind. Close it, or use it as a
-    context manager.
+    """A render-only scene: `visual_bodies` move, `fixed` and the room do not. `images` are textures
+    by kind that replace drawn ones. Close it, or use it as a context manager.
 
-    Segmentation numbers are positions in `visual_bodies` plus one: give the bodies in the order
-    of `StateLog.bodies`, empty ones included. Raises ValueError for an unknown preset or more
-    than 255 bodies, KeyError for a camera on what is no body, and NoRenderer.
+    Segmentation numbers are positions in `visual_bodies` plus one: keep the order of
+    `StateLog.bodies`. Raises ValueError for an unknown preset or more than 255 bodies, KeyError for
+    a camera on no body, NoRenderer.
 
-    With raster presets every camera has a scene of its own, without the bodies outside of its
-    view, and all share one shadow map. Stock shaders draw one complete scene."""
+    With raster presets each camera has its own scene of bodies in view, and all share one shadow
+    map.
+    """
 
     def __init__(
         self,
@@ -136,11 +136,12 @@ class Renderer:
         depth: bool = False,
         segmentation: bool = False,
     ) -> list[View]:
-        """Images of every camera, in its order, at the given frames (all by default).
+        """Render every camera at the given frames (default: all).
 
-        `body_poses` maps names to world poses (T,7). Views have RGB (F,H,W,3) uint8, and on
-        request depth (F,H,W) uint16 in mm along the viewing axis (0: nothing) and segmentation
-        (F,H,W) uint8. Raises KeyError for a missing body, ValueError for a wrong shape."""
+        `body_poses` are world poses (T,7). Views have RGB (F,H,W,3) uint8, on request depth (F,H,W)
+        uint16 in mm along the viewing axis (0: nothing) and segmentation (F,H,W) uint8. Raises
+        KeyError for a missing body, ValueError for a wrong shape.
+        """
         poses = self._check_poses(body_poses)
         index = np.asarray(frames or [0], int)
         if poses and frames is None:
@@ -240,8 +241,7 @@ class Renderer:
     def _take(
         self, scene: DrawnScene, view: View, at: Floats, poses: Mapping[str, Floats]
     ) -> tuple[Any, Any]:
-        """Start drawing a frame of a view from `at` (7,); the components that hold the image and,
-        on request, depth and masks."""
+        """Start drawing a frame from `at` (7,); returns the components that hold the images."""
         for name, pose in poses.items():
             scene.place(name, pose)
         kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None

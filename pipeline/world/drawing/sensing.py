@@ -1,5 +1,5 @@
-"""What cameras measure: point clouds of the workspace, and what real cameras do to a drawn image,
-as functions of arrays and named random streams. Light is the square of a pixel value over 255."""
+"""Point clouds of the workspace, and imperfections of real cameras, as functions of arrays and
+named random streams. Light is the square of a pixel value over 255."""
 
 import hashlib
 from collections.abc import Mapping
@@ -25,9 +25,9 @@ COLUMNS = 320
 
 
 def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
-    """Clouds (T,count,6) of a view with depth: x y z (m, world) and r g b (0-1) of what is on or
-    over the table, thinned by farthest point sampling. The first k points are the sample of size
-    k; fewer pixels are repeated, and without any all is zero."""
+    """Clouds (T,count,6): x y z (m, world) and r g b (0-1) on or over the table, by farthest point
+    sampling. The first k points are the sample of size k; too few pixels are repeated, none give
+    zeros."""
     assert view.depth is not None
     step = max(1, view.camera.type.width // COLUMNS)
     rays = _rays(view)[::step, ::step]
@@ -50,7 +50,7 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
 
 
 def _rays(view: View) -> Floats:
-    """Rays (H,W,3) of the pixel centres for a depth of 1: x forward, y left, z up."""
+    """Rays (H,W,3) of pixels for a depth of 1: x forward, y left, z up."""
     kind = view.camera.type
     k = intrinsics(kind)
     u, v = np.arange(kind.width) + 0.5, (np.arange(kind.height) + 0.5)[:, None]
@@ -60,8 +60,8 @@ def _rays(view: View) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def farthest_points(points: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Indices (count,) of points (N,3), N >= count: the first point, then each time the one
-    farthest from all taken, of several the first."""
+    """Indices (count,) of points (N,3), N >= count: the first, then each time the farthest from all
+    taken."""
     x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
     z = np.ascontiguousarray(points[:, 2])
     taken = np.zeros(count, np.int64)
@@ -100,7 +100,7 @@ LIGHT = np.square(np.arange(256, dtype=np.float32) / np.float32(255))
 
 @dataclass(frozen=True)
 class Sensing:
-    """The imperfections of an episode's cameras, `seed` of their random streams, rate of frames."""
+    """The imperfections of an episode's cameras."""
 
     sensors: Sensors
     seed: int
@@ -117,8 +117,8 @@ class Sensing:
         return self.sensors.motion_blur * self.fps / 1000
 
     def drift(self, camera: str, frame: int) -> NDArray[np.float32]:
-        """Factors (3,) of red, green and blue light at a frame: exposure changes by up to the
-        drift, red against blue by half."""
+        """Factors (3,) of red, green and blue light: exposure varies by up to the drift, red
+        against blue by half."""
         knot, between = divmod(frame / (KNOTS * self.fps), 1.0)
         old, new = (self.rng(camera, "drift", int(knot) + k).uniform(-1, 1, 2) for k in (0, 1))
         exposure, warmth = (
@@ -129,8 +129,8 @@ class Sensing:
         )
 
     def developed(self, camera: str, frame: int, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """The image (H,W,3) of the light (H,W,3) at a frame. The variance of light L is L g / W
-        + (r g / W)^2 with gain g, full well W and read noise r."""
+        """The image of light (H,W,3). The variance of light L is L g / W + (r g / W)^2 with gain g,
+        full well W and read noise r."""
         if self.sensors.drift:
             light = light * self.drift(camera, frame)
         if self.sensors.noise:
@@ -142,8 +142,8 @@ class Sensing:
         return np.rint(np.sqrt(np.clip(light, 0, 1)) * np.float32(255)).astype(np.uint8)
 
     def measured(self, camera: str, frame: int, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """A depth image (H,W) in mm as a D435 measures it: noisy disparity in steps (3.6 mm at 1
-        m), holes (0) at edges and out of range."""
+        """Depth (H,W) in mm as of a D435: noisy disparity in steps (3.6 mm at 1 m), holes (0) at
+        edges and out of range."""
         rng = self.rng(camera, "depth", frame)
         z = depth.astype(np.float32) / 1000
         seen = (z >= NEAREST) & (z <= FARTHEST)

@@ -1,5 +1,5 @@
-"""The sun's shadows as two textures that all cameras share: depths drawn once per frame, and
-what they make of the light on table and floor. Looks are drawn by number."""
+"""The sun's shadows as two textures that all cameras share: depths drawn once per frame, and the
+resulting light on table and floor."""
 
 from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass
@@ -34,9 +34,8 @@ from .surfaces import embossed, opened
 
 @dataclass(frozen=True)
 class Look:
-    """How images are computed: a suffix of our shader folders, the planes' shadow masks, whether
-    edges may be smoothed, and what poses are rounded to (m, 0: nothing). `prepare` gets bodies
-    ready, `surface` the table for the sun's direction."""
+    """A way to compute images: shader suffix, planes' shadow masks, smoothing allowed, rounding of
+    poses (m, 0: none)."""
 
     shaders: str
     masks: Callable[[Depths, Ground, Masks | None, Area], Masks]
@@ -59,7 +58,7 @@ LOOKS = {
 
 
 def look_of(number: int) -> Look:
-    """The look of that number. Raises ValueError for one that only a later version draws."""
+    """Raises ValueError for a look that only a later version draws."""
     if number not in LOOKS:
         raise ValueError(f"look {number} is unknown: a later version drew this episode")
     return LOOKS[number]
@@ -82,11 +81,11 @@ NOTHING.setflags(write=False)
 
 
 class ShadowMap:
-    """What the sun does not reach, as two `textures` that `draw` brings up to date.
+    """Two `textures` that `draw` updates: "ShadowMap" is the depth along the light, 0-1, of every
+    body's far side, "ShadowMasks" the share of light on table and floor.
 
-    "ShadowMap" is the depth along the light, 0-1, of the far side of every body; "ShadowMasks"
-    the share of light, 0-1, that reaches table and floor. Poses are rounded to POSE_STEP; bodies
-    that keep still for SAME_STILL frames are drawn once for all of them."""
+    Poses are rounded to POSE_STEP; bodies still for SAME_STILL frames are drawn once.
+    """
 
     def __init__(
         self, sapien: Any, visuals: Visuals, moving: Mapping[str, Parts], fixed: Parts
@@ -126,8 +125,8 @@ class ShadowMap:
         ]
 
     def draw(self, k: int) -> Blocks:
-        """Bring the textures up to date with frame `k` of those to come, in order from 0. Returns
-        the blocks (3,M,M) in which light on the table, on the floor, and depths changed."""
+        """Update the textures to frame `k`, in order from 0. Returns blocks (3,M,M) in which light
+        on table, on floor, and depths changed."""
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
             self._place(self._bodies.keys() - movers, k)
@@ -190,8 +189,8 @@ class ShadowMap:
 
 
 def caster(parts: Parts, cell: float) -> Mesh:
-    """The shape of the parts for the shadow map: vertices in one cube of `cell` (m) become their
-    mean, triangles without area go. Normals and uvs are zero."""
+    """Shape for the shadow map: vertices in one cube of `cell` (m) become their mean. Normals and
+    uvs are zero."""
     whole = merge([mesh for mesh, _ in parts])
     vertices = whole.vertices.astype(np.float64)
     cubes = np.floor(vertices / cell).astype(np.int64) + (1 << 20)
@@ -206,7 +205,7 @@ def caster(parts: Parts, cell: float) -> Mesh:
 
 
 def sun_axes(direction: ArrayLike) -> Floats:
-    """Rows (3,3): across the light twice, and along it; `sun_coordinates` in sun.glsl."""
+    """Rows (3,3): across the light twice, and along it; as in sun.glsl."""
     forward = np.asarray(direction, float) / np.linalg.norm(direction)
     right = np.cross((1.0, 0.0, 0.0) if abs(forward[0]) < 0.9 else (0.0, 1.0, 0.0), forward)
     right /= np.linalg.norm(right)
@@ -214,8 +213,7 @@ def sun_axes(direction: ArrayLike) -> Floats:
 
 
 def table_window(direction: ArrayLike) -> tuple[slice, slice]:
-    """Rows and columns of the map with the light that meets the table top, and FAR // 2 texels
-    around."""
+    """Rows and columns of the map that light the table top, and FAR // 2 texels around."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0)])
     corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
     x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T
@@ -229,8 +227,7 @@ def table_window(direction: ArrayLike) -> tuple[slice, slice]:
 
 
 def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
-    """Depth (SHADOW_MAP, SHADOW_MAP) at which light meets z = `height` (m), at most 1; 0 if
-    never."""
+    """Depth (SHADOW_MAP, SHADOW_MAP), at most 1, of light meeting z = `height` (m); 0: never."""
     right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE
     distance = height + SHADOW_OFFSET - SHADOW_CENTRE[2]

@@ -1,5 +1,5 @@
-"""How much of a body a camera sees, without drawing: its triangles and those of all that may
-occlude it, in a depth buffer that is covered as a renderer covers pixels."""
+"""How much of a body a camera sees, without drawing: a depth buffer of its triangles and all
+occluders, covered like a renderer's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ FIXED = "what stands still"  # no name of a body: those have no spaces
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Triangles of B bodies: vertices (V,3) in the frame of body `owner` (V,), triangles (M,3),
-    and the first triangle and vertex of every body, with their ends, (B,2)."""
+    """Triangles of B bodies: vertices (V,3) in the frame of `owner` (V,), triangles (M,3), and
+    ranges (B,2)."""
 
     names: tuple[str, ...]
     vertices: Floats
@@ -56,11 +56,10 @@ def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
 
 @dataclass(frozen=True, eq=False)
 class BodyTracks:
-    """N bodies in T images. `box` (T,N,4) is left, top, right, bottom (pixels) around the whole
-    silhouette, `centre` (T,N,2) the pixel of the middle of the body's bounding box; both zeros
-    unless it is in front of the camera. `visible` (T,N) is the share of the silhouette, up to
-    one image beyond each border, that is in the image and not occluded. `pose` (T,N,7) is in the
-    camera frame, x right, y down, z forward."""
+    """N bodies in T images. `box` (T,N,4) is left, top, right, bottom (pixels) of the whole
+    silhouette, `centre` (T,N,2) the bounding box's middle; zeros behind the camera. `visible` (T,N)
+    is the share in the image and not occluded, of the silhouette up to one image beyond each
+    border. `pose` (T,N,7) is in the camera frame, x right, y down, z forward."""
 
     box: NDArray[np.float32]
     centre: NDArray[np.float32]
@@ -75,8 +74,7 @@ def track_bodies(
     kind: CameraType,
     camera_poses: Floats,
 ) -> BodyTracks:
-    """Tracks of the bodies `names` in a camera at `camera_poses` (T,7); `poses` (T,7) of all
-    bodies by name."""
+    """Tracks of the bodies `names`; world poses (T,7)."""
     frames = len(camera_poses)
     view = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
     view[:, :3] = extrinsics_cv(camera_poses)
@@ -126,8 +124,8 @@ def _track(
     index: NDArray[np.int64],
     lens: Floats,
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Boxes (T,N,4) and sampled pixels (T,N,2) of whole silhouettes and of their visible parts.
-    `lens` is f, cx, cy, width, height, near and the number of samples."""
+    """Boxes (T,N,4) and sampled pixels (T,N,2) of whole and visible silhouettes. `lens` is f, cx,
+    cy, width, height, near, samples."""
     frames, count = len(matrices), len(index)
     f, cx, cy, width, height, near, samples = lens
     boxes, pixels = np.zeros((frames, count, 4)), np.zeros((frames, count, 2), np.int64)
@@ -194,8 +192,7 @@ def _box(
     cy: float,
     near: float,
 ) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom in the image of triangles beyond the near plane; left > right:
-    none."""
+    """Left, top, right, bottom of triangles beyond the near plane; left > right: none."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     for k in range(len(triangles)):
         for i in range(3):
@@ -221,8 +218,8 @@ def draw(
     depths: Floats,
     drawn: NDArray[np.int64],
 ) -> None:
-    """Draw triangles into depths (h,w), and the row of the nearest one into `drawn` (h,w). An
-    entry is the middle of `grid` by `grid` pixels; `place` is the first pixel x0, y0 and grid."""
+    """Draw triangles into depths (h,w), the nearest's row into `drawn` (h,w). An entry is the
+    middle of `grid` by `grid` pixels; `place` is x0, y0, grid."""
     f, cx, cy, near = lens
     x0, y0, grid = place
     # the centre of the pixel in the middle of a grid cell lies on whole numbers
@@ -259,8 +256,7 @@ def _fill(
     depths: Floats,
     drawn: NDArray[np.int64],
 ) -> None:
-    """Draw one triangle, whose `chosen` corners (3,) are column, row and depth, unless it turns its
-    back."""
+    """Draw one triangle by corners (3,) of column, row and depth, unless it turns its back."""
     a, b, c = corners[chosen[0]], corners[chosen[1]], corners[chosen[2]]
     rows, columns = depths.shape
     left = max(0, int(np.ceil(max(-1.0, min(a[0], b[0], c[0])))))

@@ -1,6 +1,6 @@
-"""Surfaces as our shaders want them: bodies with the room's light that reaches each vertex, and the
-planes of the room. Planes fill most of an image: light is computed at the points of a grid, shadows
-come from a mask, and a texture has one level, chosen for the camera."""
+"""Surfaces for our shaders: bodies with the room's light at each vertex, and the room's planes.
+Planes fill most of an image: they are lit on a grid, shadows come from a mask, textures have one
+level."""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -32,8 +32,8 @@ class _Body:
 
 
 def opened(parts: Parts) -> Parts:
-    """The parts with normals as long as the share of the room's light, 0-1, that reaches their
-    vertices past the body: rays through a grid of filled cells."""
+    """Normals become as long as the share of the room's light, 0-1, that passes the body, by rays
+    through filled cells."""
     if not parts:
         return parts
     content = hashlib.sha256()
@@ -49,8 +49,7 @@ def opened(parts: Parts) -> Parts:
 
 @lru_cache(maxsize=256)
 def _shares(body: _Body) -> tuple[NDArray[np.float32], ...]:
-    """Share of light (N,) of the vertices of each mesh; a worker's robots come again in every
-    episode."""
+    """Light share (N,) of each mesh's vertices; cached because robots return every episode."""
     points = [mesh.vertices.astype(float) for mesh, _ in body.parts]
     every = np.concatenate(points)
     lower, extent = every.min(0), np.ptp(every, axis=0).max()
@@ -102,8 +101,7 @@ def _open(
     rays: Points,
     reach: float,
 ) -> NDArray[np.float32]:
-    """Share of light (N,) from the half space of each normal, weighted by the cosine and
-    nearness."""
+    """Share of light (N,) around each normal, weighted by cosine and nearness."""
     out = np.ones(len(points), np.float32)
     nx, ny, nz = grid.shape
     steps = int(reach / cell)
@@ -143,13 +141,13 @@ RELIEF = 4.0  # texels between the deepest and the highest of a texture
 
 
 def channel(name: str) -> int:
-    """Channel of the shadow masks for a plane; planes without shadows take alpha, which is 1."""
+    """Shadow mask channel of a plane; planes without shadows take alpha, which is 1."""
     return SHADOWED.index(name) if name in SHADOWED else 3
 
 
 def embossed(parts: Parts, direction: ArrayLike) -> Parts:
-    """The parts with what light from one `direction` makes of the relief of their textures,
-    darker being deeper. For surfaces that face up, columns along x and rows along y."""
+    """The relief of textures as lit from `direction`, darker being deeper. For surfaces that face
+    up."""
     dx, dy, dz = np.asarray(direction, float)
     out = []
     for mesh, material in parts:
@@ -166,7 +164,7 @@ def embossed(parts: Parts, direction: ArrayLike) -> Parts:
 
 
 def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
-    """The parts of a plane as grids, with textures no finer than a camera of this type sees."""
+    """A plane's parts as grids, with textures no finer than such a camera sees."""
     cell, distance = (TABLE_CELL, TABLE_DISTANCE) if name == TABLE else (ROOM_CELL, ROOM_DISTANCE)
     pixel = distance * 2 * np.tan(np.radians(kind.fovy) / 2) / kind.height
     out = []
@@ -179,8 +177,7 @@ def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
 
 
 def grid(mesh: Mesh, cell: float) -> Mesh:
-    """The mesh with its rectangles (of `room.quad`) cut into grids of about `cell` (m), but for
-    the underside of a box."""
+    """Rectangles (of `room.quad`) cut into cells of about `cell` (m), except a box's underside."""
     pieces = []
     for k in range(0, len(mesh.vertices), 4):
         a, b, _, d = mesh.vertices[k : k + 4].astype(np.float64)
@@ -201,7 +198,7 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
 
 
 def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
-    """How often to halve a texture (H,W,4) so that a texel is about as large as a `pixel` (m)."""
+    """How often to halve a texture so that a texel is about a `pixel` (m)."""
     if mesh.uvs is None:
         return 0
     a, b = mesh.triangles[0][:2]
@@ -211,7 +208,7 @@ def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
 
 
 def halved(texture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """The texture (H,W,4) with blocks of 2x2 texels averaged, `times` or until a side is odd."""
+    """Average 2x2 texels, `times` or until a side is odd."""
     for _ in range(times):
         h, w = texture.shape[:2]
         if h % 2 or w % 2:

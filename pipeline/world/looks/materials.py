@@ -1,8 +1,9 @@
-"""Materials by everyday name, `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`; the textures
-that their sources name; and parts of bodies kept in an asset store.
+"""Materials by everyday name, `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`, their textures,
+and stored parts.
 
-A colour is a name of `PALETTE` or an sRGB triple 0-1. Textured materials need a mesh with uvs; one
-tile covers the unit square. Texture arrays are shared between equal calls and read-only."""
+A colour is a name of `PALETTE` or an sRGB triple 0-1. Textures need a mesh with uvs in the unit
+square; their arrays are shared and read-only.
+"""
 
 import hashlib
 from collections.abc import Callable
@@ -30,7 +31,7 @@ SIZES = dict.fromkeys(TABLETOPS, 512) | dict.fromkeys(WALLS, 512)
 
 
 def texture(pattern: str, seed: int, colour: ArrayLike, size: int | None = None) -> Rgba:
-    """Texture (size,size,4) of a named pattern. Raises KeyError for an unknown one."""
+    """Texture (size,size,4). Raises KeyError for an unknown pattern."""
     if pattern not in PATTERNS:
         raise KeyError(
             f"texture pattern {pattern!r} is unknown: patterns are {', '.join(PATTERNS)}"
@@ -120,7 +121,7 @@ def metal(color: Color = "silver", seed: int | None = None) -> Material:
 
 
 def wood(tone: Color = "oak", seed: int | None = None) -> Material:
-    """Wood of a tone of `WOODS` or any colour; grained along u where a seed is given."""
+    """Wood of a tone of `WOODS` or any colour; with a seed grained along u."""
     return _textured("veneer", tone, seed, roughness=0.55)
 
 
@@ -138,7 +139,7 @@ def wrapped(
 
 
 def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
-    """Painted wood or plastic in use, for meshes whose sides each cover the uv square."""
+    """Worn paint or plastic, for meshes whose sides each cover the uv square."""
     return printed(print_texture(color, "cream", "worn", seed=seed), roughness)
 
 
@@ -152,8 +153,8 @@ def printed(source: TextureSource, roughness: float = 0.45) -> Material:
 def print_texture(
     base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128
 ) -> TextureSource:
-    """Printed packaging, `size` pixels square, of a kind of `prints.PRINTS`. Raises KeyError for
-    an unknown kind or colour."""
+    """Printed packaging of a kind of `prints.PRINTS`. Raises KeyError for an unknown kind or
+    colour."""
     if kind not in PRINTS:
         raise KeyError(f"print {kind!r} is unknown: prints are {', '.join(PRINTS)}")
     return TextureSource("packaging", (srgb(base), srgb(accent), kind, text, seed, size))
@@ -183,7 +184,7 @@ def _textured(
 
 @lru_cache(maxsize=16)
 def texture_pixels(source: TextureSource) -> Rgba:
-    """The image (H,W,4) uint8 sRGB of a texture, read-only; row 0 is v = 0. Raises KeyError."""
+    """The image (H,W,4) uint8 sRGB, read-only; row 0 is v = 0. Raises KeyError."""
     if source.kind not in TEXTURES:
         raise KeyError(f"texture kind {source.kind!r} is unknown: kinds are {', '.join(TEXTURES)}")
     image = TEXTURES[source.kind](*source.arguments)
@@ -204,8 +205,7 @@ _ARRAYS = ("vertices", "triangles", "normals")
 
 
 def store_parts(store: AssetStore, parts: Parts) -> str:
-    """Keep the parts of a body; the hash to find them by. Only textures without a source are
-    kept as pixels."""
+    """Store parts; returns their hash. Only textures without a source are kept as pixels."""
     arrays: dict[str, NDArray[Any]] = {}
     described = []
     for i, (mesh, material) in enumerate(parts):
@@ -234,8 +234,8 @@ def store_parts(store: AssetStore, parts: Parts) -> str:
 
 
 def load_parts(store: AssetStore, key: str) -> Parts:
-    """The parts that `store_parts` kept. Raises AssetError if they are missing or damaged, or if
-    this version makes another image from a texture's source."""
+    """Load stored parts. Raises AssetError if missing, damaged, or if a source now makes another
+    image."""
     arrays, described = store.get(key)
     parts = []
     for i, values in enumerate(described):

@@ -1,5 +1,5 @@
-"""Seeded procedural textures: (size, size, 4) uint8 sRGB, opaque, tileable. Each draws from its
-Generator alone; colours are sRGB triples 0-1."""
+"""Seeded, tileable textures: (size, size, 4) uint8 sRGB. Each draws from its Generator alone;
+colours are sRGB 0-1."""
 
 from collections.abc import Callable
 
@@ -18,8 +18,7 @@ def by_name[**P, R](*functions: Callable[P, R]) -> dict[str, Callable[P, R]]:
 
 
 def value_noise(rng: Generator, size: int, cells: tuple[int, int]) -> Field:
-    """Tileable smooth noise (size, size) 0-1: a random lattice of `cells` (rows, columns),
-    cubic."""
+    """Tileable cubic noise (size, size) 0-1 on a random lattice of `cells` (rows, columns)."""
     rows, columns = cells
     lattice = np.pad(rng.random((rows, columns), dtype=np.float32), 2, mode="wrap")
     y = (np.arange(size, dtype=np.float32) + 0.5) * (rows / size) + 1.5
@@ -32,7 +31,7 @@ def value_noise(rng: Generator, size: int, cells: tuple[int, int]) -> Field:
 
 
 def fractal(rng: Generator, size: int, cells: tuple[int, int], octaves: int = 4) -> Field:
-    """Sum of `octaves` of value noise, each twice as fine and half as strong, scaled to 0-1."""
+    """`octaves` of value noise, each twice as fine and half as strong, scaled to 0-1."""
     total = np.zeros((size, size), np.float32)
     for k in range(octaves):
         total += 0.5**k * value_noise(
@@ -61,7 +60,7 @@ def shade(colour: ArrayLike, factor: float) -> NDArray[np.float64]:
 
 
 def wood(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Straight grain along x: warped growth rings, fine fibres, slow tone changes."""
+    """Straight grain along x: growth rings, fibres, tone changes."""
     v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
     warp = fractal(rng, size, (3, 1), 3)
     rings = np.float32(rng.integers(5, 10))

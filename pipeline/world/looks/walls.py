@@ -1,5 +1,5 @@
-"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings. A tile is 3 m of
-wall, row 0 at the floor; lengths are metres from the left of the tile and from the floor."""
+"""Walls of four rooms as flat drawings. A tile is 3 m of wall, row 0 at the floor; lengths are
+metres from its left and the floor."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ OAK, STEEL, GLASS = (0.68, 0.53, 0.38), (0.62, 0.63, 0.65), (0.86, 0.92, 0.97)
 
 @dataclass(eq=False)
 class Wall:
-    """A drawing in progress on `canvas` (N,N,3), sRGB 0-1, whose row 0 is the floor."""
+    """A drawing on `canvas` (N,N,3), sRGB 0-1, whose row 0 is the floor."""
 
     canvas: NDArray[np.float32]
     rng: Generator
@@ -35,7 +35,7 @@ class Wall:
         colour: ArrayLike,
         relief: float = 0.12,
     ) -> None:
-        """A rectangle of a colour (3,), lighter at its top and darker at its foot by `relief`."""
+        """A rectangle, lighter at its top and darker at its foot by `relief`."""
         x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
         ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[
             :, None, None
@@ -67,8 +67,7 @@ class Wall:
         sizes: tuple[float, float],
         heights: tuple[float, float],
     ) -> None:
-        """Boxes, books or jars side by side, of random sizes and muted colours; a third has a
-        label."""
+        """Boxes, books or jars of random sizes and muted colours; a third has a label."""
         at = left + 0.03
         while at < left + width - sizes[1]:
             w, h = self.rng.uniform(*sizes), self.rng.uniform(*heights)
@@ -83,7 +82,7 @@ class Wall:
             at += w + self.rng.choice([0.006, 0.01, 0.05, 0.12])
 
     def cupboards(self, height: float, width: float, colour: ArrayLike, drawers: int) -> None:
-        """A row from the floor to `height`, `width` each, with drawers, under a worktop."""
+        """A row from the floor to `height`, with drawers, under a worktop."""
         each = (height - 0.1) / drawers
         self.block(0, 0, SPAN, 0.1, (0.20, 0.20, 0.21))
         for k in range(round(SPAN / width)):
@@ -121,7 +120,7 @@ def _plaster(rng: Generator, size: int, colour: ArrayLike) -> Wall:
 
 
 def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
-    """The wall as a camera shows it that is focused on the table, with light pooling."""
+    """The wall out of focus, with light pooling."""
     rng = np.random.Generator(np.random.Philox(len(canvas)))
     wide = np.pad(canvas, ((8, 8), (8, 8), (0, 0)), mode="wrap")
     soft = np.asarray(cv2.GaussianBlur(wide, (0, 0), blur))[8:-8, 8:-8]

@@ -1,4 +1,4 @@
-"""What an object family is: parameters drawn once; shape, frames and words follow from them."""
+"""Object families: parameters drawn once; shape, frames and words follow."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -15,8 +15,8 @@ from pipeline.world.shapes import Shape
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Where a two-finger gripper may hold the object: the tcp in its frame (x approach, y opening),
-    the thickness (m) between the fingers, and a kind such as "side" or "rim" for scripts."""
+    """A two-finger grasp: the tcp in the object frame (x approach, y opening), thickness (m)
+    between the fingers, and a kind such as "side" or "rim"."""
 
     pose: Pose
     width: float
@@ -25,7 +25,7 @@ class Grasp:
 
 @dataclass(frozen=True, eq=False)
 class NamedFrames:
-    """Functional frames (z = outward normal) in the object frame, and grasp candidates."""
+    """Functional frames (z = outward normal) and grasp candidates in the object frame."""
 
     points: Mapping[str, Pose]
     grasps: tuple[Grasp, ...] = ()
@@ -38,7 +38,7 @@ class NamedFrames:
 
 @dataclass(frozen=True)
 class Words:
-    """`noun` for detectors; `seen` and `unseen` noun phrases without article for instructions."""
+    """`noun` for detectors; `seen` and `unseen` phrases without article for instructions."""
 
     noun: str
     seen: tuple[str, ...]
@@ -47,8 +47,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Slide:
-    """A prismatic joint: unit `axis` in the parent's frame, limits (m) from where the body is
-    placed."""
+    """A prismatic joint: unit `axis` in the parent's frame, limits (m) from the start."""
 
     axis: tuple[float, float, float]
     lower: float
@@ -56,7 +55,7 @@ class Slide:
 
 
 class Family(Protocol):
-    """A parametric family: frozen dataclasses of their parameters (lengths in metres)."""
+    """Frozen dataclasses of a family's parameters (lengths in metres)."""
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
@@ -93,7 +92,7 @@ def stands_for(family: type[Family]) -> str | None:
 @dataclass_transform(frozen_default=True)
 def register[F: type](name: str) -> Callable[[F], F]:
     """Class decorator: enter a family under `name` (snake case), as a frozen dataclass. Raises
-    ValueError for a taken name. Shapes and frames are cached: treat their arrays as read-only."""
+    ValueError for a taken name. Shapes and frames are cached: arrays are read-only."""
 
     module = sys._getframemodulename(1)
 

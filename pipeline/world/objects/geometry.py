@@ -1,5 +1,5 @@
-"""Parametric surfaces with uvs, low in triangles (m, z up). Revolved and extruded things stand on
-their own z values; boxes, spheres and capsules are centred."""
+"""Parametric surfaces with uvs and few triangles (m, z up). Boxes, spheres and capsules are
+centred; the rest stands on its own z values."""
 
 from collections.abc import Sequence
 
@@ -29,8 +29,8 @@ def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
 
 @deferred
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
-    """Surface of revolution about z of `profile` (K,2) of (radius, z), material on its left. u goes
-    once round, v falls along the profile from 1 to 0."""
+    """Revolve `profile` (K,2) of (radius, z) about z, material on its left. u goes round, v falls
+    along the profile from 1 to 0."""
     profile = np.asarray(profile, float)
     radius, z = profile.T
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
@@ -85,13 +85,13 @@ def decal(
 
 
 def upright(turns: float) -> Floats:
-    """Quaternion that stands a decal upright facing -y, turned on by `turns` quarters about z."""
+    """Quaternion of an upright decal facing -y, turned by quarters about z."""
     return quat_multiply(quat_about((0, 0, 1), turns * np.pi / 2), quat_about((1, 0, 0), np.pi / 2))
 
 
 @deferred
 def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
-    """Box of half extents, edges and corners chamfered by `bevel` (m); uv per side."""
+    """Box of half extents with chamfers of `bevel` (m); uv per side."""
     half = np.array([hx, hy, hz])
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     if bevel <= 0:
@@ -148,8 +148,8 @@ def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh
 
 @deferred
 def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
-    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction
-    of travel. u goes round, v runs from 1 at the first section to 0."""
+    """Skin through `sections` (S,K,3): closed rings, counter-clockwise against the direction of
+    travel. u goes round, v runs from 1 to 0."""
     sections = np.asarray(sections, float)
     s, k, _ = sections.shape
     points = sections.reshape(-1, 3)
@@ -173,7 +173,8 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
 
 @deferred
 def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
-    """Round tube of `radius` (m; one or per point) along `path` (N,3); flat ends, or `closed`."""
+    """Round tube of `radius` (m; one or per point) along `path` (N,3), unless `closed` with
+    ends."""
     path = np.asarray(path, float)
     radius = np.broadcast_to(np.asarray(radius, float), len(path))
     ahead = np.roll(path, -1, 0) - path
@@ -206,7 +207,7 @@ def _transported(tangent: NDArray) -> Floats:
 
 @deferred
 def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave."""
+    """Prism from z = 0 over `outline` (K,2), counter-clockwise, possibly concave."""
     outline = np.asarray(outline, float)
     k = len(outline)
     if bevel > 0:
@@ -225,8 +226,7 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
 
 
 def inset(outline: ArrayLike, distance: float) -> Floats:
-    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m), along mitres of at most
-    two."""
+    """`outline` (K,2), counter-clockwise, inset by `distance` (m); mitres of at most two."""
     outline = np.asarray(outline, float)
     edge = np.roll(outline, -1, 0) - outline
     normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
@@ -251,7 +251,7 @@ def ellipse(a: float, b: float, n: int = 24) -> Floats:
 
 
 def side_prism(outline: ArrayLike, half: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
-    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, from y = -`half` to
+    """Prism over an outline (K,2) of (x, z), counter-clockwise from -y, between y = -`half` and
     `half`."""
     return at(
         extrude(outline, 2 * half, bevel, crease), (0, half, 0), quat_about((1, 0, 0), np.pi / 2)

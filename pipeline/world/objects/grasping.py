@@ -1,6 +1,6 @@
 """Grasp candidates for simple forms: the tcp in the object frame, x = approach, y = opening;
-pitches are degrees below horizontal. One of the two wrist rolls is listed, and none whose palm
-would be inside the object."""
+pitches are degrees below horizontal. One of two wrist rolls is listed; palms stay outside the
+object."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,8 +28,7 @@ Grasps = tuple[Grasp, ...]
 def pinches(
     tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float, kind: str = "side"
 ) -> Grasps:
-    """Candidates from (position, approach, opening), each (3,), of the tcp, fingers `width` (m)
-    apart. Openings are made perpendicular to approaches."""
+    """Candidates from (position, approach, opening) of the tcp, fingers `width` (m) apart."""
     if not tcps:
         return ()
     position, x, y = np.array(tcps, float).transpose(1, 0, 2)
@@ -43,7 +42,7 @@ def pinches(
 
 
 def _low_enough(height: float, pitch: float, top: float) -> bool:
-    """Whether the shortest fingers, leaning by `pitch` (rad), still reach 2 mm below `top`."""
+    """Whether the shortest fingers, at `pitch` (rad), reach 2 mm below `top`."""
     return height - 0.010 * np.sin(pitch) <= top - 0.002
 
 
@@ -60,8 +59,8 @@ def turned(grasps: Grasps, yaw: float) -> Grasps:
 
 
 def low_heights(top: float) -> tuple[float, ...]:
-    """Tcp heights (m) for a thing of height `top` that is taken from above. Finger ends reach 9 to
-    20 mm past the tcp, so low things get several heights to try."""
+    """Tcp heights (m) for taking from above; several for low things, as finger ends reach 9 to 20
+    mm past the tcp."""
     if top >= 0.035:
         return (max(0.022, top - 0.025),)
     return tuple(z for z in (0.012, 0.017, 0.022) if z <= top + 0.008)
@@ -75,8 +74,8 @@ def side_pinches(
     outline: ArrayLike | None = None,
     kind: str = "side",
 ) -> Grasps:
-    """Pinches across an upright round body from all around. `outline` (K,2) of (radius, z), heights
-    ascending, leaves out approaches whose palm would hit it."""
+    """Pinches across an upright round body. `outline` (K,2) of (radius, z), ascending, leaves out
+    approaches whose palm would hit it."""
     limits = np.array([(-1.0, 0.0)]) if outline is None else np.asarray(outline, float)
 
     def hits(r: np.ndarray, z: np.ndarray) -> bool:
@@ -116,9 +115,8 @@ def rim_pinches(
     pitches: Sequence[float] = (45, 60, 75, 90),
     flare: float = 0.0,
 ) -> Grasps:
-    """One finger inside, one outside a hollow round thing of outer `radius`. The wall leans
-    outwards by `flare` degrees; the approach comes down along it, tilted along the rim to both
-    sides. The tcp lies `depth` below the rim."""
+    """One finger inside, one outside a hollow round thing. The approach follows the wall, which
+    leans outwards by `flare` degrees, tilted to both sides. The tcp lies `depth` below the rim."""
     tcps = []
     f = np.radians(flare)
     for a in 2 * np.pi * np.arange(16) / 16:
@@ -142,12 +140,11 @@ def box_pinches(
     kind: str = "side",
     retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
-    """Pinches of a box of half extents from above, tilted about the opening axis to both sides. It
-    stands on the table unless its `centre` (3,) is given.
+    """Pinches of a box from above, tilted about the opening axis to both sides.
 
-    Each horizontal dimension in `axes` of at most WIDEST is pinched across, at `offsets` times the
-    half extent along the other. `heights` are of the tcp above the box's base; `retreats` (m) keep
-    it short of the middle."""
+    Dimensions in `axes` of at most WIDEST are pinched at `offsets` times the other half extent.
+    `heights` are above the box's base; `retreats` (m) keep the tcp short of the middle.
+    """
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     grasps: Grasps = ()
@@ -183,9 +180,8 @@ def bar_pinches(
     rolls: Sequence[float] = (0,),
     kind: str = "bar",
 ) -> Grasps:
-    """Pinches of a horizontal bar along x, its axis at `height`, at x = `positions`. The approach
-    leans along the bar to both sides by `pitches`; `rolls` (degrees) turn the pinch about the bar.
-    """
+    """Pinches of a horizontal bar along x. The approach leans along it by `pitches`; `rolls` turn
+    the pinch about it (degrees)."""
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     tcps = []
     for x, (p, side), t in product(positions, _tilts(pitches), np.radians(rolls)):
@@ -205,9 +201,8 @@ def handle_pinches(
     leans: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
     kind: str = "handle",
 ) -> Grasps:
-    """Pinches of a straight grip at `position` (3,) that runs `along` (3,); `out` (3,) points
-    towards the gripper. The approach is -`out`, leaned by `leans` (degrees) in the plane of both.
-    """
+    """Pinches of a straight grip `along` (3,); `out` (3,) points towards the gripper. The approach
+    is -`out`, leaned by `leans` (degrees) in their plane."""
     along, out = np.asarray(along, float), np.asarray(out, float)
     along = along / np.linalg.norm(along)
     out = out - along * (out @ along)

@@ -1,4 +1,4 @@
-"""Parameters of families, declared with how they are drawn, and helpers of families."""
+"""Declared, drawable parameters of families, and helpers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields
@@ -48,7 +48,7 @@ def seed(rng: Generator) -> int:
 def mark(
     x: float, y: float, z: float, normal: ArrayLike = (0, 0, 1), heading: ArrayLike = (1, 0, 0)
 ) -> Pose:
-    """A functional frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as can be."""
+    """A frame at (x, y, z) m: z axis `normal`, x axis as near `heading` as possible."""
     n = np.asarray(normal, float)
     n = n / np.linalg.norm(n)
     h = np.asarray(heading, float)
@@ -57,12 +57,12 @@ def mark(
 
 
 def standing(height: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
-    """Frames "base", "top" at `height` (m), and `points`, which may replace these."""
+    """Frames "base", "top" at `height` (m), and `points`, which may replace both."""
     return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, height), **points}, tuple(grasps))
 
 
 def hollow(height: float, wall: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
-    """`standing`, with "inside" and "centre" on the floor of a hollow thing, `wall` (m) thick."""
+    """`standing`, with "inside" and "centre" on a floor `wall` (m) thick."""
     floor = mark(0, 0, wall)
     return standing(height, grasps, inside=floor, centre=floor, **points)
 
@@ -92,7 +92,7 @@ def drawn(how: Callable[[Generator, Any], Any], **notes: Any) -> Any:
 
 
 def between(low: float, high: float, of: str = "", size: tuple[str, str, str] | None = None) -> Any:
-    """A number between two bounds, times the parameter `of`; `size` are the words of its thirds."""
+    """A number between bounds, times the parameter `of`; `size` names its thirds."""
     return drawn(
         lambda rng, so_far: rng.uniform(low, high) * (getattr(so_far, of) if of else 1.0),
         range=(low, high),
@@ -108,8 +108,8 @@ def one_of(
     says: str = "",
 ) -> Any:
     """One of `options`. `other_than` names a parameter whose value is left out, `also` one whose
-    value joins them, `by` one whose value is the key of a mapping of options. `says` is the fact
-    that phrases know it by, left out if `also` has the same value."""
+    value joins, `by` the key of a mapping. `says` is the fact for phrases, left out if equal to
+    `also`."""
 
     def how(rng: Generator, so_far: Any) -> Any:
         choices = options[getattr(so_far, by)] if isinstance(options, Mapping) else options
@@ -125,13 +125,13 @@ def texture() -> Any:
 
 
 class Parametric(Family):
-    """Base of families whose parameters are declared. `noun` is by default the family's name."""
+    """Base of families with declared parameters. `noun` defaults to the family's name."""
 
     noun: ClassVar[str] = ""
 
     @classmethod
     def draw(cls, rng: Generator, **given: Any) -> Self:
-        """An instance whose parameters are drawn one after another, but for the `given` ones."""
+        """Draw the parameters in order, except the `given` ones."""
         so_far = SimpleNamespace()
         for parameter in fields(cls):  # pyright: ignore[reportArgumentType]
             name = parameter.name

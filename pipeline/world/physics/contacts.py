@@ -1,5 +1,5 @@
-"""What touches in a physics scene, and what the robot may press on and how hard. SAPIEN lists
-contacts in no fixed order."""
+"""What touches in a scene, and how hard the robot may press. SAPIEN lists contacts in no fixed
+order."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,8 +27,7 @@ _NONE = bytes(12)  # of an impulse; most points have none, and comparing takes h
 
 
 class Contacts:
-    """The contacts of one step. Each is read through the binding once, which costs more than all
-    that is done with it."""
+    """The contacts of one step, each read once: the binding costs more than their use."""
 
     def __init__(self, found: Sequence[Any]) -> None:
         self._found, self._pushing = found, dict[int, list[Push]]()
@@ -59,8 +58,7 @@ class Contacts:
         return math.hypot(*map(math.fsum, zip(*(push for push, _ in pushing), strict=True)))
 
     def points_on(self, body: Any, side_of: Mapping[Any, str]) -> dict[str, Floats]:
-        """Points (N,3) at which components push `body`, by the sides that `side_of` gives them, in
-        a fixed order."""
+        """Points (N,3) at which components push `body`, by `side_of`, in a fixed order."""
         found: dict[str, list[list[float]]] = {}
         for k, (a, b) in enumerate(self.pairs):
             if a is not body and b is not body:
@@ -100,10 +98,11 @@ def _mean_point(pushing: Sequence[Push]) -> tuple[tuple[float, ...], int]:
 
 @dataclass(frozen=True)
 class Forces:
-    """The largest force (N) of one contact, the impulse of a step over its time.
+    """The largest force (N) of one contact, a step's impulse over its time.
 
-    Fingers touch bodies, and what they hold may touch anything. A robot touches nothing else;
-    planning keeps clear of all that, and what drives and physics add is allowed up to this."""
+    Fingers may touch bodies, held bodies anything, and the rest of a robot nothing: beyond
+    planning, drives and physics add up to this.
+    """
 
     arms: float = 10.0
     """A link of one arm on a link of the other."""
@@ -125,7 +124,7 @@ FORCES = Forces()
 
 
 class Overload(NamedTuple):
-    """A contact stronger than allowed: the names of both parts and the force in N."""
+    """A contact stronger than allowed: both parts and the force in N."""
 
     one: str
     other: str
@@ -155,7 +154,7 @@ class ContactKinds:
 
 
 class ForceWatch:
-    """Finds contacts stronger than allowed. `names` maps components to their names."""
+    """Finds contacts stronger than allowed, by components' names."""
 
     def __init__(
         self, embodiment: Embodiment, names: Mapping[Any, str], allowed: Forces = FORCES
@@ -166,8 +165,8 @@ class ForceWatch:
         self._limits = {pair: most[kind] / PHYSICS_HZ for pair, kind in found.items() if kind}
 
     def overloads(self, contacts: Contacts, rigid: str = "") -> list[Overload]:
-        """The contacts of a step that exceed their limits, sorted. The part `rigid` is left out: a
-        target touched in this step is kinematic and gives way in the next."""
+        """Contacts over their limits, sorted. The part `rigid` is left out: a target touched in
+        this step is still kinematic."""
         found = list[Overload]()
         for k, pair in enumerate(contacts.pairs):
             limit = self._limits.get(pair)

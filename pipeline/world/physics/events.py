@@ -1,5 +1,5 @@
-"""The events of a running simulation: each fires when its trigger is reached, and acts on the
-target's motion, on what is commanded, or on the scenery."""
+"""The events of a running simulation, which act on the target's motion, the commands or the
+scenery."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -59,9 +59,8 @@ class EventfulWorld(Protocol):
 
 @dataclass(eq=False)
 class RunningEvent:
-    """An event of this simulation: when it fired and ended (s), inf if not yet, and in which phase.
-    `place` is where its scenery stands. A `withheld` one notes when it would have happened, and
-    changes nothing."""
+    """When an event fired and ended (s, inf if not yet), and in which phase. A `withheld` one notes
+    when it would have happened, and changes nothing."""
 
     drawn: DrawnEvent
     withheld: bool = False
@@ -86,7 +85,7 @@ class RunningEvent:
         return np.where((t > self.fired) & (gone < 2 * LANE[0]), there, AWAY)
 
     def board(self, t: ArrayLike) -> Floats:
-        """The pose (...,7) of an occluder, which slides in from a side and leaves to it."""
+        """The pose (...,7) of an occluder, which slides in and leaves sideways."""
         t, (_, slide, far) = np.asarray(t, float)[..., None], BOARD
         out = np.maximum(1.0 - (t - self.fired) / slide, (t - self.ended) / slide)
         aside = quat_rotate(self.place[3:], (0.0, far if np.cos(self.drawn.turn) > 0 else -far, 0))
@@ -95,9 +94,8 @@ class RunningEvent:
 
 
 class EventScript:
-    """The events of one simulation. `eye` (7,) is the pose of the camera that an occluder stands
-    before, `meeting` the planned time (s), `goal` the body that is moved as the goal, `withheld`
-    whether each event is."""
+    """`eye` (7,) is the camera's pose that an occluder stands before, `meeting` the planned time
+    (s), `goal` the body moved as the goal."""
 
     def __init__(
         self,
@@ -164,7 +162,7 @@ class EventScript:
             s.shift(self._goal, event.drawn.amount / MOVED * way)
 
     def commanded(self, command: Floats, time: float, grippers: Sequence[int]) -> Floats:
-        """What the drives are told: a gripper that slips opens, whatever is commanded."""
+        """The drives' commands: a gripper that slips opens whatever is commanded."""
         if not any(event.drawn.kind == "slip" and event.is_active(time) for event in self.events):
             return command
         slipped = command.copy()
@@ -208,8 +206,7 @@ class EventScript:
         self._change(drawn, s, push=drawn.kind == "push")
 
     def _change(self, drawn: DrawnEvent, s: EventfulWorld, *, push: bool = False) -> None:
-        """Let the target's motion run as fast as its active events say, and push it. A push goes to
-        the side on which the target would be met."""
+        """Set the motion's speed from its active events, and push to the side of the meeting."""
         if drawn.kind not in CHANGES or s.released:
             return
         rates = {"stop": lambda _: 0.0, "reverse": lambda _: -1.0, "speed": lambda amount: amount}

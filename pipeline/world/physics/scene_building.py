@@ -80,7 +80,7 @@ def add_solid(scene: sapien.Scene, prop: Prop) -> sapien.Entity:
 
 
 def move_solid(entity: sapien.Entity, to: Pose) -> None:
-    """Move a kinematic body in the next step; a long way at once, without pushing anything."""
+    """Move a kinematic body in the next step; far moves are immediate and push nothing."""
     body = rigid_of(entity)
     if body is None or np.linalg.norm(to[:3] - as_pose(entity.pose)[:3]) > 0.05:
         entity.set_pose(to_sapien(to))
@@ -160,8 +160,8 @@ def as_pose(p: sapien.Pose) -> Pose:
 
 
 class PhysicsScene:
-    """Table, bodies and arms of one physics scene, and what is measured of them. `scenery` stops
-    when the target is released, `props` do not."""
+    """Table, bodies and arms of one scene, and their measurements. `scenery` stops when the target
+    is released, `props` do not."""
 
     def __init__(
         self,
@@ -211,7 +211,7 @@ class PhysicsScene:
         self._index_vector()
 
     def _index_vector(self) -> None:
-        """Which joints the state vector is read from; a gripper's entry comes from its jaws."""
+        """Which joints the state vector is read from."""
         at = {name: i for i, name in enumerate(self.joint_names)}
         places = list[int]()
         self._jaws = list[tuple[int, NDArray[np.intp], Floats, Floats]]()
@@ -242,7 +242,7 @@ class PhysicsScene:
         return as_pose(self._entities[name].pose)
 
     def speed(self, name: str) -> float:
-        """The mass centre's speed (m/s) plus 5 cm times the angular speed (rad/s) of a body."""
+        """The mass centre's speed (m/s) plus 5 cm times the angular speed (rad/s)."""
         body = self._rigid[name]
         if body is None:
             return 0.0
@@ -250,15 +250,14 @@ class PhysicsScene:
         return float(np.linalg.norm(body.linear_velocity) + turning)
 
     def poses(self) -> Floats:
-        """World poses (B, 7) of all bodies, links, scenery and table, in the order of `names`."""
+        """World poses (B, 7) in the order of `names`."""
         rows = [entity.pose.__getstate__() for entity in self._posed]  # see _array
         rows += [prop.pose(min(self.time, self._stood)) for prop in self.scenery]
         rows += [prop.pose(self.time) for prop in self._props]
         return np.array([*rows, (0.0, 0.0, TABLE_TOP, 1.0, 0.0, 0.0, 0.0)])
 
     def qpos(self) -> tuple[Floats, Floats]:
-        """Measured joint positions and their velocities over the last physics step (J,), as in
-        `joint_names`."""
+        """Joint positions and their velocities over the last step (J,), as in `joint_names`."""
         now = np.concatenate(self._joint_positions()).astype(float)
         before = now if self._before is None else np.concatenate(self._before[1]).astype(float)
         return now, (now - before) * PHYSICS_HZ

@@ -1,5 +1,5 @@
-"""Physics only, on CPU PhysX without a renderer: a table, arms, bodies and one target that moves on
-its own until it is touched. Equal commands give equal bytes."""
+"""Physics on CPU PhysX without a renderer: table, arms, bodies and one moving target. Equal
+commands give equal bytes."""
 
 from collections.abc import Collection, Sequence
 from typing import Any, cast
@@ -37,15 +37,14 @@ _START = np.zeros(())
 
 
 class Simulation(PhysicsScene):
-    """One scene. `step` advances 1/240 s under a command vector [left arm, left gripper, right arm,
-    right gripper].
+    """One scene. `step` advances 1/240 s under [left arm, left gripper, right arm, right gripper].
 
-    The target is kinematic on `motion` until its first impulse with a robot link or a free body;
-    `after_touch` decides what follows, and `release` ends its motion at the latest. It is then
-    dynamic with the velocity it had. Bodies that move beside it are released with it, or by a touch
-    of their own. A `script` lets events happen. `events` holds these, "meeting", "release" and the
-    first "clutter_touched" of each body of `clutter` by anything but the table and the clutter.
-    `touched_by` and `touched_at` (step) describe the meeting."""
+    The target is kinematic until its first impulse with a robot link or a free body, at the latest
+    until `release`; `after_touch` decides what follows. It is then dynamic with the velocity it
+    had. Bodies that move beside it are released with it or by their own touch. `events` holds those
+    of `script`, "meeting", "release" and each first "clutter_touched". `touched_by` and
+    `touched_at` (step) describe the meeting.
+    """
 
     def __init__(
         self,
@@ -84,8 +83,7 @@ class Simulation(PhysicsScene):
         self.command = self.home_vector()
 
     def _first_poses(self, bodies: Sequence[Body]) -> list[Pose]:
-        """Where the bodies begin: the target, what lies in it and bodies beside it at the start of
-        their motions."""
+        """Poses at the start of the motions."""
         end = next(b.pose for b in bodies if b.name == self.target)
         start = np.asarray(self.motion.pose(_START), float)
         poses = {
@@ -105,8 +103,7 @@ class Simulation(PhysicsScene):
         return body
 
     def step(self, command: Floats, velocity: Floats) -> None:
-        """Advance one physics step with drive targets `command` and `velocity` (vector layout;
-        gripper entries 0-1 and 1/s)."""
+        """Advance one physics step; gripper entries are 0-1 and 1/s."""
         if self.script is not None and not self._waiting:
             self.script.before_step(self)
         for prop, entity in self._solid:
@@ -143,8 +140,7 @@ class Simulation(PhysicsScene):
             self.release()
 
     def _target_pose(self, step: int) -> Pose:
-        """The motion's pose at a step, evaluated a second at a time: one array call costs as much
-        as one pose."""
+        """The motion's pose at a step; one array call for a second costs as much as one pose."""
         if not 0 <= step - self._upcoming_from < len(self._upcoming):
             self._upcoming_from, times = step, (step + np.arange(PHYSICS_HZ)) / PHYSICS_HZ
             self._upcoming, self._twists = self.motion.pose(times), self.motion.twist(times)
@@ -158,7 +154,7 @@ class Simulation(PhysicsScene):
         self.scenery, self._upcoming = self.motion.scenery(), self._upcoming[:0]
 
     def shift(self, name: str, velocity: Floats) -> None:
-        """Move a body by a velocity (3,) m/s in the next step; a fixed one is put there."""
+        """Move a body by a velocity (3,) m/s in the next step, a fixed one at once."""
         body, entity = self._rigid[name], self._entities[name]
         if body is None:
             to = self.pose(name)
@@ -169,8 +165,8 @@ class Simulation(PhysicsScene):
             body.wake_up()
 
     def settle(self) -> bool:
-        """Let free bodies come to rest before the clock starts, in 12 to 240 steps; returns whether
-        they did. The target waits at the start of its motion, the arms at home."""
+        """Let free bodies rest before the clock starts, in 12 to 240 steps; returns whether they
+        did."""
         command, still, motion = self.home_vector(), np.zeros(len(self.command)), self.motion
         self.motion, self._waiting = StillMotion(motion.pose(_START)), True
         for n in range(PHYSICS_HZ):
@@ -191,8 +187,7 @@ class Simulation(PhysicsScene):
         return all(self.speed(name) < _QUIET for name in self._free)
 
     def _watch(self) -> None:
-        """Note the first touch of the target and of every distractor. Of several that touch the
-        target in one step, the first of `names` counts."""
+        """Note the first touch of the target and of distractors; order in `names` decides ties."""
         touching, disturbed, contacts = list[int](), set[str](), self.touches
         for k, (a, b) in enumerate(contacts.pairs):
             if (a not in self._watched and b not in self._watched) or not contacts.pushes(k):
@@ -265,9 +260,8 @@ class Simulation(PhysicsScene):
         return {self.names[self._index[b]] for pair in pairs for b in pair if b in self._touchers}
 
     def target_twist(self) -> Floats:
-        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,), world:
-        of its motion, or, once that has ended or a drive took over, of its pose over the last
-        physics step. PhysX's own differ, those of a held body by 1 rad/s."""
+        """Linear (m/s) and angular velocity (rad/s) of the target's origin, (6,), world: of its
+        motion, else of its pose over the last step. PhysX's own differ by up to 1 rad/s."""
         if self._before is None or not (self.released or self._drive):
             known = self.steps - self._upcoming_from
             if 0 <= known < len(self._upcoming):
@@ -278,12 +272,11 @@ class Simulation(PhysicsScene):
         return np.concatenate([now[:3] - before[:3], turn]) * PHYSICS_HZ
 
     def target_contacts(self, sides: Collection[str] = SIDES) -> dict[str, Floats]:
-        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order;
-        only of `sides`."""
+        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order."""
         side_of = {link: side for link, side in self._side_of.items() if side in sides}
         return self.touches.points_on(self._moved, side_of)
 
     def overloads(self) -> list[Overload]:
-        """Contacts of the robot in the last step that are stronger than `Forces` allows."""
+        """Contacts of the robot in the last step that exceed `Forces`."""
         rigid = self.target if self.steps == self.touched_at else ""
         return self._forces.overloads(self.touches, rigid)

@@ -1,5 +1,5 @@
-"""What an embodiment is, as plain data; its forward kinematics; whether its spec is sound. Names of
-joints and links are local to an arm; in the world they carry its side: `left_joint1`."""
+"""Embodiments as plain data, their forward kinematics and checks. Joint and link names are local to
+an arm; in the world they carry its side: `left_joint1`."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from pipeline.world.shapes import Collider, Parts
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A URDF joint: `origin` is the child frame in the parent link at zero, `axis` in the child
-    frame; rad or m, N m or N."""
+    """A URDF joint: `origin` is the child frame in the parent at zero, `axis` in the child; rad or
+    m, N m or N."""
 
     name: str
     kind: str  # revolute | prismatic | fixed
@@ -31,8 +31,8 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid link: mass kg, centre of mass m, inertia (ixx, iyy, izz) and products (ixy, ixz, iyz)
-    kg m2 about it, along the link's axes."""
+    """Mass kg, centre of mass m, inertia (ixx, iyy, izz) and products (ixy, ixz, iyz) kg m2 about
+    it, along the link's axes."""
 
     name: str
     mass: float
@@ -45,8 +45,8 @@ class Link:
 
 @dataclass(frozen=True)
 class Gripper:
-    """Two fingers moved by coupled joints: slides, a linkage of hinges, or one hinge of a jaw that
-    meets a fixed one. The normalised value is 0 at `closed` (m or rad), 1 at `opened`, linear."""
+    """Two fingers moved by coupled joints: slides, a linkage, or one hinged jaw. The normalised
+    value is linear from 0 at `closed` to 1 at `opened` (m or rad)."""
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]  # link names of the fingers; the hand for a jaw that is part of it
@@ -69,8 +69,7 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """`base` places the root link in the world, `tcp` is the tool frame in `hand` (x approach, y
-    opening)."""
+    """`base` places the root link in the world, `tcp` is in `hand` (x approach, y opening)."""
 
     model: str
     base: Pose
@@ -91,8 +90,8 @@ class Arm:
 
 @dataclass(frozen=True, eq=False)
 class Embodiment:
-    """Arms by side, left before right, fixed furniture (world frame), and the head camera's world
-    pose (x forward, z up)."""
+    """Arms by side, left before right, furniture and head camera (x forward, z up) in the world
+    frame."""
 
     name: str
     arms: dict[str, Arm]
@@ -129,8 +128,8 @@ LEAD = 0.05
 
 
 def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> float:
-    """The value that a gripper at measured `positions` (J,) is driven to for a commanded one: in a
-    linkage at most LEAD from the mean of the joints, so that all stop at an object."""
+    """The driven value for a commanded one: in a linkage at most LEAD from the mean of `positions`
+    (J,), so that all stop at an object."""
     if len(gripper.joints) <= 2:
         return value
     now = jaw_value(gripper, positions)
@@ -138,7 +137,7 @@ def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> floa
 
 
 def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
-    """Poses (..., 7) of the moved child frame in the unmoved one, for positions (...)."""
+    """Poses (..., 7) of the moved child frame in the unmoved one."""
     position = np.asarray(position, float)
     axis = np.asarray(joint.axis, float)
     moved = np.zeros((*position.shape, 7))
@@ -152,8 +151,7 @@ def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
 
 
 def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
-    """World poses (..., 7) of every link by local name, for joint positions (...) by local name,
-    else 0."""
+    """World poses (..., 7) of every link by local name; missing joints are at 0."""
     poses = {root_link(arm): np.array(arm.base)}
     for joint in arm.joints:
         local = compose(joint.origin, joint_motion(joint, positions.get(joint.name, 0.0)))
@@ -162,7 +160,7 @@ def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
 
 
 def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
-    """Like `link_poses` for an arm configuration (dof,) rad and a gripper value 0-1."""
+    """`link_poses` for an arm configuration (dof,) rad and a gripper value 0-1."""
     jaws = jaw_positions(arm.gripper, gripper).tolist()
     positions = [*np.asarray(q, float).tolist(), *jaws]
     return link_poses(
@@ -187,7 +185,7 @@ class RobotError(DominoError):
 
 
 def check_arm(name: str, side: str, arm: Arm) -> None:
-    """Raise RobotError for the first fault of an arm, beyond what reading its URDF refuses."""
+    """Raise RobotError for the first fault that reading a URDF does not refuse."""
     for check in (_tree, _frames, _drives, _numbers):
         for problem in check(arm):
             raise RobotError(f"robot {name!r}, {side} arm: {problem}")
