@@ -81,9 +81,10 @@ class Stream:
 class Actor:
     """One expert in one simulation, with the task's roles as `arms` ({"arm": "left"}).
 
-    By side, `held` is what it carries, `expected` the joints that arm is about to have while the
-    other is planned. By body, `approaches` are the world directions (3,) of its last grasp; a grasp
-    near one of `avoid` is taken only where there is no other. `half` is the half of the script."""
+    By side, `held` is what it carries, `expected` its joints while the other arm is planned. By
+    body, `approaches` are the directions (3,) of its last grasp; `avoid` lists directions of last
+    resort.
+    """
 
     def __init__(
         self,

@@ -34,9 +34,9 @@ class GraspOptions:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Grasps of a body, each as annotated and with the jaws exchanged (N in all): tcp poses (N,7)
-    in the body frame (`local`) and the world (`tcp`), and joints q (N,n) at the standoffs. `order`
-    are indices in reach, cheapest first, `opening` is the largest width (m) between the jaws."""
+    """Grasps of a body, twice with the jaws exchanged: tcp poses (N,7) in body (`local`) and world
+    frame (`tcp`), and joints q (N,n). `order` are reachable ones, cheapest first.
+    """
 
     grasps: list[Grasp]
     local: Floats

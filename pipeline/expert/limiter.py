@@ -18,12 +18,11 @@ TINY = 1e-12
 
 
 class Limiter:
-    """Commands of some columns at the physics rate, LAG later than their goal, from rest at `start`
-    (A,). `speed` and `acceleration` (A,) limit the differences of the commands, in units per s and
-    s2.
+    """Commands at the physics rate, LAG later than their goal, from rest at `start` (A,).
 
-    The columns of each of `arms` close their distances in proportion: if each went as fast as it
-    can, a hand that swings aside would dip on its way."""
+    The columns of each of `arms` close their distances in proportion, else a hand that swings aside
+    would dip on its way.
+    """
 
     def __init__(
         self, start: Floats, speed: Floats, acceleration: Floats, arms: Sequence[slice] = ()

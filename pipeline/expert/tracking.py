@@ -33,13 +33,11 @@ def carried_along(
     target: Callable[[Floats], Pose],
     met: int,
 ) -> tuple[Floats, Floats]:
-    """Commands (M,A) and velocities of a plan (N,A) whose arms of `run` move as the target; M >= N.
+    """Commands (M,A) and velocities of a plan (N,A) whose arms move with the target; M >= N.
 
-    The plan meets a target at `target(T)` in row `met`. From the run's last approach on the hand is
-    displaced, not turned, as the point of `target(t)` (7,) is at which the tcp will be then; before
-    by a growing part of it. After the meeting it comes to rest. Raises PlanFailure:
-    track_unreachable if an arm does not reach that far, or its hand is more than CLOSE late at the
-    meeting; arms_collide."""
+    From the last approach on each hand is displaced, not turned, with the target; after `met` it
+    comes to rest. Raises PlanFailure: track_unreachable, arms_collide.
+    """
     commands, velocities = plan
     goals, column, arms = commands.copy(), 0, dict[str, slice]()
     for side in planner.embodiment.sides:

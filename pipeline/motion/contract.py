@@ -31,12 +31,11 @@ class Features:
 
 
 class TargetMotion(Protocol):
-    """Where a target is at any time t (s) of the episode's clock, on which the robot starts at 0.
+    """Where a target is at time t (s); the robot starts at 0.
 
-    The target stands until -`lead`, is at its manipulation pose at `duration` (the meeting), and
-    continues until something releases it. `level` and `alpha` (m/s) are what it was drawn for,
-    `model` names its model in `MODELS`. Positions are those of the body's origin in the world,
-    m."""
+    It stands until -`lead`, is at its manipulation pose at `duration`, and continues until
+    released. Positions are those of the body's origin in the world, m; `alpha` is in m/s.
+    """
 
     @property
     def model(self) -> str: ...
@@ -81,16 +80,14 @@ Free = Callable[[TargetMotion], bool]
 
 @dataclass(frozen=True, eq=False)
 class MotionRequest:
-    """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
+    """A motion wanted, at `end_pose` (7,) at t = `duration` s, from t = -`lead` s on.
 
-    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration to try in
-    turn. `alpha` bounds its average speed, or with `speed_bound` "maximum" its greatest,
-    `end_speed_limit` that at the meeting, `jump_limit` jumps of its velocity (m/s). It stays in
-    `workspace`, also for `tail` s after the meeting at its last velocity. `visible(path (N,K,3 or
-    7)) -> (N,)` accepts paths, `free(motion)` a motion. At most `candidates` shapes are drawn.
-    `radius` and `height` (m) are the target's at `end_pose`, `floor` (m) its height on the table.
-    `company` are x, y and radius (m) then of the bodies that are carried with it.
-    Raises ValueError for numbers that make no sense."""
+    `moving` lists shares of lead + duration to try in turn. `alpha` bounds the average speed, with
+    `speed_bound` "maximum" the greatest (m/s). The workspace also holds for `tail` s after the
+    meeting. `visible(path (N,K,3 or 7)) -> (N,)` and `free(motion)` accept or refuse. `radius`,
+    `height` and `floor` are in m; `company` are x, y and radius of carried bodies. Raises
+    ValueError.
+    """
 
     level: int
     alpha: float

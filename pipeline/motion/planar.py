@@ -19,11 +19,9 @@ from .scenery import Prop
 
 @cache
 def interpolation(n: int) -> Floats:
-    """Matrix (n, n) that maps values at the times 0, 1/(n-1), ..., 1 to the coefficients of the
-    polynomial through them.
-
-    This is the least-squares fit of appendix D.3. Lagrange's form needs no linear solver, so its
-    digits do not depend on the LAPACK at hand."""
+    """Matrix (n, n) from values at 0, 1/(n-1), ..., 1 to polynomial coefficients (appendix D.3).
+    Lagrange's form makes the digits independent of LAPACK.
+    """
     nodes = np.arange(n) / (n - 1)
     columns = []
     for i, node in enumerate(nodes):

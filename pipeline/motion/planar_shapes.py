@@ -1,9 +1,8 @@
 """Candidates for the motion of levels 1, 2 and 3, drawn in batches after appendix D.3 of the paper.
 
-Each function draws `n` paths that end at `end` and last `total` seconds. The paper draws start and
-intermediate points uniformly over the workspace and rejects paths longer than alpha * total. Here
-they are drawn within that distance of the end, the paper's distribution conditioned on acceptance:
-the plain draw accepts one level 3 candidate in 400 at alpha 0.1 m/s and 1.5 s, this one 1 in 80."""
+Starts and intermediate points are drawn within alpha * total of the end: the paper's distribution
+conditioned on acceptance. It accepts 1 level 3 candidate in 80, the plain draw 1 in 400.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,11 +27,9 @@ QUANTILES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class DrawnPaths:
-    """A batch of N candidate paths with up to S pieces.
-
-    `durations` (N, S) in s, 0 for unused pieces (always the last); `coefficients` (N, S, 2, 5) of x
-    and y in m over each piece's normalised time; `missed` (N,): the path does not end at the wanted
-    end."""
+    """N candidate paths of up to S pieces: `durations` (N,S) in s, 0 if unused; `coefficients`
+    (N,S,2,5) in m over normalised time; `missed` (N,).
+    """
 
     durations: Floats
     coefficients: Floats
@@ -110,13 +107,10 @@ def draw_level_3(
     end: ArrayLike,
     workspace: Workspace,
 ) -> DrawnPaths:
-    """`n` paths of two or three pieces with Dirichlet(1) durations.
+    """`n` paths of two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6).
 
     A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
-    2-3 (inner points beside the chord by up to 0.08 m per axis). No piece is shorter than 0.1 s
-    (total/6 for very short motions). A clamped intermediate piece ends short of its target, which
-    is drawn over the whole workspace, and the next one starts there; a clamped last piece has
-    missed.
+    2-3. A clamped intermediate piece ends short of its target; a clamped last piece has missed.
     """
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)

@@ -56,11 +56,12 @@ class Workspace:
         return np.clip(np.asarray(points, float), self.lower, self.upper)
 
     def guarded(self, end: ArrayLike, margin: float = QUADRANT_MARGIN) -> "Workspace":
-        """The part of the rectangle in which a path that ends at `end` (2,) must stay: the paper's
-        quadrant rule (appendix D.3).
+        """The part in which a path to `end` (2,) must stay: the paper's quadrant rule (appendix
+        D.3).
 
-        The two edges closest to the end are kept at `margin` m, so that a target does not leave the
-        meeting place over the border next to it. An end closer than that keeps its own distance."""
+        The two edges closest to the end are kept at `margin` m, or at the end's own distance if
+        smaller.
+        """
         end = np.asarray(end, float)
         high = end >= (self.lower + self.upper) / 2
         room = np.where(high, self.upper - end, end - self.lower)

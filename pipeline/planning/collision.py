@@ -1,8 +1,8 @@
 """Collision checking: a `CollisionWorld` per embodiment, a `CollisionScene` per plan.
 
-Names: arm links with their side (`left_link3`), `table`, `furniture`, the objects; groups:
-`left_fingers`, `left_hand` (with fingers), `left`. Never checked: pieces that do not move against
-each other, neighbouring links, the fingers of one hand, the reviewed `allowed_overlap`."""
+Names: `left_link3`, `table`, `furniture`, the objects; groups: `left_fingers`, `left_hand`, `left`.
+Neighbouring links and the reviewed `allowed_overlap` are not checked.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ OPEN: Jaws = (1.0, 1.0)
 
 
 class CollisionWorld:
-    """Robot, table and furniture. `names` own pieces, first `links` arm links; `groups` maps group
-    to link names, `hands` a side to (frame index, tcp pose in it); `pairs` (M,2) are piece pairs to
-    check; `sides` (links,) numbers arms, `handlike` (links,) marks hands."""
+    """Robot, table and furniture. `hands` maps a side to (frame index, tcp pose in it); `pairs`
+    (M,2) are piece pairs to check; `sides` and `handlike` are (links,).
+    """
 
     def __init__(
         self, embodiment: Embodiment, table: Sequence[Collider] = (TABLE_COLLISION,)
@@ -92,12 +92,11 @@ class CollisionWorld:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """The scene with still `objects` name -> (pieces, world pose) and `carried` ones name ->
-        (side, pieces, pose in the tcp frame).
+        """The scene with still `objects` and `carried` ones (side, pieces, pose in the tcp frame).
 
-        Pairs of names in `ignore` may touch. The robot with what it carries keeps `margin` (m),
-        links of two arms MARGINS.arms, of two hands `hands` (m). Raises ValueError for an unknown
-        name and for one that is taken."""
+        Pairs of names in `ignore` may touch. `margin` and `hands` are in m. Raises ValueError for
+        an unknown or taken name.
+        """
         objects, carried = objects or {}, carried or {}
         names = (*self.names, *objects, *carried)
         if len({*names}) != len(names) or self.groups.keys() & {*objects, *carried}:

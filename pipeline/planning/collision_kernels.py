@@ -1,9 +1,7 @@
-"""Numba kernels of collision checking between convex pieces.
+"""Numba kernels of collision checking between convex pieces: a core swept by a ball.
 
-A piece is a convex core (box, cylinder, segment or points) swept by a ball. Cores at most the radii
-and the margin apart touch: the Gilbert-Johnson-Keerthi algorithm (van den Bergen, 2003), with an
-early end; closest points of a simplex: Ericson, 2005, 5.1. Transforms are rows of 12, rotation by
-rows, translation. Numba's cache notices only changes of a function's own file.
+Gilbert-Johnson-Keerthi (van den Bergen, 2003) with an early end; closest points of a simplex:
+Ericson, 2005, 5.1. Transforms are rows of 12, rotation by rows, then translation.
 """
 
 import numpy as np

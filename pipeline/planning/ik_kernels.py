@@ -1,10 +1,10 @@
-"""Numba kernels of kinematics of a serial chain: `pre` (n,3,4), the transform in front of each
-joint with its axis on local z, `prismatic` (n,), `tool` (3,4), and limits.
+"""Numba kernels of kinematics of a serial chain, by Levenberg-Marquardt with the damping of
+Sugihara (T-RO 2011).
 
-Levenberg-Marquardt with the damping of Sugihara (T-RO 2011): H = J^T W J + (E + eps) I, E the
-squared weighted error. A joint at its limit that is asked to move outwards is left out. One file:
-numba's cache notices changes of a function's own file only. Rows are copied entry by entry:
-assigning arrays takes 2 s more to compile."""
+`pre` (n,3,4) are the transforms before each joint, whose axis is local z; `tool` is (3,4). One
+file: numba's cache ignores changes of other files. Rows are copied by entry because assigning
+arrays takes 2 s more to compile.
+"""
 
 import numpy as np
 from numba import njit

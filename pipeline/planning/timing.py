@@ -12,9 +12,9 @@ HIGHEST = 1e4
 
 @kernel
 def acceleration_range(x, delta, slope, i, bend, limit, highest):
-    """Bounds (lowest, highest) of the path acceleration u over interval i for squared speed x at
-    its start, empty if low > high. Joint accelerations q' u + q'' x are linear in s: bounding both
-    ends is enough. The squared speed at the end must lie in [0, highest]."""
+    """Bounds of the path acceleration over interval i for squared speed x at its start, empty if
+    low > high. Joint accelerations are linear in s: bounding both ends is enough.
+    """
     low, high = -x / (2 * delta), (highest - x) / (2 * delta)
     for j in range(limit.shape[0]):
         for end in range(2):

@@ -69,11 +69,11 @@ def time_parameterise(
 
 
 def smoothed(rows: Floats, before: Floats) -> Floats:
-    """The moving average of `rows` (N,A) at the physics rate, which begin at rest at `before` (A,).
+    """The moving average of `rows` (N,A) at the physics rate, from rest at `before` (A,), for
+    LIMITS.jerk.
 
-    The jerk is at most twice the acceleration limit over the window: LIMITS.jerk; rows leave the
-    path by an acceleration times the window squared / 24: 0.6 mrad. Rows that move until their end
-    get up to a window more."""
+    Rows leave the path by 0.6 mrad at most; ones that move until their end get up to a window more.
+    """
     window = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
     offset = rows - before
     changes = np.flatnonzero(np.diff(offset, axis=0, prepend=0.0 * before[None]).any(axis=1))
@@ -90,11 +90,10 @@ def smoothed(rows: Floats, before: Floats) -> Floats:
 
 class RoundedPolyline:
     """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: q(s), C1, q''
-    constant between `knots`; s is the length in the joint that moves most.
+    constant between `knots`.
 
-    A parabola starts and ends d before and after its corner and misses it by d |u1 - u0| / 4, where
-    u0, u1 = q' on the two segments; d keeps that within `deviation`, and is at most half of each
-    segment."""
+    A parabola from d before to d after its corner misses it by d |u1 - u0| / 4 <= `deviation`.
+    """
 
     def __init__(self, waypoints: Floats, deviation: float) -> None:
         segments = np.diff(waypoints, axis=0)

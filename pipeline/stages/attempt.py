@@ -85,11 +85,10 @@ def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
 
 
 def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
-    """A dry run, a motion that fits it, and the physics steps of all dry runs. Raises Failure, that
-    of the first dry run if no other helps.
+    """A dry run, a motion that fits it, and the physics steps of all dry runs. Raises Failure.
 
-    A hand that comes in level bars every path from its own side; then the target is grasped from
-    another one, or the robot waits before its last move."""
+    If a level hand bars every path, the target is grasped from another side or the robot waits.
+    """
     steps, refused = 0, list[Failure]()
     try:
         try:
@@ -117,11 +116,11 @@ def attempt(
     demonstrator: Demonstrator | None = None,
     frozen: Scene | None = None,
 ) -> Rollout:
-    """The three stages for one spec, in its `frozen` scene if there is one; a `demonstrator` does
-    the third, by default the setup's expert.
+    """The three stages for one spec; a `demonstrator` does the third, by default the setup's
+    expert.
 
-    Raises Failure with `steps` and `drawn` set, and OwnCodeError for an error in the code of a task
-    from outside the package."""
+    Raises Failure with `steps` and `drawn` set, and OwnCodeError for code from outside the package.
+    """
     steps, drawn, motion, meeting = 0, None, None, 0.0
     demonstrator = demonstrator or expert_of(setup)
     try:

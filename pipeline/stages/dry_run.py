@@ -34,11 +34,12 @@ FIRST = Variation()
 
 @dataclass(eq=False)
 class DryRun:
-    """What the replay needs: commands of the first half (M,A), when the meeting happened (s), what
-    was in which hand then, and the sweep: poses (S,B,7) of all bodies `names` at 60 Hz. `approach`
-    is the direction (3,) from which the hand grasped the target, None for no grasp; `skills` counts
-    those of `meet`, whose `runs` are on the clock of the commands; the last begins in row
-    `last`."""
+    """What the replay needs: commands of the first half (M,A), the time of the meeting (s), and the
+    sweep: poses (S,B,7) at 60 Hz.
+
+    `approach` (3,) is the direction of the grasp. `skills` counts those of `meet`; the last begins
+    in row `last`.
+    """
 
     commands: Floats
     velocities: Floats

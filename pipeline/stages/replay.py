@@ -78,8 +78,8 @@ def expert_of(setup: Setup) -> Demonstrator:
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     """Play the first half back while the target moves, then finish live. Raises as `show`.
 
-    The plan knows of no event. If one changes the target's motion before the meeting, the reactive
-    expert takes over, at the earliest when the last skill before the meeting begins."""
+    If an event changes the motion before the meeting, the reactive expert takes over.
+    """
     actor = scene.start(motion, fps, REPLAY, ReactiveActor if scene.events else Actor)
     actor.recorder.watched = SIDES
     with failing_as(REPLAY, actor):

@@ -118,19 +118,15 @@ class Draw:
 
 
 class Task(ABC):
-    """Base of the tasks: class attributes, and methods for layout, arms, script and success. A task
-    keeps no state.
+    """Base of the tasks, without state: layout, arms, script and success.
 
-    `target` is the body that moves on its own until the meeting; `manipulated` the one the arms
-    handle (the same in interception tasks). `motion` is the model of its motion if a recipe names
-    none, `movers` those of bodies beside it, and `workspace` bounds its path. `limits` are the
-    tolerances of the success conditions and `sizes` the sizes of goals, by name; a limit "lift"
-    asks that the manipulated body was once that much higher than where it began. `own_conditions`
-    names those that domino rules leave out, because the original does. `subgoals` lists, in their
-    order, the conditions of each part of a long task; their share is then the route completion.
-    `families` names the object families that it may ask for; without it `families_of` finds them.
-    `seen` and `unseen`, `least_seen` and `least_unseen` at least, are in phrases/<name>.txt unless
-    the class has them. `suite` is its folder in the library, or "own"."""
+    `target` moves on its own until the meeting; `manipulated` is the body that the arms handle.
+    `motion` and `movers` name default motion models; `workspace` bounds the target's path. `limits`
+    are tolerances by name; "lift" requires that the manipulated body once rose that far. Domino
+    rules leave out `own_conditions`. `subgoals` lists the conditions of each part of a long task.
+    `seen` and `unseen` are read from phrases/<name>.txt unless set. `suite` is the folder in the
+    library, or "own".
+    """
 
     name: ClassVar[str] = ""
     suite: ClassVar[str] = ""
@@ -177,19 +173,18 @@ class Task(ABC):
 
     @abstractmethod
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        """The success conditions by name; all must hold at the last frame.
+        """The success conditions by name, the same at every frame; all must hold at the last one.
 
-        Names are stable identifiers in snake case, the same ones at every frame; one without the
-        name of a body is about the manipulated body ("held", beside "scanner_held"). No condition
-        may raise where another one fails."""
+        A name without that of a body is about the manipulated body. No condition may raise.
+        """
 
     def under(self, rules: Rules) -> dict[str, float]:
         return {name: limit.under(rules) for name, limit in self.limits.items()}
 
     def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        """What the rules ask for: the success conditions, and that the manipulated body was lifted
-        where the task has a "lift". Strict rules add, in a tracking task, that the handled body
-        touched the target first: a gripper that taps the target has not tracked it."""
+        """The success conditions, and that the manipulated body was lifted if there is a "lift".
+        Strict rules of tracking tasks add that the handled body touched the target first.
+        """
         conditions = self.success(o, arms)
         if "lift" in self.limits:
             conditions["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(
@@ -237,8 +232,8 @@ def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
 def register[T: Task](cls: type[T]) -> type[T]:
     """Class decorator: enter a task under its name in snake case, with its templates.
 
-    Raises OwnCodeError for a misspelt attribute, ValueError for a name that is taken and for
-    templates that are missing, malformed or too few, TypeError for a missing method."""
+    Raises OwnCodeError for a misspelt attribute, ValueError for a bad name or templates, TypeError.
+    """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     place_in(sys._getframemodulename(1), cls)
     if is_outside(cls):

@@ -28,11 +28,11 @@ OPEN, CLOSED = 0.8, 0.2  # shares of its opening from which a gripper counts as 
 
 
 class Outcome:
-    """A state log with the names and frames of its scene; questions are about its last frame unless
-    they say otherwise.
+    """A state log with names and frames of its scene, asked about its last frame by default.
 
-    Strict rules measure the opening of a gripper and call a body held when both fingers touch it;
-    domino rules take the commanded opening, and one finger is enough."""
+    Strict rules measure the gripper and need two fingers to hold; domino rules take the commanded
+    opening and one finger.
+    """
 
     def __init__(
         self,

@@ -17,9 +17,9 @@ JAW = 0.1  # m that equal the whole travel of a gripper
 
 
 class Adviser:
-    """The expert's plan from what it has seen until now. `action` finds the place on the plan,
-    carried along with the target, that is nearest to the hands, `off` m away, and returns the
-    command one control period later. Raises PlanFailure if there is no plan."""
+    """The expert's plan from what it has seen. `action` returns the command one control period
+    after the place nearest to the hands, `off` m away. Raises PlanFailure.
+    """
 
     def __init__(self, actor: ReactiveActor, script: Script, fps: int) -> None:
         self._actor, self._period = actor, PHYSICS_HZ // fps

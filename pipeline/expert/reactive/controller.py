@@ -45,9 +45,9 @@ SAME_BRANCH = IkBudget(restarts=0)
 class ReactiveExpert:
     """Commands for one control period after another, from what was seen of the target so far.
 
-    On the first motion of a plan's last skill it turns from the plan to the moving target. From
-    `plan.near` on the hands move as the target is expected to. They go nearer only while they are
-    where they should be and the target does what was expected; else slower, at last back."""
+    On the plan's last skill it follows the moving target. The hands approach only while both are
+    where expected; else they slow down, then retreat.
+    """
 
     def __init__(self, planner: Planner, command: Floats) -> None:
         self._planner = planner

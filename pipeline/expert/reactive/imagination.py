@@ -29,10 +29,9 @@ STIRS = 1e-3  # rad or m; an arm whose joints all move less is still
 class MeetingPlan:
     """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,).
 
-    The last skill begins in row `last`, its first motion of an arm ends in `near`, its last one in
-    `met`; `sides` are the arms that move in it, `holding` what is in which hand when it begins.
-    `runs` of skills are on the clock of the rows; `held` and `approaches` are the actor's at the
-    end."""
+    The last skill begins in row `last`; its first motion ends in `near`, its last in `met`. `sides`
+    move in it, `holding` is what each hand holds at its start. `runs` are on the clock of the rows.
+    """
 
     aim: Pose
     commands: Floats

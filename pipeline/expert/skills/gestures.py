@@ -89,9 +89,9 @@ def _pour_costs(a: Actor, side: str, hold: Pose, bodies: Floats) -> Floats:
     """Costs (M,) in rad of pouring at the poses `bodies` (M,7); `hold` (7,) is the tcp in the body
     frame.
 
-    They count how much nearer than `POUR.room` the stream over the lowest edge passes the hand, how
-    far the weight pulls off the axis of the jaws, and how far the opening is from pointing down.
-    The stream is straight inside the body and a parabola outside."""
+    They count a stream near the hand, weight off the axis of the jaws, and an opening that does not
+    point down.
+    """
     box = a.bodies[a.held[side]].instance.shape().aabb()
     down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
     low = down * [1, 1, 0] / np.linalg.norm(down[:, :2], axis=1, keepdims=True)

@@ -189,10 +189,9 @@ def back_calculate_motion(
 
 
 def _late(asked: MotionRequest, streams: Streams, model: str) -> TargetMotion:
-    """The motion that moves for the first of the shares `asked.moving` for which there is one.
-
-    Every try draws the same numbers; at level 1 the first speed of the law is kept, because another
-    one would mostly be slower. Raises the NoMotion of the first try."""
+    """The motion for the first feasible share of `asked.moving`. Raises the first try's
+    NoMotion.
+    """
     total, refused = asked.lead + asked.duration, list[NoMotion]()
     kept = replace(asked, candidates=1) if asked.level == 1 else asked
     for share in asked.moving:

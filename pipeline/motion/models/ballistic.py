@@ -25,11 +25,11 @@ STEEL, RUBBER = (0.55, 0.56, 0.60), (0.16, 0.17, 0.19)
 
 @dataclass(frozen=True)
 class Ballistic(ClosedForm):
-    """Carried along `heading` (rad) at a `pace` that ends at the release, `flight` s before the
-    meeting; then free flight.
+    """Carried along `heading` (rad) at a `pace` until `flight` s before the meeting; then free
+    flight.
 
-    In flight the height is z(T) + w (t - T) - g (t - T)^2 / 2. Where it comes down to `floor` (m)
-    it lies still. It is `top` m high. alpha bounds the speed along the heading."""
+    In flight the height is z(T) + w (t - T) - g (t - T)^2 / 2; at `floor` (m) it lies still.
+    """
 
     heading: float
     pace: Pace

@@ -23,12 +23,12 @@ PART = (0.25, 0.45)  # share of time and way that the first piece takes
 
 @dataclass(frozen=True)
 class Handed(ClosedForm):
-    """A minimum-jerk motion from `start` (x, y, z; m from the end) to the end, with a turn by
-    `angle` rad about `about`.
+    """A minimum-jerk motion from `start` (x, y, z; m from the end), with a turn by `angle` rad
+    about `about`.
 
-    The share of path and turn is r(u) = 10 u^3 - 15 u^4 + 6 u^5 at the share u of the time. With a
-    `stop` the hand rests at that share of path and time until `resumes` (share of the time). `bow`
-    (m) bends the path upwards."""
+    The share of the path is 10 u^3 - 15 u^4 + 6 u^5. With a `stop` the hand rests at that share
+    until `resumes`; `bow` (m) bends the path upwards.
+    """
 
     kind: ClassVar[str] = "handed"
     start: tuple[float, float, float]

@@ -30,12 +30,12 @@ STEEL, CORD = (0.55, 0.56, 0.60), (0.85, 0.83, 0.78)
 
 @dataclass(frozen=True)
 class Pendulum(ClosedForm):
-    """The angle from the vertical is A(t) sin(w (t - T)), w = sqrt(g / length), in the vertical
-    plane along `heading` (rad).
+    """The angle from the vertical is A(t) sin(w (t - T)), w = sqrt(g / length), along `heading`
+    (rad).
 
-    The pivot is `length` m above the end: the body hangs straight at the meeting T. Its top is
-    `top` m above its origin. A(t) = `amplitude` exp(`decay` (T - t)) (rad); at the times `knocks` A
-    jumps: before each it was `share` of what it is after it."""
+    A(t) = `amplitude` exp(`decay` (T - t)) (rad); before each of `knocks` A is `share` of its value
+    after. The pivot is `length` m above the end; the body's top `top` m above its origin.
+    """
 
     kind: ClassVar[str] = "pendulum"
     heading: float

@@ -137,13 +137,11 @@ def _samples(paths: DrawnPaths) -> Floats:
 
 
 def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
-    """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`.
+    """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`, else NoMotion.
 
-    The law gives a shape, and with it all speeds: the first of at most `candidates` that
-    `judge_shapes` accepts. It takes the first of 256 directions, and of both mirror images where it
-    is curved, that `judge_places` and at last `asked.free` ("blocked") accept. A shape that fits in
-    no direction is not replaced by a slower one, so that accepted speeds follow the law. Raises
-    NoMotion, also if the end lies outside the workspace ("end_outside")."""
+    The first shape that `judge_shapes` accepts is turned in 256 directions, and mirrored if curved.
+    One that fits in none is not replaced by a slower one, so that speeds follow the law.
+    """
     end_pose = np.asarray(asked.end_pose, float)
     if not asked.workspace.contains(end_pose):
         raise NoMotion(asked, {"end_outside": 1})

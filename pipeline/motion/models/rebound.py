@@ -28,9 +28,9 @@ BRICK, WHITE, RED = (0.55, 0.30, 0.24), (0.93, 0.93, 0.90), (0.80, 0.12, 0.12)
 
 @dataclass(frozen=True)
 class Rebound(Rolling):
-    """A roll that comes along `incoming` (rad) until `bounce` m before the end, then along
-    `heading`; the two are mirrored by the wall. `wall` is the middle of its face (x, y; m) and the
-    direction of its normal (rad), `line` how far (m) the goal line is beyond the end."""
+    """A roll along `incoming` (rad) until `bounce` m before the end, then along `heading`. `wall`
+    is its middle (x, y; m) and normal (rad); the goal is `line` m beyond the end.
+    """
 
     kind: ClassVar[str] = "rebound"
     incoming: float

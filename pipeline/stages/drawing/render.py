@@ -69,9 +69,9 @@ class Appearance:
 def visuals_of(
     spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0, frozen: Visuals | None = None
 ) -> Visuals:
-    """The look of an episode's room and lights: clean, or randomized, with a stream of its own for
-    every seed and variant. `frozen` is that of its domain with unseen textures, if known. Textures
-    and light of the setup replace those of every look. Raises BroughtError."""
+    """The look of an episode's room and lights, with a random stream for every seed and variant.
+    Textures and light of the setup replace it. Raises BroughtError.
+    """
     own = setup.visuals != "domain"
     if frozen and not own and (spec.domain == "clean" or setup.textures == "unseen"):
         visuals = frozen

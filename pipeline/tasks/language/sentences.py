@@ -1,10 +1,8 @@
-"""Instructions in words: templates with slots, filled with true descriptions of the objects and the
-names of the acting arms.
+"""Instructions from templates with slots, filled with true descriptions.
 
-In "Press {bell} with {arm}." a slot names a body of the layout or a role of an arm; {bell:moving}
-puts an adjective in front; a choice of the scene is a bare word, "the {choice} bell". Templates
-carry no article before another slot. One that begins with "~" says that the target moves and is
-used only where it does."""
+In "Press {bell} with {arm}." a slot names a body or the role of an arm; {bell:moving} adds an
+adjective; {choice} is a bare word. A template that begins with "~" applies to moving targets only.
+"""
 
 import re
 import sys
@@ -85,10 +83,9 @@ def instructions(
 ) -> dict[str, list[str]]:
     """`count` instructions for each of the splits "seen" and "unseen".
 
-    Every combination of template and descriptions comes once before any comes again, templates
-    taking turns. A template is used only where the arms that it names act and, marked "~", where
-    the target moves. Raises LanguageError for an unknown slot or side, and if no template of a
-    split is true."""
+    No combination of template and descriptions repeats before all were used. Raises LanguageError
+    for an unknown slot or side, and if no template of a split is true.
+    """
     objects, arms = wording.objects, wording.arms
     for role, side in arms.items():
         if side not in SIDES:
