@@ -39,8 +39,9 @@ _THREAD, _PROCESS = _Thread(), _Process()
 
 @contextmanager
 def bit_stable() -> Iterator[None]:
-    """Compute with OpenCV's baseline kernels and one thread. The choice of kernels is the
-    process's: the last thread out restores it. That of IPP belongs to a thread."""
+    """Compute with OpenCV's baseline kernels and one thread. The last thread out restores the
+    process's kernels.
+    """
     if _THREAD.depth == 0:
         with _PROCESS.lock:
             if _PROCESS.inside == 0:
@@ -131,8 +132,9 @@ def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray
 def colour_flow(
     flow: NDArray[np.floating], options: Colour
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """RGB maps (N,h,w,3) uint8 of flows (N,h,w,2) px, and the scale (N,) px of full brightness (0 =
-    black map). Hue is direction: 0 right, 90 degrees down."""
+    """RGB maps (N,h,w,3) of flows (N,h,w,2) px, and their full scale (N,) px. Hue is direction:
+    0 right, 90 degrees down.
+    """
     flow = np.ascontiguousarray(flow, np.float32)
     rgb = np.empty((*flow.shape[:3], 3), np.uint8)
     with bit_stable():

@@ -140,8 +140,7 @@ def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.
 def exact_flows(
     view: SimView, bodies: Floats, stride: int, size: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Exact flow (T,h,w,2) px at `size` of the pairs (max(0, t-stride), t), of a view with depth
-    and world poses of bodies (T,B,7)."""
+    """Exact flow (T,h,w,2) px at `size` of the frames (max(0, t-stride), t); body poses (T,B,7)."""
     assert view.depth is not None
     flow, cameras = np.zeros((len(view.depth), *size[::-1], 2), np.float32), view.poses
     for t, a in enumerate(previous_frames(len(flow), stride)):

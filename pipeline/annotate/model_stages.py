@@ -49,8 +49,7 @@ _QUOTED = re.compile(r"\"([^\"]+)\"|“([^”]+)”|(?<!\w)'([^']+)'(?!\w)")
 
 @dataclass(frozen=True)
 class Prompts:
-    """Objects to mask, without repeats; `roles` maps "target" and "manipulated" to their index
-    where they were asked for."""
+    """Objects to mask; `roles` maps "target" and "manipulated" to their index."""
 
     objects: tuple[str, ...]
     prompts: tuple[str, ...]
@@ -72,8 +71,9 @@ def caption(phrase: str) -> str:
 
 
 def ask(meta: EpisodeMeta, instruction: str, requested: Sequence[str], source: str) -> Prompts:
-    """Objects and captions for an episode. `requested` are roles or names; `source` as in
-    MaskOptions.prompt. Raises AnnotateError for an object that it does not have."""
+    """Objects and captions for an episode. `source` as in MaskOptions.prompt. Raises
+    AnnotateError for an unknown object.
+    """
     if source == "instruction":
         return Prompts(("instruction",), (caption(parse_instruction(instruction)),), {})
     by_request = {want: getattr(meta, want) if want in ROLES else want for want in requested}

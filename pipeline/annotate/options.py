@@ -1,5 +1,6 @@
-"""What the user may choose, as plain frozen dataclasses. What decides a result goes into its key;
-batch and device do not."""
+"""The user's choices, as frozen dataclasses. What decides a result enters its key; batch and
+device do not.
+"""
 
 from dataclasses import dataclass, field
 

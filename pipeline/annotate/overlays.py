@@ -32,8 +32,9 @@ def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np
 def annotation_sheet(
     dataset: Path, episode: Path, camera: str = HEAD, frames: Sequence[int] | None = None
 ) -> NDArray[np.uint8] | None:
-    """Frames with masks, then a row a flow annotation, as an image (H,W,3); `frames` are six spread
-    over the episode by default. None if that camera has neither."""
+    """Frames with masks and flow, as an image (H,W,3), by default six. None if that camera has
+    neither.
+    """
     entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
         path, parameters = annotation_path(dataset, directory, episode), stage["parameters"]

@@ -40,8 +40,9 @@ def build_stages(
     device: str = "auto",
     dry_run: bool = False,
 ) -> list[Stage | Absent]:
-    """Stages in the order they must run, one per camera. A dry run downloads nothing. Raises
-    AnnotateError, or NoWeights."""
+    """Stages in order, one per camera. A dry run downloads nothing. Raises AnnotateError,
+    NoWeights.
+    """
     unknown = ", ".join(s for s in stages if s not in STAGES)
     if unknown or not stages:
         known = ", ".join(STAGES)

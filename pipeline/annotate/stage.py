@@ -1,5 +1,4 @@
-"""What a stage of annotation is: read (hashes of inputs) -> decode (frames, on a prefetch thread)
--> compute -> store."""
+"""A stage of annotation: read (input hashes) -> decode (on a thread) -> compute -> store."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -58,8 +57,9 @@ class StageResult:
 
 
 class Stage(Protocol):
-    """One stage for one camera: plain data that travels to workers. `version` is raised by hand
-    when the code gives other bytes for the same parameters and inputs."""
+    """One stage for one camera, as plain data. Raise `version` by hand when the code changes the
+    bytes.
+    """
 
     @property
     def name(self) -> str: ...
@@ -127,8 +127,9 @@ class SimView:
 def sim_reading(
     episode: EpisodeFile, camera: str, depth: bool, render: Render | None
 ) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
-    """Inputs, lazy view and body names of simulator truth: stored, if without noise, or rendered
-    again. Raises AnnotateError if neither is possible."""
+    """Inputs, lazy view and body names of simulator truth: stored without noise, or rendered.
+    Raises AnnotateError.
+    """
     check_camera(episode, camera)
     log, drawing, path = episode.read().log, episode.meta.drawing, episode.path
     group, bodies, sensors = f"observation/{camera}", list(log.bodies), drawing.sensors

@@ -25,8 +25,9 @@ CHUNK_BYTES = 1 << 20
 
 
 def episode_paths(dataset: Path) -> list[Path]:
-    """Episode files of a dataset, relative to `dataset`/episodes, sorted. Raises AnnotateError if
-    there is no such directory."""
+    """Episode files relative to `dataset`/episodes, sorted. Raises AnnotateError without that
+    directory.
+    """
     root = Path(dataset) / "episodes"
     if not root.is_dir():
         raise AnnotateError(f"{dataset} is no dataset: it has no episodes directory")

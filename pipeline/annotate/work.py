@@ -1,5 +1,4 @@
-"""Bring one stage of some episodes up to date. A prefetch thread reads, checks and decodes the next
-episodes while the current one is computed."""
+"""Bring one stage of some episodes up to date. A thread prepares the next episodes meanwhile."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -31,8 +30,9 @@ _EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation,
 
 @dataclass(frozen=True)
 class StageOutcome:
-    """What became of an episode: `action` is computed, reused, failed or waiting, `state` valid,
-    missing, stale, corrupt, or unknown for an unreadable episode."""
+    """`action` is computed, reused, failed or waiting; `state` valid, missing, stale, corrupt or
+    unknown.
+    """
 
     episode: str
     action: str
@@ -58,8 +58,7 @@ class StageWorker:
         self._compute: Callable[[Any], StageResult] | None = None
 
     def run(self, episodes: Sequence[Path]) -> Iterator[StageOutcome]:
-        """One outcome an episode, in order. Raises AnnotateError for models that cannot be loaded
-        or a result that cannot be written."""
+        """One outcome an episode, in order. Raises AnnotateError for models or results."""
         for episode, prepared in _prefetch(self._prepare, episodes):
             if isinstance(prepared, _Work):
                 self._finish(episode, prepared)

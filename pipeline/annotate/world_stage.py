@@ -204,8 +204,7 @@ def dense_motion(surfaces: Surfaces, poses: Floats) -> dict[str, NDArray[Any]]:
 
 
 def boxes_3d(surfaces: Surfaces, poses: Floats, bodies: Sequence[BodyFacts]) -> Floats:
-    """Corners (T,N,8,3) in the camera frame of the boxes around bodies along the axes of their own
-    frames; `poses` (T,N,7) in the world."""
+    """Corners (T,N,8,3) in the camera frame of bodies' own boxes; world `poses` (T,N,7)."""
     signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     corners = np.stack(
         [np.where(signs, b.vertices.max(0), b.vertices.min(0)).astype(float) for b in bodies]

@@ -75,8 +75,9 @@ class Done[J, R]:
 
 @dataclass(frozen=True)
 class Died[J]:
-    """A job that cost two workers on the same try: the last that it had yielded, None before the
-    first. `seconds` is what the second worker spent on it."""
+    """A job that cost two workers on one try; the last that it yielded, and the second worker's
+    `seconds`.
+    """
 
     job: J
     reason: Literal["worker_died", "worker_hung"]

@@ -1,7 +1,7 @@
 """The one loop over jobs, and the one rule for lost workers.
 
-Jobs share nothing, so neither the executor nor the number of workers changes a byte of the
-output."""
+Jobs share nothing, so scheduling changes no output byte.
+"""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator

@@ -35,8 +35,7 @@ _ASK = "import sys, ray; ray.init(sys.argv[1], log_to_driver=False, configure_lo
 
 @contextmanager
 def session(crew: Crew) -> Iterator[None]:
-    """Ray runs within: started here, or the cluster at `crew.address` joined; nothing if inline.
-    Sessions nest. What is printed within goes to standard error. Raises CrewError."""
+    """Start Ray, or join `crew.address`; nothing if inline. Sessions nest. Raises CrewError."""
     if crew.executor == "inline":
         yield
         return

@@ -32,8 +32,9 @@ class CrewWorker:
     def begin(
         self, make: Make[Any, Any], check: Check | None, plugins: Snapshot, folder: str
     ) -> "tuple[str, str, dict[str, str]]":
-        """Load plugins, check the machine and make the work, in a directory unless it is "".
-        Returns the ids of node and machine, and what `check` found. Raises CrewError."""
+        """Load plugins, check the machine, make the work. Returns ids of node and machine, and
+        what `check` found. Raises CrewError.
+        """
         # the kernel ends this process with its parent, the raylet, which ends with the driver:
         # Ray itself takes up to a minute, in which a new command may have been started
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -74,8 +74,7 @@ class Representation:
         return tuple(f"{side}_{part}" for side in sides_of(vector_names) for part in parts)
 
     def slices(self, vector_names: Sequence[str]) -> dict[str, slice]:
-        """Slices of an action by part: left_joints and left_gripper, or left_position,
-        left_rotation and left_gripper, then the right arm's."""
+        """Slices of an action by part, such as left_joints and left_gripper, left before right."""
         out: dict[str, slice] = {}
         for i, name in enumerate(self.names(vector_names)):
             side, _, number = name.partition("_")
@@ -138,8 +137,9 @@ class ActionCodec:
         return measured
 
     def encode(self, commanded: Floats, references: Floats) -> Floats:
-        """Joint targets (T,A) as actions (T,D) against references (T,A). Absolute quaternions have
-        continuous signs along T, others w >= 0."""
+        """Joint targets (T,A) as actions (T,D) against references (T,A). Only absolute
+        quaternions have continuous signs.
+        """
         representation = self.representation
         if not representation.poses:
             if representation.reference == "absolute":
@@ -165,8 +165,9 @@ class ActionCodec:
         return np.where(self._relative > 0, summed, actions)
 
     def decode_tools(self, actions: Floats, state: Floats, before: Floats) -> tuple[Floats, Floats]:
-        """World poses (H,S,7) of the tools and gripper values (H,S) of a chunk (H,D), as in
-        `decode_joints`. Raises ValueError for a rotation of length zero."""
+        """World tool poses (H,S,7) and gripper values (H,S) of a chunk (H,D). Raises ValueError
+        for a zero rotation.
+        """
         sides, width = len(sides_of(self.vector_names)), len(self.names)
         rows = np.asarray(actions, float).reshape(len(actions), sides, width // sides)
         grippers = rows[..., -1]
@@ -210,8 +211,9 @@ class ActionCodec:
 def pad_arms(
     actions: Floats, representation: Representation, vector_names: Sequence[str]
 ) -> Floats:
-    """Tool poses (T,D) of one arm as actions of two (T,2D): the missing arm is at zero, not turned,
-    with a closed gripper."""
+    """Tool poses (T,D) of one arm as actions of two (T,2D): the other is at zero with a closed
+    gripper.
+    """
     sides = sides_of(vector_names)
     if len(sides) == len(SIDES):
         return actions

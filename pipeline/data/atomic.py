@@ -1,5 +1,6 @@
-"""Files and directories that are whole or not there: written beside their place as
-`.<name>.<host>.<process id>.tmp`, then renamed."""
+"""Files and directories that are whole or missing: written as `.<name>.<host>.<process id>.tmp`,
+then renamed.
+"""
 
 import errno
 import fcntl
@@ -21,8 +22,9 @@ def temporary_name(path: Path) -> Path:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path, which becomes `path` when the block ends without an error, else vanishes.
-    Its directory is made. Raises OSError."""
+    """A temporary path that becomes `path` unless the block fails. Its directory is made. Raises
+    OSError.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_name(path)
     try:

@@ -43,8 +43,9 @@ def look(position: ArrayLike, forward: ArrayLike, left: ArrayLike = (-1, 0, 0)) 
 
 
 def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: float = 0.05) -> Pose:
-    """World pose of the nearest upright camera along `forward` that has all points (N,3) in its
-    image. A share `margin` stays free on each side."""
+    """World pose of the nearest upright camera along `forward` that shows all points (N,3), with
+    a free `margin`.
+    """
     f = np.asarray(forward, float) / np.linalg.norm(forward)
     left = np.cross([0.0, 0.0, 1.0], f)
     left /= np.linalg.norm(left)
@@ -125,8 +126,9 @@ def world_poses(
 
 @dataclass(eq=False)
 class View:
-    """A camera's images: RGB (T,H,W,3), world poses (T,7), depth (T,H,W) mm, and segmentation
-    (T,H,W): body index + 1, 0 = background."""
+    """RGB (T,H,W,3), world poses (T,7), depth (T,H,W) mm, segmentation (T,H,W): body index + 1,
+    0 = background.
+    """
 
     camera: Camera
     poses: NDArray[np.float64]

@@ -108,8 +108,9 @@ class Dataset(Paths):
         return self.recipe().setup
 
     def check_folders(self) -> None:
-        """Raise DatasetError for a file in place of a directory, and for a link, pipe or device
-        anywhere below: no path leads elsewhere."""
+        """Raise DatasetError for a file in place of a directory, or a link, pipe or device
+        below.
+        """
         if os.path.lexists(self.root) and not self.root.is_dir():
             raise DatasetError(f"{self.root} is a file, and a dataset is a directory: name another")
         for name in FOLDERS:

@@ -35,8 +35,7 @@ def is_intact(path: Path, sha256: str) -> bool:
 
 
 def check_bytes(dataset: Dataset, episode: Path) -> None:
-    """Raise DatasetError for an episode file, relative to `episodes`, whose bytes the index does
-    not name. A directory without a recipe was not built."""
+    """Raise DatasetError for an episode file whose bytes the index does not name."""
     if not dataset.manifest.exists():
         return
     recipe, path = dataset.recipe(), dataset.episodes / episode
@@ -65,8 +64,9 @@ def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
 
 
 def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
-    """The episode files of the recipe's slots, in its order, each read. Raises DatasetError for one
-    that is missing or changed."""
+    """The episode files of the recipe's slots, each read. Raises DatasetError for a missing or
+    changed one.
+    """
     if missing := dataset.missing(recipe):
         raise DatasetError(missed(missing))
     rows = dataset.present(recipe, "sha256")

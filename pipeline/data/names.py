@@ -56,8 +56,9 @@ def is_embodiment(text: object) -> bool:
 
 
 def exported_names(cameras: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Exported name of each camera: `given`, else of EXPORTED_CAMERAS, else its own. Raises
-    ValueError for an unknown camera, a wrong name, or one name twice."""
+    """Exported camera names: `given`, else EXPORTED_CAMERAS, else its own. Raises ValueError for
+    wrong or repeated ones.
+    """
     cameras = tuple(cameras)
     if missing := sorted(set(given) - set(cameras)):
         raise ValueError(f"there is no camera {missing[0]}: cameras are {', '.join(cameras)}")

@@ -14,8 +14,9 @@ IRREGULAR = "is no regular file; remove it"
 
 
 def check_regular(path: Path) -> None:
-    """Raise OSError for a path that is there and is no regular file. A missing file is fetched from
-    the store that holds its dataset. Raises StoreError."""
+    """Raise OSError for a path that is no regular file. Fetches a missing file from its store.
+    Raises StoreError.
+    """
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -42,8 +43,7 @@ def read_regular(path: Path, most: int = LARGEST) -> bytes:
 
 
 def check_tree(root: Path) -> None:
-    """Raise OSError for a link, pipe, socket or device anywhere below a directory: without them, no
-    path made from plain names leads elsewhere."""
+    """Raise OSError for a link, pipe, socket or device anywhere below a directory."""
     waiting = [os.fspath(root)]
     while waiting:
         with suppress(FileNotFoundError):

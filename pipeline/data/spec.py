@@ -76,8 +76,9 @@ class EpisodeSpec:
         return self.level > 0 and self.alpha > 0
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """The named random stream of this attempt. Level, alpha and domain do not enter the key:
-        paired cells have the same placement and objects."""
+        """The named random stream of this attempt. Paired cells share it: level, alpha and
+        domain do not enter.
+        """
         return self._stream(self.seed, purpose)
 
     def slot_rng(self, purpose: str) -> np.random.Generator:

@@ -38,8 +38,9 @@ def check_task(
     recipe: Recipe = DEFAULT,
     words: bool = True,
 ) -> list[Finding]:
-    """Check one task on one robot by a recipe; instructions only with `words`. An error of the
-    task's own code is a finding. Raises UnknownName and UnknownEmbodiment."""
+    """Check one task on one robot. An error of the task's own code is a finding. Raises
+    UnknownName and UnknownEmbodiment.
+    """
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
     try:
@@ -184,8 +185,7 @@ DISTANCES = (*NEAR, *FAR, 0.4, 0.5, 0.6)
 
 @dataclass(frozen=True, eq=False)
 class Unreached:
-    """A skill whose arm cannot reach the tcp pose (7,) that it `wanted`. `nearest` is the next one
-    of that orientation at which arm and held body touch nothing."""
+    """A skill whose arm cannot reach the tcp pose (7,) `wanted`; `nearest` is the next free one."""
 
     skill: str
     side: str
@@ -221,8 +221,7 @@ def find_unreached(failure: Failure) -> Unreached | None:
 
 
 def nearest(arm: ArmPlanner, wanted: NDArray[np.float64]) -> tuple[Pose, Pose] | None:
-    """One of the tcp poses `wanted` (N,7), and the nearest free one of its orientation, if any. It
-    is right to a tenth of the step between DISTANCES."""
+    """One of the tcp poses `wanted` (N,7), and the nearest free one of its orientation, if any."""
     free = arm.checker()
 
     def first(poses: NDArray[np.float64]) -> int | None:

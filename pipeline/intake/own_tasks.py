@@ -44,8 +44,9 @@ class _Declared(BaseModel):
 
 
 def check_task(task: Task) -> None:
-    """Draw the trial layouts of a task from outside the package. Raises RecipeError: the line of
-    its file, its name and what is wrong."""
+    """Draw trial layouts of a task from outside. Raises RecipeError with its file, line and
+    name.
+    """
     cls = type(task)
     if not is_outside(cls):
         return

@@ -1,5 +1,6 @@
-"""What a person looks at first: frames of an episode with the target's path drawn in, a sheet of
-such rows, and a short H.264 film."""
+"""What a person looks at first: frames with the target's path, contact sheets, short H.264
+films.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,8 +46,9 @@ class Film:
 
 
 def film(path: Path, columns: int = 6, width: int = 320) -> Film:
-    """Up to `columns` frames of an episode file, scaled to `width` pixels, from the head camera or
-    the first one. Raises EpisodeError for a file that is no episode or has no camera."""
+    """Up to `columns` frames, `width` px wide, from the head or first camera. Raises
+    EpisodeError.
+    """
     with open_episode(path) as e:
         _check_cameras(e)
         episode, camera = e.read(), HEAD if HEAD in e.cameras else e.cameras[0]
@@ -72,8 +74,9 @@ def _check_cameras(e: EpisodeFile) -> None:
 
 
 def contact_sheet(paths: Sequence[Path], columns: int = 6, width: int = 240) -> Pixels:
-    """An image (H,W,3) uint8 RGB with a titled row of frames an episode; that of the meeting is
-    underlined. Raises EpisodeError for a file that is no episode."""
+    """An image (H,W,3) uint8 RGB with a titled row an episode; meeting frames are underlined.
+    Raises EpisodeError.
+    """
     rows = list[Pixels]()
     for path in paths:
         strip = film(path, columns, width)
@@ -104,8 +107,9 @@ def encode(rgb: Pixels, suffix: str = ".jpg", quality: int = 88) -> bytes:
 
 
 def clip(path: Path, height: int = 180) -> bytes:
-    """The mp4 of an episode, its cameras side by side, `height` pixels high, or less if none
-    reaches that. Raises EpisodeError for a file that is no episode or has no camera."""
+    """The mp4 of an episode, cameras side by side, at most `height` px high. Raises
+    EpisodeError.
+    """
     with open_episode(path) as e:
         _check_cameras(e)
         shapes = {camera: e.rgb(camera, 0).shape for camera in e.cameras}
@@ -126,8 +130,9 @@ def clip(path: Path, height: int = 180) -> bytes:
 
 
 def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
-    """Indices of at most `columns` of `count` frames: half of them up to the meeting, the rest
-    after it, each half spread evenly. Raises ValueError for fewer than two columns."""
+    """Indices of at most `columns` of `count` frames, half up to the meeting, half after it.
+    Raises ValueError for fewer than two columns.
+    """
     if columns < 2:
         raise ValueError(f"a film needs two columns or more, not {columns}")
     last = count - 1
@@ -149,8 +154,9 @@ def meeting_frame(episode: Episode) -> int | None:
 def path_pixels(
     kind: CameraType, cameras: NDArray[np.floating], poses: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Pixels (T,2) of a body's origin as a camera saw it, and which (T,) are in front of it.
-    `cameras` and `poses` are the world poses (T,7) of camera and body."""
+    """Pixels (T,2) of a body's origin, and which (T,) are in front of the camera; poses (T,7) in
+    the world.
+    """
     seen = [project(kind, world, point) for world, point in zip(cameras, poses[:, :3], strict=True)]
     return np.array([uv for uv, _ in seen]), np.array([depth > NEAREST for _, depth in seen])
 
@@ -158,8 +164,9 @@ def path_pixels(
 def draw_path(
     rgb: Pixels, pixels: Floats, in_front: NDArray[np.bool_], now: int, meeting: int | None
 ) -> None:
-    """Draw the path (T,2) on an image (H,W,3), in place: coloured by time up to `now`, a thin line
-    to the meeting, a ring there, and a dot at the present position."""
+    """Draw the path (T,2) px on an image (H,W,3), in place: coloured up to `now`, thin until the
+    meeting.
+    """
     unit = max(rgb.shape[1] / 320, 0.5)
     ramp = _plasma()[np.linspace(40, 255, len(pixels)).astype(np.uint8)].tolist()
     fixed = np.clip(np.rint(np.nan_to_num(pixels) * 2**_SUBPIXEL), -(2**20), 2**20)

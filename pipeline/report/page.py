@@ -1,5 +1,4 @@
-"""The report of a dataset: OUT/report/index.html, which opens anywhere without a network; of many
-cells, a page a task."""
+"""The report of a dataset: OUT/report/index.html, which needs no network."""
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence

@@ -43,8 +43,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Law:
-    """Means over motions: average and end speed (m/s), displacement (m), and shares: `short` moved
-    less than SHORT, `slow` had at most 0.01 m/s on average, `fast` at least 0.8 alpha."""
+    """Means over motions: speeds (m/s), displacement (m), and shares: `short` moved less than
+    SHORT, `slow` at most 0.01 m/s, `fast` at least 0.8 alpha.
+    """
 
     count: int
     average_speed: float

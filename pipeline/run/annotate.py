@@ -43,8 +43,7 @@ class Execution:
 
 
 class StageReport(TypedDict):
-    """What was done for one stage and camera; `invalid` counts what replaced a stale or corrupt
-    file. `plan` of a dry run has the episode, action, state and reason of each."""
+    """The work on one stage and camera; `invalid` counts replaced stale or corrupt files."""
 
     name: str
     camera: str
@@ -132,8 +131,7 @@ def annotate(
 def outcomes(
     stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution
 ) -> Generator[StageOutcome, None, None]:
-    """One stage of each episode, as leases end on workers. An episode that takes two workers with
-    it failed; the others of its lease are tried again."""
+    """One stage of each episode, as leases end. An episode that costs two workers failed."""
     crew, dry_run = execution.crew, execution.dry_run
     if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases

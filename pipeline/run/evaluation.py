@@ -30,8 +30,9 @@ def evaluation_version() -> str:
 def evaluation_of(
     recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any
 ) -> Evaluation:
-    """The evaluation of a policy in the cells of a recipe under a setup; `more` are other fields.
-    The clock is by default that of the rules."""
+    """The evaluation of a policy in the cells of a recipe; the clock is by default that of the
+    rules.
+    """
     return Evaluation(
         cells=tuple(recipe.cells()),
         policy=policy,
@@ -44,8 +45,7 @@ def evaluation_of(
 
 
 def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
-    """A function (work, jobs) that yields (job, result) as jobs end. It raises CrewError for a job
-    that takes two workers with it."""
+    """Yields (job, result) as jobs end. Raises CrewError for a job that costs two workers."""
 
     def each(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         with closing(run(lambda: work, deque(jobs), crew, seconds)) as ends:

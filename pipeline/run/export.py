@@ -62,8 +62,9 @@ class Export:
 
 
 def export(source: Dataset, request: Request, workers: int = 1, progress: bool = False) -> Export:
-    """Write the export; one that was there is replaced when everything is written. Raises
-    ExportError, DatasetError for damaged episodes, WhereError."""
+    """Write the export; an old one is replaced at the end. Raises ExportError, DatasetError,
+    WhereError.
+    """
     if request.format not in EXPORTERS:
         raise ExportError(f"--format {request.format!r} is unknown: choose {', '.join(EXPORTERS)}")
     exporter, failures = EXPORTERS[request.format], request.split == FAILURES
@@ -138,8 +139,9 @@ def _check_join(request: Request, recipes: Sequence[Recipe]) -> None:
 
 
 def differences(source: Dataset, place: Path) -> list[str]:
-    """How the export at `place` differs from what it wrote and should hold, a line each. Raises
-    ExportError, and DatasetError for damaged episodes."""
+    """How the export at `place` differs from what it should hold, a line each. Raises
+    ExportError, DatasetError.
+    """
     record = read_record(place)
     summary, attempts = record.summary, partial(attempts_of, source.attempt_rows)
     episodes = sorted(_intact(source, source.recipe(), summary["split"] == FAILURES))

@@ -64,8 +64,9 @@ def by_robot(episodes: Sequence[Path]) -> dict[str, list[Path]]:
 
 
 def join(sources: Sequence[DatasetPart], root: Path, fps: int | None) -> dict[Path, Path]:
-    """Make the episodes in `root`, at `fps` if given, and return the original of each. Raises
-    ExportError for a rate that does not divide that of the physics."""
+    """Make the episodes in `root`, at `fps` if given, by original. Raises ExportError for a rate
+    that does not divide the physics rate.
+    """
     names = [source.dataset.root.resolve().name for source in sources]
     if twice := {name for name in names if names.count(name) > 1}:
         raise ExportError(

@@ -36,8 +36,7 @@ def recipe_from(
 def resolve(
     recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
-    """The recipe with suites and `all` expanded, and aliases of robots replaced. Raises
-    RecipeError; `flags` names options."""
+    """The recipe with suites, `all` and robot aliases resolved. Raises RecipeError."""
 
     def where(key: str) -> str:
         return (flags or {}).get(key) or f"{source}: {key}:"
@@ -183,8 +182,9 @@ def _named(recipe: Recipe) -> set[str]:
 
 
 def installed_recipe(dataset: Dataset) -> Recipe:
-    """The frozen recipe of a dataset, the original's objects added. Raises DatasetError for names
-    that nothing installed has, RecipeError."""
+    """The frozen recipe with the original's objects. Raises DatasetError for missing names,
+    RecipeError.
+    """
     recipe = dataset.recipe()
     add_originals(recipe)
     needed = (

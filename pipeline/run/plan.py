@@ -77,8 +77,9 @@ def mean_frames(recipe: Recipe) -> float:
 
 
 def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
-    """What an episode takes by its recipe alone. Fitted to eight datasets of 64x48 to 960x720:
-    bytes within a factor of 1.6, processor time of 1.7."""
+    """What an episode takes by its recipe alone. Fitted: bytes within a factor of 1.6, processor
+    time of 1.7.
+    """
     kind, pixels = CAMERA_TYPES[recipe.camera], list[float]()
     for camera in recipe.cameras:
         own = camera if isinstance(camera, NamedCamera) else kind

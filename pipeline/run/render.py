@@ -34,8 +34,9 @@ IMAGE_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class RenderResult:
-    """`slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
-    built yet in the source. `drawn` and `problems` are of this call."""
+    """`slots` are wanted, of them `accepted`, `given_up`, and `open` in the source; `drawn` and
+    `problems` are of this call.
+    """
 
     slots: int
     accepted: int

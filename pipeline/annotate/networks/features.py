@@ -69,8 +69,9 @@ def area_weights(mask: NDArray[np.bool_], grid: tuple[int, int]) -> NDArray[np.f
 def pool(
     tokens: NDArray[np.float32], mask: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Features (N,K,D), the mean of tokens (N,g,g,D) by `area_weights` of masks (N,K,H,W), and
-    coverage (N,K) in patches. An empty mask gives zeros."""
+    """Features (N,K,D), the mean of tokens (N,g,g,D) under masks (N,K,H,W), and coverage (N,K)
+    in patches.
+    """
     weights = area_weights(mask, (tokens.shape[1], tokens.shape[2]))
     coverage = weights.sum((2, 3))
     summed = np.einsum("nkij,nijd->nkd", weights, tokens, optimize=True)

@@ -1,5 +1,6 @@
-"""From images and captions to masks: GroundingDINO's best box, SAM 2's mask in it; or exactly, from
-a segmentation. A row without a box has an empty mask and is not valid."""
+"""Masks: SAM 2 in GroundingDINO's best box, or exact from a segmentation. A row without a box is
+not valid.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,8 @@ from .models import ModelFiles, image_settings, inference, load_model, pixels
 @dataclass(eq=False)
 class Masks:
     """T frames, K objects: mask (T,K,H,W), box (T,K,4) px x0 y0 x1 y1, score and valid (T,K);
-    phrases [K][T] that matched."""
+    phrases [K][T].
+    """
 
     mask: NDArray[np.bool_]
     box: NDArray[np.float32]
@@ -74,8 +76,9 @@ def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
 
 
 def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """(height, width) with the shorter side at `short`, unless the longer would exceed `long`;
-    aspect kept, rounded down."""
+    """(height, width) with the shorter side at `short` unless the longer exceeds `long`; rounded
+    down.
+    """
     low, high = min(height, width), max(height, width)
     exact: float = short if high / low * short <= long else long * low / high
     side, other = round(exact), int(exact * high / low)
@@ -89,8 +92,9 @@ def detect(
     box_threshold: float,
     text_threshold: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
-    """Best box (N,4) px x0 y0 x1 y1, its score (N,), 0 if none passes, and the words it matched,
-    for frames (N,H,W,3). A score is the highest token probability of a query."""
+    """Best box (N,4) px x0 y0 x1 y1, its score (N,), 0 if none passes, and its words, for frames
+    (N,H,W,3).
+    """
     import torch
 
     n, height, width = frames.shape[:3]
@@ -146,8 +150,9 @@ def model_masks(
     captions: tuple[str, ...],
     options: MaskOptions,
 ) -> Masks:
-    """Masks of frames (T,H,W,3) for K captions. They are valid if a box passed both thresholds and
-    they are neither empty nor larger than `max_area` of the image."""
+    """Masks of frames (T,H,W,3) for K captions. Valid ones passed both thresholds, are not empty
+    and within `max_area`.
+    """
     (t, height, width), k = frames.shape[:3], len(captions)
     thresholds = options.box_threshold, options.text_threshold
     mask = np.zeros((t, k, height, width), bool)
@@ -170,8 +175,9 @@ def model_masks(
 def exact_masks(
     segmentation: NDArray[np.uint8], bodies: list[str], objects: tuple[str, ...]
 ) -> Masks:
-    """Masks of objects and what lies under them ("cabinet/drawer") from a segmentation (T,H,W) of
-    body index + 1. Boxes are tight, scores 1."""
+    """Masks of objects and their parts ("cabinet/drawer") from a segmentation (T,H,W). Boxes are
+    tight, scores 1.
+    """
     shape = (len(segmentation), len(objects), *segmentation.shape[1:])
     mask = np.zeros(shape, bool)
     for k, name in enumerate(objects):

@@ -43,8 +43,7 @@ class ModelFiles:
 
 
 def resolve(name: str, download: bool = True) -> ModelFiles:
-    """A local directory, else the hub's cache, else, with `download`, the hub. Raises NoWeights, or
-    AnnotateError for a directory that holds no model."""
+    """A local directory, else the hub's cache, else the hub. Raises NoWeights, AnnotateError."""
     path = Path(name)
     if not path.is_dir():
         if name.startswith(("/", ".", "~")):

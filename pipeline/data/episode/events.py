@@ -1,5 +1,4 @@
-"""Events of an episode: what happens, when, and what a file states of it. World and cameras act on
-them (world/physics/events.py, stages/drawing/exposure.py)."""
+"""Events of an episode: what happens, when, and what a file states of it."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -210,8 +209,9 @@ Events = Annotated[
 
 
 class DrawnEvent(_Strict):
-    """An event with all numbers drawn: it happens when its `trigger` reaches `value` (a phase by
-    name), ends `lasts` s later, if given; `turn` (rad) is its direction."""
+    """An event with all numbers drawn; it happens when `trigger` reaches `value`; `lasts` is in
+    s, `turn` in rad.
+    """
 
     name: str
     kind: EventKind

@@ -17,8 +17,9 @@ MOST = 10_000  # objects in a file, at most
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open a file for reading. Raises OSError for what is no regular HDF5 file, or has links or two
-    names for one object."""
+    """Open for reading. Raises OSError for no regular HDF5 file, links, or two names for one
+    object.
+    """
     check_regular(path)
     # a finished file is never written again, and some file systems have no locks
     file = h5py.File(path, "r", locking=False)
@@ -57,8 +58,7 @@ def check_dataset(dataset: h5d.DatasetID) -> None:
 
 
 class _Kept(FileIO):
-    """A file on which, after the first refusal of the disk (`refused`), nothing is written and
-    nothing fails: HDF5 would crash."""
+    """A file that ignores writes after the disk's first refusal (`refused`): HDF5 would crash."""
 
     refused: OSError | None = None
 
@@ -91,8 +91,7 @@ class _Kept(FileIO):
 
 @contextmanager
 def new_hdf5(path: Path, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file of an old version that every reader knows. Raises OSError if the disk
-    refuses, when the block has ended."""
+    """A new HDF5 file of an old, widely read version. Raises OSError at the block's end."""
     with _Kept(path, "w+") as kept:
         try:
             with h5py.File(kept, "w", libver=("v110", "v110"), **options) as file:
@@ -109,8 +108,7 @@ HEADER = "header"  # name of the hash of all attributes
 
 
 def content_hashes(file: h5py.File, read: Callable[[str], Any]) -> dict[str, str]:
-    """sha256 (32 hex digits) of every dataset by name, and of all attributes under HEADER; `read`
-    returns a whole dataset."""
+    """sha256 (32 hex digits) of every dataset by name, and of all attributes under HEADER."""
     names, attributes = list[str](), {"": _plain(file.attrs)}
 
     def visit(name: str, found: Any) -> None:

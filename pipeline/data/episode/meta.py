@@ -65,8 +65,9 @@ class ObjectInfo(_Record):
 
 
 class CameraInfo(_Record):
-    """A camera: image size (pixels), vertical field of view (degrees), its link (None: the world),
-    and its pose (7,) there, x forward, y left, z up."""
+    """Image size (px), vertical field of view (degrees), link (None: the world), pose (7,), x
+    forward, y left, z up.
+    """
 
     width: Annotated[int, Field(ge=1, le=8192, strict=True)]
     height: Annotated[int, Field(ge=1, le=8192, strict=True)]
@@ -133,8 +134,9 @@ class NamedCamera(CameraInfo):
 
 
 class Drawing(_Record):
-    """What the images were drawn with. `assets` maps each body that shows something, and
-    "furniture", to the hash of its meshes and materials; {} if nothing was drawn."""
+    """What the images were drawn with. `assets` maps visible bodies and "furniture" to hashes;
+    {} if nothing was drawn.
+    """
 
     preset: str
     visuals: Visuals

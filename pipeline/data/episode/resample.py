@@ -15,8 +15,9 @@ from .state_log import StateLog
 
 
 def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:
-    """The places (N,), in frames, of the frames at `rate` in a log of `length` frames at `fps`.
-    Raises ValueError for a rate that does not divide that of the physics."""
+    """The fractional frame indices (N,) at `rate` of a log at `fps`. Raises ValueError if it
+    does not divide the physics rate.
+    """
     if rate < 1 or PHYSICS_HZ % rate:
         raise ValueError(f"{rate} frames a second do not divide {PHYSICS_HZ}, the physics rate")
     step = Fraction(fps, rate)

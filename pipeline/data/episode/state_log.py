@@ -129,7 +129,8 @@ _ARRAYS = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_v
 
 
 def physics_id(spec: EpisodeSpec, log: StateLog) -> str:
-    """sha256 (32 hex digits) of a spec and of what happened: the same for all episodes of the same
-    physics, whatever their images. What shares it belongs into one split."""
+    """sha256 (32 hex digits) of a spec and of what happened, whatever the images. Equal ones
+    belong in one split.
+    """
     arrays = {name: getattr(log, name) for name in _ARRAYS}
     return digest([spec.to_json(), list(log.bodies), list(log.joints), arrays_digest(arrays)])

@@ -15,8 +15,9 @@ from .state_log import StateLog
 
 @dataclass(frozen=True, eq=False)
 class BodyFacts:
-    """A body's mesh in its frame, vertices (V,3) m and triangles (M,3), and its mass (kg) and
-    friction coefficient where they are known."""
+    """A body's mesh in its frame, vertices (V,3) m and triangles (M,3), mass (kg) and friction,
+    if known.
+    """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.uint32]
@@ -26,8 +27,7 @@ class BodyFacts:
 
 @dataclass(eq=False)
 class WorldTruth:
-    """What one camera sees of the bodies by name. `box` (T,N,4) px and `visible` (T,N) are those of
-    `objects` (world/drawing/silhouettes.py)."""
+    """What one camera sees of the bodies: `box` (T,N,4) px, `visible` (T,N) of `objects`."""
 
     bodies: Mapping[str, BodyFacts]
     surfaces: Surfaces

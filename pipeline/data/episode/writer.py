@@ -32,8 +32,9 @@ def write_episode(
     images: Sequence[NDArray[np.bytes_]] | None = None,
     pointcloud: NDArray[np.float32] | None = None,
 ) -> None:
-    """Write one episode atomically. `images` are the JPEG frames (T,) of `views`; `pointcloud`
-    (T,N,6) is x y z (m, world) and r g b (0-1). Raises OSError."""
+    """Write one episode atomically. `images`: JPEG frames (T,); `pointcloud` (T,N,6): m in the
+    world, RGB 0-1. Raises OSError.
+    """
     coded = [encode_frames(view.rgb) for view in views] if images is None else images
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         # groups that h5py makes on the way to a dataset carry the time of day; these do not

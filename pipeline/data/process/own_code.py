@@ -53,8 +53,7 @@ def line_of_class(cls: type, name: str = "") -> str:
 
 
 def line_of_error(error: BaseException, file: str | None) -> str:
-    """FILE:LINE of the last line in `file` or beside it that led to an error, "" if none did. A
-    generator that waits for what it yielded counts."""
+    """FILE:LINE of the last line in or beside `file` that led to an error, "" if none did."""
     if file is None:
         return ""
     root = Path(file) if Path(file).parent.name == _INSTALLED else Path(file).parent
@@ -118,8 +117,9 @@ class _Alarm(BaseException):
 
 @contextmanager
 def time_limit(seconds: float, late: Exception) -> Iterator[None]:
-    """Raise `late` for a block that takes longer: in the main thread between two Python
-    instructions; elsewhere, and in native code, at its end."""
+    """Raise `late` for a longer block: in the main thread between instructions; elsewhere at its
+    end.
+    """
     began, in_main = time.monotonic(), threading.current_thread() is threading.main_thread()
 
     def interrupt(_signal: int, _frame: FrameType | None) -> None:

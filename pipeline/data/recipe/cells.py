@@ -29,8 +29,9 @@ class Cell:
         return f"{self.task}/{self.embodiment}/{level}/{self.domain}"
 
     def scenes(self, paired: Sequence[str]) -> str:
-        """What the seeds of the cell's scenes are drawn from: its path, or one text for all cells
-        that differ only in `paired`."""
+        """What the scene seeds are drawn from: the cell's path, or one text for cells that
+        differ only in `paired`.
+        """
         if not paired:
             return self.path
         level = "*" if "levels" in paired else str(self.level)
@@ -65,8 +66,9 @@ def episode_name(index: int, variant: int = 0) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """The values of a recipe that choose its slots. `each` has by domain the episodes of a cell,
-    with a `total` its weight."""
+    """The values of a recipe that choose its slots. `each`: episodes of a cell by domain, a
+    weight if `total`.
+    """
 
     tasks: tuple[str, ...]
     embodiments: tuple[str, ...]

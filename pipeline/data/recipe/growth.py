@@ -11,8 +11,7 @@ _LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
 
 
 def differences(held: Recipe, wanted: Recipe) -> list[str]:
-    """One phrase for each key that changes what is held. If only images change, a phrase names
-    `render`, which draws them."""
+    """One phrase for each key that changes what is held; image-only ones name `render`."""
     given = ("objects",) if held.assets and wanted.assets else ()
     # a policy is known by its label
     out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}

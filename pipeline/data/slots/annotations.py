@@ -1,5 +1,6 @@
-"""Annotations: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and stage.json. Arrays are
-indexed by absolute frame; a file carries its full key and a checksum."""
+"""Annotations: OUT/annotations/<stage>@<key8>/<episode path>.h5 and stage.json, arrays by
+absolute frame.
+"""
 
 import hashlib
 import json

@@ -29,8 +29,7 @@ _FILE = re.compile(r"episode_(\d{7,8})(?:_v(\d+))?(\.hdf5|\.given_up\.json)")
 
 
 class Paths:
-    """The paths of a dataset. `failures` has the failed attempts that are kept, `orphans` whole
-    episodes of no slot that `gc` moved."""
+    """The paths of a dataset. `orphans` has whole episodes of no slot that `gc` moved."""
 
     def __init__(self, root: Path) -> None:
         self.root = root = Path(root)
@@ -143,8 +142,7 @@ class Listing:
         return found
 
     def unknown(self, rows: Rows) -> Iterator[tuple[Slot, bool]]:
-        """Slots with a file and no row, and whether it is an episode. A note beside an episode,
-        which is newer, does not count."""
+        """Slots with a file and no row, and whether it is an episode, whose note does not count."""
         known = [set[str]() for _ in self._files]
         for rank, name in rows.names:
             known[rank].add(name)
@@ -185,8 +183,9 @@ def write_given_up(
 
 
 def read_given_up(path: Path, slot: str) -> tuple[SlotKeys, list[dict[str, Any]]]:
-    """Keys and attempts of the note on the slot with this path. Raises OSError, ValueError,
-    KeyError, TypeError or AttributeError for what is none."""
+    """Keys and attempts of a given-up note. Raises OSError, ValueError, KeyError, TypeError or
+    AttributeError.
+    """
     values = parse_json(read_regular(path))
     canonical(values)  # refuses texts that have no UTF-8
     attempts = [dict(row) for row in values["attempts"]]

@@ -77,8 +77,9 @@ class DamagedIndex(Exception):
 
 @contextmanager
 def _faults(path: Path) -> Iterator[None]:
-    """Raise OSError for a disk that refuses, ValueError for values of another kind than their
-    columns, and DamagedIndex for all else."""
+    """Raise OSError if the disk refuses, ValueError for wrong column values, DamagedIndex for
+    all else.
+    """
     try:
         yield
     except (sqlite3.IntegrityError, sqlite3.ProgrammingError, OverflowError) as error:
@@ -97,8 +98,9 @@ _SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 
 
 def _check_beside(path: Path) -> None:
-    """Raise DamagedIndex for what no writer of an index leaves, and by which SQLite would change
-    files elsewhere: a hard link, a journal of another kind or that names files."""
+    """Raise DamagedIndex for a hard link or foreign journal, by which SQLite would change files
+    elsewhere.
+    """
     with path.open("rb") as file:
         plain = file.read(20)[18:] == b"\1\1" and path.stat().st_nlink == 1
     for end in BESIDE:
@@ -207,8 +209,9 @@ class Index(AbstractContextManager["Index"]):
         return Rows(cells, ids, ranks, index, variants, accepted == 1, keys, texts, known)
 
     def attempts(self, rows: Rows, *names: str) -> tuple[NDArray[np.int64], list[tuple[Any, ...]]]:
-        """Columns of all attempts at the slots of some rows, in their order: the number (M,) of
-        each one's row, and its values."""
+        """Columns of all attempts at the slots of some rows: each one's row number (M,), and its
+        values.
+        """
         with _faults(self.path):
             found = self._file.execute(
                 f"SELECT key, {', '.join(names)} FROM json_each(?) CROSS JOIN attempt"

@@ -44,8 +44,9 @@ MOST_ATTEMPTS = 2_000_000  # rows of attempts.parquet that are read at most
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is known of a slot's file without opening it: `size` (bytes), time of change (ns), and
-    of an episode its frames, `physics_id` and hashes of `assets`."""
+    """What is known of a slot's file without opening it: `size` (bytes), time of change (ns),
+    and of an episode more.
+    """
 
     size: int = 0
     changed: int = 0

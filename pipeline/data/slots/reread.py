@@ -46,8 +46,7 @@ type Attempts = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]
 
 
 def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callable[[Index], T]) -> T:
-    """What an index answers. One that is lost is made again, only in memory if another command
-    writes the dataset or nobody may."""
+    """What an index answers. A lost one is made again, in memory if it cannot be written."""
     try:
         with Index(dataset.index) as index:
             return question(index)
@@ -80,8 +79,9 @@ PUT = 300.0  # seconds between the copies of the index that a store gets while i
 
 
 class IndexWriter(AbstractContextManager["IndexWriter"]):
-    """The index of the command that writes a dataset. Slots that end faster than the disk commits
-    share a commit; the next writer reads their files if this one is killed."""
+    """The index of the writing command. Fast slots share a commit; lost rows are read from files
+    again.
+    """
 
     def __init__(self, dataset: Paths, recipe: Recipe) -> None:
         self._dataset, self._recipe, self._put_at = dataset, recipe, 0.0

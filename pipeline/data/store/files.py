@@ -43,8 +43,7 @@ _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(/.*)?|(s3|gs|hf):.*", re.DOTAL
 
 
 def url_of(text: str | Path) -> str | None:
-    """The URL that a text is, also as a path; None for a path. Raises StoreError for what looks
-    like a URL and cannot be one."""
+    """The URL that a text or path is, else None. Raises StoreError for a malformed URL."""
     match = _URL.fullmatch(str(text).rstrip("/"))
     if match and not set("?#*[]") & {*match[2]} and ".." not in match[2].split("/"):
         return f"{match[1]}://{match[2]}"
@@ -146,8 +145,9 @@ class Store:
 
     @contextmanager
     def hold(self) -> Iterator[None]:
-        """Hold the store's lease within; one that a dead process of this machine left is taken
-        over. Raises Busy if another process holds it, StoreError for a store that is read only."""
+        """Hold the store's lease; one of a dead local process is taken over. Raises Busy,
+        StoreError.
+        """
         if self.url.partition(":")[0] not in CONDITIONAL:
             raise StoreError(
                 f"{self.url}: can only be read: give a directory, s3:// or gs:// to write;"

@@ -124,8 +124,9 @@ def place_of(path: Path) -> Place | None:
 
 @contextmanager
 def open_place(url: str, pattern: str = SMALL, writes: bool = False) -> Iterator[Path]:
-    """A directory with what matches below a URL, for one command. What it writes there is put to
-    the store, unless a StoreError ends the block. Raises StoreError, Busy."""
+    """A directory with what matches below a URL; what is written there is put to the store.
+    Raises StoreError, Busy.
+    """
     place = _place(_new_root(url))
     try:
         place.store.read(MANIFEST)  # a silent store is known soon
@@ -186,8 +187,7 @@ def fetch_below(folder: Path) -> None:
 
 @contextmanager
 def replace_directory(folder: Path) -> Iterator[None]:
-    """Within, a directory is replaced; its objects on a store are, when the block ends without an
-    error. Raises StoreError."""
+    """Replace a directory; its store objects are replaced at the block's end. Raises StoreError."""
     place = place_of(folder)
     before = place.files(f"{re.escape(place.name(folder))}/.*") if place else []
     yield
@@ -197,8 +197,9 @@ def replace_directory(folder: Path) -> Iterator[None]:
 
 
 def pull(url: str, folder: Path) -> tuple[int, int]:
-    """Fetch what is below a URL into a directory, as far as it differs: how many files there are,
-    and how many were fetched. Raises StoreError."""
+    """Fetch what differs below a URL: how many files there are, and were fetched. Raises
+    StoreError.
+    """
     store = Store(url)
     there = {folder / name: (name, each) for name, each in _objects(store).items()}
     if not there:
@@ -209,8 +210,9 @@ def pull(url: str, folder: Path) -> tuple[int, int]:
 
 
 def push(folder: Path, url: str) -> tuple[int, int]:
-    """Put the files of a directory below a URL, as far as they differ: how many there are, and how
-    many were put. Raises StoreError, Busy."""
+    """Put the files that differ below a URL: how many there are, and were put. Raises
+    StoreError, Busy.
+    """
     store, count = Store(url), [0, 0]
 
     def name(path: Path) -> str:

@@ -51,8 +51,9 @@ def portrait(
     size: tuple[int, int] = (320, 240),
     preset: str = "raster-smooth",
 ) -> Image:
-    """Image (H,W,3) uint8 RGB of an instance on the table. With `marks` it shows frames and up to
-    MARKED grasps. Raises NoRenderer."""
+    """Image (H,W,3) uint8 RGB of an instance, with frames and grasps if `marks`. Raises
+    NoRenderer.
+    """
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
     away = np.array([0.35, -0.8, 0.62])

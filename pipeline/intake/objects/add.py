@@ -27,8 +27,9 @@ class AddedObject(NamedTuple):
 
 
 def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
-    """Read a mesh file or a directory of RoboTwin-OD in a child process with limits, write its
-    objects and enter them. Raises DominoError, before anything is written."""
+    """Read objects in a limited child process and add them. Raises DominoError before anything
+    is written.
+    """
     check_names(options)
     if not source.is_dir():
         check_free([options.name], options.to)

@@ -29,8 +29,9 @@ KEPT_DIGITS = 5
 
 @dataclass(frozen=True)
 class ObjectOptions:
-    """The options of `objects add`: kg, kg/m3, m per unit of the file. Textures lie below `within`,
-    by default the directory of the mesh."""
+    """The options of `objects add`: kg, kg/m3, m per unit. Textures lie below `within`, by
+    default the mesh's directory.
+    """
 
     name: str
     family: str

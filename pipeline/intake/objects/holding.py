@@ -76,8 +76,9 @@ def _along(
 def pinch_at(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats
 ) -> Grasp | None:
-    """The grasp with this approach and opening on the line through `at` (3,), the tcp in the
-    material or back from it. None without material or room for a hand."""
+    """The grasp with this approach and opening through `at` (3,). None without material or room
+    for a hand.
+    """
     lower, upper, _ = (float(each[0]) for each in _spans(pieces, at[None], opening))
     if not 0.002 < upper - lower <= WIDEST:
         return None
@@ -100,8 +101,9 @@ def _approaches(level: Floats, height: float, top: float) -> Iterator[Floats]:
 
 
 def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """Where lines (N) enter and leave the pieces together, m along `direction`, and whether the
-    sides there face each other. Those that miss have inf and -inf."""
+    """Where lines (N) enter and leave the pieces (m), and whether those sides face each other;
+    inf if they miss.
+    """
     lower, upper, enter, leave = _through(pieces, origins, direction)
     first, last = lower.argmin(0), upper.argmax(0)
     n = np.arange(len(origins))

@@ -33,8 +33,9 @@ NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a 
 
 
 class OriginalModel(NamedTuple):
-    """A directory of RoboTwin-OD and its instances that tasks use, by default all. `held` is False
-    if they need no grasp, `scale` is that of files which give none."""
+    """A directory of RoboTwin-OD and its used instances, by default all. `held` is False if they
+    need no grasp.
+    """
 
     directory: str
     ids: tuple[int, ...]
@@ -81,8 +82,9 @@ class Found:
 
 
 def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
-    """Add the original's objects for these tasks (families by task), for this process and those
-    that it starts. Raises RecipeError if there are none, or if nothing can be cached."""
+    """Add the original's objects for these tasks, for this process and its children. Raises
+    RecipeError.
+    """
     root, cache = _root(assets), user_cache("robotwin")
     if cache is None:
         raise RecipeError("assets: there is no home for the cache: set DOMINO_DATA_CACHE")

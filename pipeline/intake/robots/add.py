@@ -60,8 +60,9 @@ class AddedRobot(NamedTuple):
 
 
 def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
-    """Read a URDF, an MJCF or a directory in a child process with limits, and write a robot's
-    directory. Raises DominoError, before anything is written."""
+    """Read a robot in a limited child process and write its directory. Raises DominoError before
+    anything is written.
+    """
     directory = options.to / "robots" / options.name
     check_name(options.name, directory)
     draft = run_limited(str(source), draft_robot, source, options)

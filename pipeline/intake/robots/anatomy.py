@@ -20,8 +20,9 @@ JAW_WORDS = ("jaw", "grip", "finger", "claw")
 
 @dataclass(frozen=True)
 class Hints:
-    """Of the user, or of a configuration beside the URDF: root link of the arm, joint that drives
-    the gripper, how other joints follow it, its positions closed and open."""
+    """What the user or a configuration states: root link, driving joint, couplings, closed and
+    open positions.
+    """
 
     base: str | None = None
     jaw: str | None = None
@@ -31,8 +32,9 @@ class Hints:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """The parts of an arm: position (closed, open) of each joint of the gripper; `tcp` position,
-    approach and opening in the hand's frame; `opening` (m) between the open pads."""
+    """The parts of an arm: gripper joints' (closed, open) positions; `tcp` in the hand's frame;
+    `opening` (m) between open pads.
+    """
 
     links: tuple[str, ...]
     joints: tuple[Joint, ...]

@@ -11,8 +11,7 @@ FLANGE = "attach"  # in the name of the frame that the arms of MuJoCo Menagerie 
 
 
 def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
-    """The gripper's root link on the arm's link `flange`, by default the last link. Raises
-    UrdfError for a flange that is missing or not clear, or beyond which something moves."""
+    """Join the gripper to the arm's link `flange`, by default the last. Raises UrdfError."""
     roots = gripper.roots()
     if len(roots) != 1:
         raise UrdfError(f"{gripper.path}: has {len(roots)} root links, a gripper one: {roots[:6]}")

@@ -52,8 +52,9 @@ COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), *GRID)
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Shares by (height, pitch) of own half and centre strip (H,P); hidden and close shares of
-    cells reached below 90 degrees."""
+    """Shares by (height, pitch) of own half and centre strip (H,P), and `hidden` and `close`
+    shares of cells.
+    """
 
     own: Floats
     mid: Floats
@@ -80,8 +81,9 @@ def stood(
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Floats:
-    """Tool poses (2N,7) over `cells` (N,2), N for each of both rolls: approach `pitch` degrees
-    down, turned `azimuth` degrees from +y, fingers level."""
+    """Tool poses (2N,7) over `cells` (N,2), for both rolls; `pitch` in degrees down, `azimuth`
+    in degrees from +y.
+    """
     p, a = np.radians(pitch), np.radians(azimuth)
     approach = np.array([np.sin(a) * np.cos(p), np.cos(a) * np.cos(p), -np.sin(p)])
     opening = np.array([-np.cos(a), np.sin(a), 0.0])
@@ -192,8 +194,9 @@ def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) 
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
-    """A configuration of each arm with the tool over its own side, pointing down: the two farthest
-    from their joint limits between which there is room; or None."""
+    """A configuration of each arm over its own side, pointing down, far from joint limits; or
+    None.
+    """
     left, right = (_free_homes(robot, side, q, tools) for side in SIDES)
     together = CollisionWorld(robot).with_objects(margin=ROOM)
     pairs = sorted(product(range(len(left)), range(len(right))), key=sum)

@@ -64,8 +64,9 @@ def corners(points: Floats) -> Floats:
 
 
 def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
-    """Point sets whose hulls fill the mesh: several if it is far from convex and coacd is
-    installed. Raises qhull's errors."""
+    """Point sets whose hulls fill the mesh: several if far from convex and coacd is installed.
+    Raises qhull's errors.
+    """
     whole = trimesh.convex.convex_hull(mesh.vertices)
     one = [np.asarray(whole.vertices, float)]
     if mesh.is_watertight and whole.volume < how.hollow * abs(mesh.volume):

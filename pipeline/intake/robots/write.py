@@ -21,8 +21,9 @@ from pipeline.world.shapes import Collider
 
 @dataclass(frozen=True, eq=False)
 class RobotDraft:
-    """An arm before it is written, and two of it at their places. `tcp` is position, approach and
-    opening in the hand's frame; `foot` is half its edge (m)."""
+    """An arm before it is written, and two at their places. `tcp` is in the hand's frame; `foot`
+    is half its edge (m).
+    """
 
     arm: Arm
     site: Embodiment

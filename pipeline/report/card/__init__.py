@@ -1,4 +1,3 @@
-"""The text of a dataset card, generated from the data: tables, plots, contact sheet, clips, how
-made, how to load, limits."""
+"""The text of a dataset card, generated from the data."""
 
 from .text import describe

@@ -1,5 +1,6 @@
-"""How to load an export: a few lines, as the card shows them and a test runs them. DIR is the
-export's directory, ROOT that of its (first) dataset."""
+"""How to load an export: lines that a card shows and a test runs. DIR is the export, ROOT the
+dataset.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

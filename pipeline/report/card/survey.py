@@ -1,5 +1,4 @@
-"""What a card is about: one observation an episode, read from the files that are exported; their
-cameras, how well these show the target, and how many frames are idle."""
+"""What a card is about: one observation an episode, read from the exported files."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

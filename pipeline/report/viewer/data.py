@@ -126,8 +126,9 @@ def _camera(
 
 
 def _annotations(camera: str, dataset: Path, path: Path) -> tuple[list[Any], Pixels]:
-    """Outlines of the masks of every frame (frames, lines, points) and the flow as images
-    (T,H,W,3); empty if not annotated."""
+    """Mask outlines of every frame (frames, lines, points) and flow images (T,H,W,3); empty if
+    not annotated.
+    """
     outlines: list[Any] = []
     flows = np.empty((0, 0, 0, 3), np.uint8)
     if not path.is_relative_to(dataset / "episodes"):  # failed attempts are not annotated

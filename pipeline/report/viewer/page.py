@@ -1,5 +1,6 @@
-"""The viewer as files that open without a network, with an image and a script of every episode. For
-a dataset of any size it is a server on this machine."""
+"""The viewer as files that open without a network, or, for a dataset of any size, a local
+server.
+"""
 
 import json
 import re
@@ -46,8 +47,9 @@ def fixed(name: str, dataset: Path, episodes: Sequence[Path], total: int) -> byt
 
 
 def list_script(dataset: Path, episodes: Sequence[Path], total: int) -> bytes:
-    """list.js: the episodes on the wall, with the speed (m/s) of each target, and FAILURES failed
-    attempts at most, by file. No episode is opened. The dataset has `total` episodes."""
+    """list.js: the episodes with their targets' speeds (m/s), and at most FAILURES failed
+    attempts, without opening a file.
+    """
     paths, known, failed = Paths(Path()), dict[str, tuple[float | None, str]](), list[Any]()
     for row in Dataset(dataset).attempt_rows(*COLUMNS, *WHY, "average_speed"):
         slot = Slot(Cell(*(row[name] for name in PLACE)), row["slot"])
@@ -74,8 +76,7 @@ def _call(function: str, *values: Any) -> bytes:
 
 
 def choose(episodes: Sequence[Path], count: int) -> list[Path]:
-    """At most `count` episodes, sorted: tasks take equal parts as far as they reach, within them
-    levels do, and those are spread evenly over their episodes."""
+    """At most `count` episodes, sorted, spread evenly over tasks, then levels."""
     levels: dict[tuple[str, str], list[Path]] = {}
     for path in sorted(episodes):
         task, _, level = path.parts[-5:-2]

@@ -35,8 +35,9 @@ _ATTEMPT = re.compile(r"_attempt_\d{3}$")
 
 @dataclass(frozen=True)
 class FileJob:
-    """A file to judge, or the directory of an export, by its path below the dataset `root`.
-    `sha256` is what the index holds of it, "" for nothing."""
+    """A file to check, or an export's directory, below the dataset `root`; `sha256` is the
+    index's, "" for none.
+    """
 
     root: str
     path: str

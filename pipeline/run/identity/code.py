@@ -121,8 +121,9 @@ def robot_contents(root: Path, embodiment: str) -> list[dict[str, str]]:
 
 
 def object_contents(task: str, randomized: bool, rules: Rules) -> dict[str, str]:
-    """What the objects from files hold that rules place for families of a task: `physics` and
-    `looks`; empty for none. Raises UnknownName."""
+    """Contents of the objects from files for a task: `physics` and `looks`; empty for none.
+    Raises UnknownName.
+    """
     own, others = dict(rules.within(task).objects), dict(rules.objects if randomized else ())
     used = [(family, own[family]) for family in sorted(own.keys() & families_of(TASKS[task]))]
     used += [(family, others[family]) for family in sorted(others.keys() & {*CLUTTER_FAMILIES})]
@@ -149,8 +150,9 @@ def content_key(directory: Path) -> dict[str, str]:
 
 
 def _hash_modules(root: Path, items: Iterable[object]) -> str:
-    """A hash of the files that define tasks, families or motion models and what these inherit. Any
-    of a plugin stands for all files of all plugins."""
+    """A hash of the files that define items and their bases. Any of a plugin stands for all
+    plugin files.
+    """
     classes = [each if isinstance(each, type) else type(each) for each in items]
     names = {base.__module__ for each in classes for base in each.__mro__}
     ours = {"/".join(name.split(".")[1:]) for name in names if _is_ours(name)}

@@ -48,8 +48,9 @@ class _Side:
 
 
 def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
-    """{"same": slots alike in both, "differ": [Difference], "why": {reason: slots}, "recipes": keys
-    of the recipes that differ}. Raises DatasetError."""
+    """{"same": slots, "differ": [Difference], "why": {reason: slots}, "recipes": differing
+    keys}. Raises DatasetError.
+    """
     recipes = a.recipe(), b.recipe()
     first, second = _sides(a, recipes[0]), _sides(b, recipes[1])
     wanted = [dict.fromkeys(recipe.slots()) for recipe in recipes]

@@ -85,8 +85,9 @@ WIDTH = 256  # pixels of a frame
 def keep_last_frames(
     dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure
 ) -> None:
-    """Write the last frames of an attempt, seen by the head camera, to report/failed/CELL/. None if
-    nothing moved or the cell has a picture of this failure. Raises OSError."""
+    """Write the last head camera frames of an attempt, unless nothing moved or the cell has this
+    failure. Raises OSError.
+    """
     folder, log = failed_folder(dataset.root, slot.cell.path), failure.log
     name = f"{failure.stage}-{failure.reason}"
     if log is None or any(folder.glob(f"{name}-*.jpg")):

@@ -89,8 +89,9 @@ def sentences(scene: Scene, count: int) -> dict[str, list[str]]:
 
 @dataclass(eq=False)
 class Images:
-    """How an episode was drawn, its views, their frames as JPEG bytes (T,), point clouds, and
-    `tracks` of objects by key of the group `interception`."""
+    """How an episode was drawn, its views, JPEG frames (T,), point clouds, and `tracks` by key
+    of `interception`.
+    """
 
     drawing: Drawing
     views: list[View]
@@ -167,8 +168,9 @@ def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
 def renew(
     dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys
 ) -> SlotRecord:
-    """Make the images or the sentences of a stored episode again, to the bytes that a build from
-    nothing would give it. Raises EpisodeError."""
+    """Make images or sentences of a stored episode again, to the bytes of a new build. Raises
+    EpisodeError.
+    """
     phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
@@ -185,8 +187,9 @@ def renew(
 
 
 def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> None:
-    """Put a slot's files to the store, if any: first what they were drawn from. The episode does
-    not stay here. Raises StoreError."""
+    """Put a slot's files to the store, if any; the episode does not stay here. Raises
+    StoreError.
+    """
     place = place_of(dataset.root)
     if place is None:
         return

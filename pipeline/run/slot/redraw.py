@@ -36,8 +36,9 @@ from .make import images_of, read_facts, send_slot, write
 
 @dataclass(frozen=True)
 class DrawJob:
-    """`slot` of the dataset `out`, to be drawn from the episode `origin` of `source` with `record`.
-    `same_look`: whether its stored look is the wanted one."""
+    """A slot to draw from the episode `origin`. `same_look`: whether its stored look is the
+    wanted one.
+    """
 
     source: str
     out: str
@@ -49,8 +50,9 @@ class DrawJob:
 
 
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
-    """The slot of the `source` that a slot is drawn from, and whether its stored look is the wanted
-    one. Looks that it does not store are drawn for variant 0."""
+    """The source slot to draw from, and whether its stored look is wanted; other looks start
+    from variant 0.
+    """
     same = (source.visuals, *source.brought) == (recipe.visuals, *recipe.brought) and (
         recipe.visuals != "randomized" or source.visual_seed == recipe.visual_seed
     )
@@ -71,8 +73,9 @@ def is_drawn(
 
 
 def draw_slot(job: DrawJob) -> SlotRecord | str:
-    """Draw one slot and write its episode, or give it up as in the source. Returns the record, or
-    in one line why the source cannot be drawn from. Raises OSError."""
+    """Draw one slot again, or give it up as in the source. Returns the record, or why not.
+    Raises OSError.
+    """
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
     keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them

@@ -17,8 +17,9 @@ class Log:
 
 @contextmanager
 def worker_log(path: Path) -> Iterator[Log]:
-    """Standard output and error of this process go to the end of a file within, and tracebacks,
-    also of a signal that ends the process. Raises OSError."""
+    """Append standard output, error and tracebacks (also of fatal signals) to a file. Raises
+    OSError.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     log = Log()
     with open(path, "a", encoding="utf-8", buffering=1) as file:
