@@ -210,8 +210,9 @@ class Actor:
         skills: Sequence[SkillRun],
         until: Callable[[int], bool] = lambda row: False,
     ) -> bool:
-        """Execute recorded rows (N,A) from the start of the episode, whose runs are `skills`, up to
-        a row for which `until` holds. Returns whether there was one."""
+        """Execute recorded rows (N,A) up to one for which `until` holds, and return whether there
+        was one.
+        """
         for row, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
             if until(row):
                 self._runs += [
@@ -228,8 +229,9 @@ class Actor:
             self.execute(step)
 
     def execute(self, step: MotionStep) -> None:
-        """Run the trajectories of a motion step together; an arm without one holds still. Raises
-        PlanFailure: step_limit, excess_force."""
+        """Run a motion step's trajectories together. Raises PlanFailure: step_limit,
+        excess_force.
+        """
         for command, velocity in zip(*self.commands(step), strict=True):
             self.advance(command, velocity)
 

@@ -1,7 +1,6 @@
-"""Search budgets, cost weights, margins and speeds of the expert.
-
-Costs are norms of joint distances in rad (m for a prismatic joint) between the arm's command and
-where a motion begins. A weight is what one unit of another quantity counts in these."""
+"""Search budgets, cost weights, margins and speeds of the expert. Costs are joint distances in rad
+(m for a prismatic joint) from the arm's command.
+"""
 
 from dataclasses import dataclass
 

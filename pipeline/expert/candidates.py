@@ -116,8 +116,7 @@ def leading_grasps(
 def _fitting(
     arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: GraspOptions
 ) -> tuple[list[Grasp], Floats, float]:
-    """Grasps (N/2) of a body that fit between the jaws, their tcp poses (N,7), and the largest
-    width (m). Raises PlanFailure("no_grasp")."""
+    """Grasps that fit between the jaws, their tcp poses (N,7), the largest width (m)."""
     opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
     grasps = [
         g

@@ -51,9 +51,9 @@ class _Checks:
 
 @dataclass(frozen=True, eq=False)
 class GraspChoice:
-    """The candidates of one body in one scene, with `checks` by gripper value of GRASP.openings.
-    `parts` tells whether a hand that holds the body now can open and draw back from joints (n,) of
-    this arm, its jaws at a value."""
+    """The candidates of one body in one scene. `parts` tells whether a hand that holds the body now
+    can open and draw back from joints (n,).
+    """
 
     arm: ArmPlanner
     name: str
@@ -64,8 +64,7 @@ class GraspChoice:
     parts: Callable[[Floats, float], bool]
 
     def lines(self) -> dict[int, Floats]:
-        """By candidate, cheapest first: joints (K,n) straight in from the standoff, if the hand can
-        rise from the grasp then."""
+        """By candidate, cheapest first: joints (K,n) straight in from the standoff."""
         lines = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
         return {
             i: line
@@ -126,8 +125,7 @@ class GraspChoice:
 def search_of(
     actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: GraspOptions
 ) -> GraspChoice:
-    """The grasps of body `name` at world pose `at` in the scene of `arm`. Raises PlanFailure:
-    no_grasp, grasp_unreachable."""
+    """Grasps of the body at world pose `at`. Raises PlanFailure: no_grasp, grasp_unreachable."""
     found = find_candidates(
         arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, [])
     )
@@ -155,8 +153,9 @@ def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
 
 
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
-    """Plan a grasp of body `name` where it is, the jaws as wide open as they can be. Raises
-    PlanFailure: no_grasp, grasp_unreachable, grasp_blocked."""
+    """Plan a grasp of body `name` where it is. Raises PlanFailure: no_grasp, grasp_unreachable,
+    grasp_blocked.
+    """
     return _plan(actor, actor.arm_planner(side), name, actor.pose(name), options)
 
 
@@ -178,8 +177,7 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     spare = list[tuple[int, Floats, float]]()
 
     def preferred() -> Iterator[tuple[int, Floats, float]]:
-        """Candidates that can be taken, cheapest first, with the line in and the gripper value.
-        `spare` keeps those too near to other bodies, or that lead to no goal for sure."""
+        """Feasible candidates, cheapest first, with the line in and the gripper value."""
         for jaws in GRASP.openings:
             for i, line in lines.items():
                 if not search.free(i, line, jaws):
@@ -226,8 +224,9 @@ def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands
 def _leads_to(
     arm: ArmPlanner, name: str, carried: Carried, q: Floats, jaws: float, bodies: Floats
 ) -> bool:
-    """Whether body `name`, carried from joints q (n,) on, gets to one of its poses (G,7) straight
-    from above, touching nothing."""
+    """Whether the body, carried from joints q (n,), gets straight down to one of its poses
+    (G,7).
+    """
     holding = arm.within(arm.scene.holding(name, carried))
     others = [(name, other) for other in (*holding.scene.obstacles, "table")]
     free = holding.checker(others, jaws=jaws, margin=MARGINS.contact)

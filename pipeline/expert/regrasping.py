@@ -76,8 +76,7 @@ def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> b
 
 
 def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
-    """Poses (N,7) at which body `name` can be set down as it is held, or after one grasp, and
-    grasped again to reach a goal."""
+    """Poses (N,7) at which the body can be set down and grasped again to reach a goal."""
     arm, start = a.arm_planner(side), a.pose(name)
     held = side in a.held
     try:

@@ -74,8 +74,9 @@ def _shifts(
     rows: tuple[int, int, int],
     target: Callable[[Floats], Pose],
 ) -> Floats:
-    """Offsets (M,n) of an arm's joints `q` (N,n), from row `start` to the end, that carry its hand
-    along. Their share grows from row `start` to `near`."""
+    """Offsets (M,n) of joints `q` (N,n) that carry the hand along, growing from row `start` to
+    `near`.
+    """
     start, near, met = rows
     knots = np.unique([*range(start, len(q), KNOTS), met, len(q) - 1])
     times, meeting = (knots + 1) / PHYSICS_HZ, (met + 1) / PHYSICS_HZ
@@ -100,8 +101,7 @@ def _shifts(
 
 
 def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Floats]:
-    """Commands (M,A) within the limits that follow `goals` (N,A) from row `start` on, and their
-    velocities, at rest at both ends."""
+    """Commands (M,A) that follow `goals` (N,A), and their velocities, at rest at both ends."""
     ahead = np.concatenate([goals, np.repeat(goals[-1:], AHEAD, axis=0)])[AHEAD:]
     speeds = np.diff(ahead, axis=0, prepend=ahead[:1]) * PHYSICS_HZ
     limiter = Limiter(goals[max(0, start - 1)], *planner.command_limits())

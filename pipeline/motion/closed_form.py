@@ -42,8 +42,9 @@ INTEGRATED = 2000  # intervals over which the mean speed is integrated by the mi
 
 @dataclass(frozen=True)
 class ClosedForm(ABC):
-    """A motion whose pose and twist are formulas: `place` and `rates` at times from -lead on. `end`
-    is its pose at `duration`, `kind` the name of its model."""
+    """A motion by formulas, `place` and `rates`, at times from -lead on; `end` is its pose at
+    `duration`.
+    """
 
     kind: ClassVar[str]
     level: int
@@ -126,8 +127,9 @@ class Along(ClosedForm):
 
 
 class ClosedFormModel[M: ClosedForm](ABC):
-    """A model of closed forms: `candidates` draws them, the first that keeps the request is taken.
-    Raises MotionError for a motion without one of its formulas."""
+    """The first of `candidates` that keeps the request is taken. Raises MotionError for a missing
+    formula.
+    """
 
     version = 1
     levels: Mapping[int, Level] = LEVELS

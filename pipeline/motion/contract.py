@@ -53,8 +53,9 @@ class TargetMotion(Protocol):
         ...
 
     def twist(self, t: ArrayLike) -> Floats:
-        """Linear (m/s), then angular velocity (rad/s), (..., 6) in the world, at times t (...,):
-        after a breakpoint where t is one, zero before -lead."""
+        """Linear (m/s), then angular velocity (rad/s), (..., 6), in the world: after a breakpoint,
+        zero before -lead.
+        """
         ...
 
     def breakpoints(self) -> Floats:
@@ -142,16 +143,16 @@ class MotionRequest:
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """Random streams of a motion: its `shape`, shared by all attempts of a slot, and its
-    `direction`, the attempt's own."""
+    """Random streams: `shape`, shared by a slot's attempts, and `direction`, the attempt's own."""
 
     shape: np.random.Generator
     direction: np.random.Generator
 
 
 class NoMotion(Exception):
-    """No candidate was acceptable. `counts` maps each reason to the candidates it rejected;
-    `features` are those of the shape that fits in no direction, None without a shape."""
+    """No candidate was acceptable. `counts` maps reasons to rejected candidates; `features` are of
+    the last shape, if any.
+    """
 
     def __init__(
         self, asked: MotionRequest, counts: Mapping[str, int], features: Features | None = None
@@ -192,9 +193,9 @@ class Verdict:
 
 
 class MotionModel(Protocol):
-    """A family of motions, by level. Level 0 stands still in every model: `stand` makes it,
-    `levels` leaves it out. `version` rises with every change of what `draw` returns for the same
-    request and streams."""
+    """A family of motions, by level; `levels` omits 0. `version` rises when `draw` returns
+    something else for the same request and streams.
+    """
 
     @property
     def name(self) -> str: ...

@@ -65,8 +65,7 @@ def draw_forward(asked: MotionRequest, rng: np.random.Generator) -> Pace:
 
 
 def draw_pace(asked: MotionRequest, rng: np.random.Generator, steepest: float = 1.0) -> Pace:
-    """The pace of a level within the request's bound, on a path whose speed is at most `steepest`
-    times that of the advance."""
+    """A level's pace on a path at most `steepest` times as fast as the advance."""
     if not asked.level:
         return Pace(-asked.lead, (asked.duration,), (0.0,))
     speed = asked.alpha * rng.uniform(SLOWEST, 1.0) / steepest

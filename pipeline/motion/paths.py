@@ -23,8 +23,9 @@ def path_ahead(positions: Floats, horizon: int) -> Floats:
 def trace_ahead(
     camera: CameraType, camera_poses: Floats, positions: Floats, horizon: int
 ) -> Floats:
-    """Columns, rows (pixels) and depths (m) (T,H,3) of the next positions in the camera where it is
-    now. Points less than 1 cm before it are zeros."""
+    """Columns, rows (pixels) and depths (m) (T,H,3) of the next positions, zero less than 1 cm
+    before the camera.
+    """
     e = extrinsics_cv(camera_poses)
     seen = np.einsum("tij,thj->thi", e[..., :3], path_ahead(positions, horizon)) + e[:, None, :, 3]
     depth = seen[..., 2:]

@@ -1,5 +1,4 @@
-"""The motion of a planar target as data: pieces of polynomials in x and y over the episode's clock,
-with ascending coefficients on normalised time [0, 1]."""
+"""Planar motion as pieces of polynomials, with ascending coefficients on normalised time [0, 1]."""
 
 import json
 from collections.abc import Mapping
@@ -80,8 +79,9 @@ def squared_speed(coefficients: ArrayLike) -> Floats:
 
 
 def arc_length(coefficients: ArrayLike) -> float:
-    """Length of a planar curve (2, d+1) over [0, 1], by Gauss-Legendre between the extremes of the
-    speed, which has its kinks at its minima."""
+    """Length of a planar curve (2, d+1) over [0, 1], by Gauss-Legendre between the speed's
+    extremes.
+    """
     slope = derivative(coefficients)
     cuts = stationary(squared_speed(coefficients))
     nodes, weights = quadrature(32)
@@ -121,9 +121,9 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """A `TargetMotion` of polynomial pieces in x and y, at constant height `z` (m) and
-    `orientation` (4,) wxyz. After the meeting it keeps its last velocity. Raises ValueError if the
-    segments do not cover [-lead, duration] without a gap."""
+    """Polynomial pieces in x and y, at constant height `z` (m). After the meeting the last velocity
+    is kept. Raises ValueError if the segments leave a gap.
+    """
 
     level: int
     alpha: float

@@ -44,8 +44,9 @@ class DrawnPaths:
 def turned(
     path: DrawnPaths, angles: Floats, mirrored: NDArray[np.bool_], end: ArrayLike
 ) -> DrawnPaths:
-    """One path (a batch of 1) turned about its `end` (2,) by each of `angles` (N,) rad, after a
-    reflection where `mirrored` (N,): N paths with the same speeds."""
+    """One path (a batch of 1) turned about its `end` by `angles` (N,) rad, after a reflection if
+    `mirrored`.
+    """
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
     flip = np.where(mirrored, -1.0, 1.0)
     turn = np.stack([np.stack([c, -s * flip], -1), np.stack([s, c * flip], -1)], 1)
@@ -66,8 +67,7 @@ def draw_level_1(
     end: ArrayLike,
     workspace: Workspace,
 ) -> DrawnPaths:
-    """Constant velocity in any direction: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha]
-    m/s (to alpha where alpha < 0.01)."""
+    """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s."""
     end = np.asarray(end, float)
     speed = np.clip(np.abs(rng.normal(0.8 * alpha, alpha / 3, n)), min(0.01, alpha), alpha)
     angle = rng.uniform(0.0, 2 * np.pi, n)

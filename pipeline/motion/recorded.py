@@ -1,6 +1,6 @@
-"""What a simulator knows about a meeting: the arrays of the group `interception`, from the state
-log and the target's motion. Between frames positions are interpolated linearly, orientations along
-the shorter arc."""
+"""The arrays of the group `interception`, from the state log and the target's motion. Poses are
+interpolated between frames.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,9 +25,9 @@ GRASP_TRAVEL = 0.02  # m
 
 @dataclass(frozen=True, eq=False)
 class FirstContact:
-    """The first contact of an arm or its hand with the target: physics `step` and its end `time`
-    (s), mean contact point `centroid` (3,) m of `points` points, world poses (7,) of `tcp` and
-    `target` then."""
+    """The first contact of an arm with the target: physics `step`, its end `time` (s), `centroid`
+    (3,) m, and poses (7,).
+    """
 
     side: str
     step: int
@@ -127,10 +127,9 @@ class Interception:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """(T,2) whether each arm holds the target.
-
-        It touched it in every interval of GRASP_SECONDS while it moved by at most GRASP_DRIFT in
-        the tool's frame, and the two then travel GRASP_TRAVEL together: a press is no grasp."""
+        """(T,2) whether each arm holds the target: touching and steady for GRASP_SECONDS, then
+        travelling GRASP_TRAVEL together: a press is no grasp.
+        """
         out = np.zeros((len(self.log), len(SIDES)), bool)
         for name in self.log.sides:
             side = SIDES.index(name)
@@ -144,8 +143,7 @@ class Interception:
         return out
 
     def _steady(self, side: int) -> NDArray[np.int64]:
-        """(T,) 1 where an arm has touched the target all through the window before and the target
-        kept its place in the hand."""
+        """(T,) 1 where an arm touched the target all through the window before."""
         window = max(1, round(GRASP_SECONDS * self.meta.fps))
         local = compose(inverse(self.log.tcp[:, self.log.sides.index(SIDES[side])]), self.target)[
             :, :3
@@ -158,8 +156,9 @@ class Interception:
         return out
 
     def grasp_pose(self) -> Floats:
-        """(T,7) the tcp pose of the first contact, carried along with the target; the target's own
-        poses if no arm touched it."""
+        """(T,7) the tcp pose of the first contact, carried with the target; else the target's
+        poses.
+        """
         contacts = sorted(self.first_contacts.values(), key=lambda c: (c.time, c.side))
         if not contacts:
             return self.target.copy()
@@ -179,8 +178,7 @@ def pose_at(times: Floats, poses: Floats, time: float) -> Pose:
 
 
 def track(camera: CameraType, camera_poses: Floats, points: Floats) -> Floats:
-    """(T,4) of a point (T,3) in a camera at `camera_poses` (T,7): column, row (pixels), depth (m),
-    1 where it is in the image."""
+    """(T,4) of a point (T,3): column, row (pixels), depth (m), 1 where it is in the image."""
     e = extrinsics_cv(camera_poses)
     seen = np.einsum("tij,tj->ti", e[..., :3], points) + e[..., 3]
     depth = seen[:, 2]
@@ -198,8 +196,9 @@ TRACKS = "tracks/"
 def physics_arrays(
     derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays by key of the group `interception`: clock, planned and real meeting, contacts,
-    holding, speed (docs/formats.md has each), and the success conditions (T,) by name."""
+    """Arrays of the group `interception` (docs/formats.md), and the success conditions (T,) by
+    name.
+    """
     log, rate = derived.log, derived.rate
     planned = derived.meta.meeting_time
     values: dict[str, NDArray[Any]] = {

@@ -1,5 +1,4 @@
-"""What a motion brings with it: a belt, a disc, a hook on a string. Plain data, which the world
-draws and no physics touches."""
+"""What a motion brings with it, as plain data that no physics touches."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,8 +19,9 @@ HOOD, STRIPS = (0.16, 0.30, 0.42), ((0.07, 0.07, 0.08), (0.10, 0.10, 0.11))
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A box, cylinder or sphere at a pose (7,) in its prop, with an sRGB colour 0-1. `size` (m):
-    half extents, radius and half length along z, or radius."""
+    """A box, cylinder or sphere at a pose (7,) in its prop. `size` (m): half extents; radius and
+    half length; radius.
+    """
 
     kind: Literal["box", "cylinder", "sphere"]
     size: tuple[float, ...]
@@ -31,9 +31,9 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Prop:
-    """A rigid thing that belongs to a motion: its pieces, and its world pose (..., 7) at times t
-    (...,) until the target is released. The robot must not touch a `solid` one before the
-    meeting."""
+    """A rigid thing of a motion and its pose (..., 7) until the release. The robot must not touch a
+    `solid` one before the meeting.
+    """
 
     name: str
     pieces: tuple[Piece, ...]
@@ -57,8 +57,9 @@ def flat(
 
 
 def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, ...]:
-    """A tunnel along x on the table, `half_width` and `height` (m) inside: two walls, a roof, and
-    curtains of strips at both ends, so that nothing is seen of what is inside."""
+    """A tunnel along x, `half_width` and `height` (m) inside, with curtains that hide what is
+    inside.
+    """
     wall = 0.002
     walls = [
         Piece("box", (half_length, wall, height / 2), pose((0, y, height / 2)), HOOD)

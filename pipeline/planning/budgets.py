@@ -1,6 +1,6 @@
-"""Search budgets, tolerances, margins and motion limits of planning, in rad or m for a revolute or
-prismatic joint. Constants of the methods are in the kernel files: numba's cache notices changes of
-those only."""
+"""Search budgets, tolerances, margins and motion limits, in rad or m. Constants of the methods are
+in the kernel files, the only ones that numba's cache notices.
+"""
 
 from dataclasses import dataclass
 

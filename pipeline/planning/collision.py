@@ -175,9 +175,9 @@ class CollisionWorld:
 
 
 class PiecePairs(NamedTuple):
-    """Piece pairs a, b (M,) sorted by owners. Owners (O): frame and bounding ball (O,4) in it.
-    Owner pairs (G): `bodies` (G,2), `margins` (G,) m; their piece pairs are
-    starts[g]:starts[g+1]."""
+    """Piece pairs (M,2) sorted by owner pairs (G), whose piece pairs are starts[g]:starts[g+1];
+    margins in m.
+    """
 
     frame: Ints
     balls: Floats

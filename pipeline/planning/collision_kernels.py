@@ -271,9 +271,9 @@ def place_pieces(frames, frame, local, out):
 
 @kernel
 def first_swept_contact(pieces, t, own, at, ball, margin):
-    """First row at which the body is within `margin` m of another piece, or -1. The body has the
-    pieces from `own` on, at transforms `at` (S,12), in `ball` (x, y, z, radius); the others stand
-    at t (S,P,12)."""
+    """First row at which pieces from `own` on, at transforms `at` (S,12), are within `margin` m of
+    the others, or -1.
+    """
     _, _, local, core, size, radius, half, bound, points = pieces
     s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
     for row in range(at.shape[0]):

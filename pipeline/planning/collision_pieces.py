@@ -36,9 +36,9 @@ class Frames:
 
 
 class Pieces(NamedTuple):
-    """Convex pieces (P): owner and frame index (P,), placement (P,12) in that frame. Of the core:
-    kind, first and last vertex (P,3), size (P,3), half extents (P,3), bounding radius (P,),
-    vertices (V,3). `radius` (P,) is that of the ball that sweeps it."""
+    """P convex pieces: owner and frame index, placement (P,12) in that frame, the core in m, and
+    the `radius` of the ball that sweeps it.
+    """
 
     owner: Ints
     frame: Ints
@@ -59,9 +59,9 @@ class Pieces(NamedTuple):
 
 
 def frames_of(arms: Sequence[tuple[str, Arm]]) -> tuple[Frames, dict[str, tuple[int, Pose]]]:
-    """Joint frames of arms given as (name prefix, arm), and for every prefixed link its (frame
-    index, pose (7,) in it). Raises ValueError for a movable joint that is neither of the arm nor a
-    jaw."""
+    """Joint frames of (name prefix, arm), and (frame index, pose (7,)) by prefixed link. Raises
+    ValueError for a foreign movable joint.
+    """
     names, parents, origins, prismatic = [], [], [], []
     links: dict[str, tuple[int, Pose]] = {}
     for prefix, arm in arms:
@@ -180,8 +180,7 @@ class Sweep:
         place_pieces(transform_rows(poses), others.frame, others.local, self._placed)
 
     def first_contact(self, poses: Floats) -> int | None:
-        """Index of the first pose (S,7) of the moving body in contact, or None. Raises ValueError
-        for another number of poses."""
+        """Index of the first pose (S,7) in contact, or None. Raises ValueError."""
         if len(poses) != len(self._placed):
             raise ValueError(f"{len(poses)} poses of a body, {len(self._placed)} recorded ones")
         at = transform_rows(poses)

@@ -7,8 +7,7 @@ if TYPE_CHECKING:
 
 
 class PlanFailure(Exception):
-    """`reason` is a snake-case code, `detail` a line for people. `arm` (an ArmPlanner) was to bring
-    its tcp to one of the world poses `wanted` (N,7). The actor sets `skill`."""
+    """`reason` is a snake-case code; `arm` was to reach one of the world poses `wanted` (N,7)."""
 
     def __init__(
         self, reason: str, detail: str = "", arm: object = None, wanted: "Floats | None" = None

@@ -242,9 +242,9 @@ def rotation_of(quat, out):
 
 @kernel
 def solve_many(chain, reach, targets, seeds, restarts, iterations, tolerance, few):
-    """Solutions (N,n) and success (N,) for targets (N,7), from seeds (M,n), then `restarts` (R,n).
-    Targets outside the ball `reach` are given up at once, those that `few` starts leave FAR away
-    early."""
+    """Solutions (N,n) and success (N,) for targets (N,7), from seeds (M,n), then `restarts`
+    (R,n).
+    """
     count, n = targets.shape[0], seeds.shape[1]
     out, ok = np.zeros((count, n)), np.zeros(count, np.bool_)
     work, goal_r, q = workspace(n), np.empty((3, 3)), np.empty(n)

@@ -15,9 +15,9 @@ from .budgets import IK, LINE, IkBudget, LineSampling
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """From the world to the tool frame. `lower`, `upper` (n,) are limits less the margin; the ball
-    `reach` (x, y, z, radius) contains every tool position; `restarts` (R,n) are spread over the
-    joint ranges."""
+    """From the world to the tool frame. Limits are less the margin; the ball `reach` (x, y, z,
+    radius) contains every tool position.
+    """
 
     pre: Floats
     prismatic: NDArray[np.bool_]
@@ -88,8 +88,7 @@ def fk_batch(chain: Chain, q: ArrayLike) -> Floats:
 def ik_many(
     chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Joints (N,n) within the limits, else zero, and success (N,) for world poses (N,7). Each tries
-    every row of `seeds` (M,n), then the restarts."""
+    """Joints (N,n) within the limits, else zero, and success (N,) for world poses (N,7)."""
     return ik_kernels.solve_many(
         chain.kernel,
         chain.reach,

@@ -1,5 +1,6 @@
-"""Collision-free joint paths, and straight lines into contact. A checker `is_free` tells whether
-all of joint rows (K,n) are free: one call per edge keeps Python out of the inner loop."""
+"""Collision-free joint paths, and straight lines into contact. `is_free` is called once an edge,
+for speed.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -41,9 +42,9 @@ def connect(
     limits: tuple[ArrayLike, ArrayLike],
     budget: PathBudget = PATH,
 ) -> Floats | None:
-    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), or None: the line, else
-    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` and shortcuts; again with finer
-    edges if the path touches something between checked states."""
+    """Waypoints (K,n) of a free polyline from q0 to q1 (n,), or None: the line, else RRT-Connect
+    (Kuffner and LaValle, ICRA 2000) and shortcuts.
+    """
     a, b = np.asarray(q0, float), np.asarray(q1, float)
     if not is_free(np.stack([a, b])):
         return None

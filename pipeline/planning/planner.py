@@ -87,8 +87,9 @@ class Planner:
         return np.concatenate(speeds), np.concatenate(accelerations), arms
 
     def apart(self, scene: PlanningScene) -> Apart:
-        """The test for arms with what they carry; one row may stand for all of an arm's. Hands that
-        are nearer than MARGINS.arms now, as after a hand-over, must not touch."""
+        """The test for arms with what they carry. Hands nearer than MARGINS.arms now may not
+        touch.
+        """
         left, right = (scene.arms[side].q if side in scene.arms else NO_ARM for side in SIDES)
         jaws = scene.jaws
         for hands in (MARGINS.arms, MARGINS.hands, MARGINS.contact):
@@ -153,8 +154,7 @@ class ArmPlanner:
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> IsFree:
-        """`free(q)` for joints (n,) or rows (K,n) among the bodies, the other arm at its expected
-        joints. `jaws` replaces this arm's gripper value; see CollisionWorld.with_objects."""
+        """`free(q)` for joints (n,) or rows (K,n), the other arm at its expected joints."""
         scene = self.scene
         collision = self.planner.world.with_objects(
             scene.obstacles, scene.carried, ignore=tuple(ignore), margin=margin, hands=hands
@@ -182,9 +182,9 @@ class ArmPlanner:
         speed_scale: float = 1.0,
         deviation: float = LIMITS.deviations[0],
     ) -> ArmTrajectory:
-        """A motion of at least `minimum` s through waypoints (K,n), at rest at both ends.
-        `speed_scale` multiplies the planned joint speeds, up to the share of the robot's own.
-        Raises PlanFailure("time_parameterisation")."""
+        """A motion of at least `minimum` s through waypoints (K,n), at rest at both ends. Raises
+        PlanFailure("time_parameterisation").
+        """
         limits = self.planner.limits[self.side]
         speed = np.minimum(limits.speed * speed_scale, limits.fastest)
         t = time_parameterise(

@@ -35,8 +35,9 @@ class Carried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """Commanded joints q (n,) of an arm and its gripper value, 0 closed to 1 open. The other arm
-    avoids `expected` (n,): joints about to be reached, or q."""
+    """Commanded joints q (n,) and gripper value, 0 closed to 1 open. The other arm avoids
+    `expected` (n,).
+    """
 
     q: Floats
     gripper: float

@@ -1,5 +1,6 @@
-"""Time-optimal speed along a path: TOPP-RA (H. Pham and Q.-C. Pham, T-RO 2018), compiled: some
-fifty times faster than the toppra package."""
+"""TOPP-RA (H. Pham and Q.-C. Pham, T-RO 2018), compiled: fifty times faster than the toppra
+package.
+"""
 
 import numpy as np
 from numba import njit
@@ -30,8 +31,9 @@ def acceleration_range(x, delta, slope, i, bend, limit, highest):
 
 @kernel
 def fastest(s, slope, bend, velocity, limit):
-    """Largest squared path speeds (G,) at grid points s (G,), zero at both ends. slope (G,n) is q'
-    there, bend (G-1,n) q'' between."""
+    """Largest squared path speeds (G,) at `s`, zero at both ends; slope (G,n) is q', bend (G-1,n)
+    q''.
+    """
     count, n = slope.shape
     reachable = np.empty(count)
     for i in range(count):

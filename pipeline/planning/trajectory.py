@@ -1,6 +1,6 @@
-"""From waypoints to joint rows at the physics rate, at rest at both ends. Two waypoints are a
-straight move with a trapezoidal speed profile, more a polyline with rounded corners; `timing.py`
-finds the fastest speed along it, `smoothed` limits the jerk."""
+"""From waypoints to joint rows at the physics rate, at rest at both ends; two waypoints are a
+straight move with a trapezoidal speed profile.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -52,9 +52,9 @@ def time_parameterise(
     minimum_duration: float = 0.0,
     deviation: float = LIMITS.deviations[0],
 ) -> Trajectory:
-    """Timed rows through `waypoints` (K,n) within velocity (n,) rad/s and acceleration (n,) rad/s2,
-    of at least `minimum_duration` s. Corners are rounded by at most `deviation` (rad or m). Raises
-    PlanFailure("time_parameterisation")."""
+    """Timed rows through `waypoints` (K,n), in rad and s. Corners are rounded by at most
+    `deviation` (rad or m). Raises PlanFailure("time_parameterisation").
+    """
     corners = np.atleast_2d(np.asarray(waypoints, float))
     v, a = np.asarray(velocity, float), np.asarray(acceleration, float)
     if not (np.isfinite(corners).all() and (v > 0).all() and (a > 0).all()):
@@ -127,8 +127,7 @@ class RoundedPolyline:
         return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
 
     def grid(self, spacing: float = LIMITS.grid) -> Floats:
-        """Knots and points between, at most `spacing` apart, at least three in a piece: a bend may
-        force a stop at both knots."""
+        """Knots and points, at least three a piece: a bend may force a stop at both knots."""
         spans = pairwise(self.knots.tolist())
         pieces = [np.linspace(a, b, 5 + int((b - a) / spacing))[1:] for a, b in spans]
         return np.concatenate([self.knots[:1], *pieces])

@@ -1,5 +1,6 @@
-"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting time.
-Its way is free of what the dry run has on the same clock."""
+"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting
+time.
+"""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
@@ -34,8 +35,9 @@ NEVER = frozenset({"table"})  # bodies that the target may always touch
 def beside(
     scene: Scene, dry: DryRun, name: str, moving: Mapping[str, TargetMotion]
 ) -> Callable[[TargetMotion], bool]:
-    """The test for a motion of a body beside the target: until the meeting nothing comes within
-    MARGIN of it, of what the dry run moved and what is `moving`."""
+    """The test for a body beside the target: it keeps MARGIN from the dry run and from what is
+    `moving`.
+    """
     poses = dry.sweep[: int(dry.meeting * SWEEP_HZ) + 1].copy()
     times = np.arange(len(poses)) / SWEEP_HZ
     for other, motion in moving.items():
@@ -63,8 +65,9 @@ class Clearance:
         ]
 
     def free(self, motion: TargetMotion) -> bool:
-        """Whether nothing comes within MARGIN of the moving target, or of its solid scenery, until
-        EARLY before the meeting; NEAR at the end."""
+        """Whether all keeps MARGIN from the moving target until EARLY before the meeting; NEAR at
+        the end.
+        """
         if any(sweep.first_contact(motion.pose(t)) is not None for t, sweep in self._parts):
             return False
         for prop in motion.scenery():
@@ -107,8 +110,9 @@ FAST = 0.1  # m/s; the alpha beyond which strict rules start targets late and ca
 
 
 def strictness(setup: Setup, alpha: float) -> tuple[tuple[float, ...], float | None]:
-    """Shares of the time until the meeting for which a target may move, in order. Also the greatest
-    jump (m/s) of its velocity at level 3, None for any."""
+    """Shares of the time for which a target may move, and the greatest velocity jump (m/s) at level
+    3.
+    """
     fast = setup.rules == "strict" and alpha > FAST
     start = setup.start or ("late" if fast else "early")
     jumps = setup.jumps or ("capped" if fast else "drawn")

@@ -21,8 +21,9 @@ DRY_RUN = "dry_run"
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """What differs from the first dry run: the target is grasped from other directions (3,) than
-    those of `avoid`, and the robot waits `pause` s before skill number `before` of `meet`."""
+    """A dry run that grasps from directions (3,) other than `avoid` and waits `pause` s before
+    skill `before` of `meet`.
+    """
 
     avoid: Sequence[Floats] = ()
     pause: float = 0.0
@@ -55,8 +56,7 @@ class DryRun:
 
 
 def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
-    """Plan and run the whole script in the still scene. Raises Failure: a planning reason,
-    early_meeting, no_meeting, no_success."""
+    """Plan and run the whole script in the still scene. Raises Failure."""
     task = scene.task
     end = scene.bodies[task.target].pose
     actor = scene.start(PlanarMotion.still(end, 1.0), fps, DRY_RUN)

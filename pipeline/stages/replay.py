@@ -43,8 +43,7 @@ class Demonstrator(Protocol):
         """Raise PolicyError if it cannot act."""
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
-        """The rollout of a scene whose target moves so. Raises Failure: missed (nothing touched the
-        target), early_meeting, a planning reason, no_success, clutter_touched."""
+        """The rollout of a scene whose target moves so. Raises Failure."""
         ...
 
 

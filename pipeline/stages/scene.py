@@ -35,8 +35,9 @@ from .surroundings import clutter, embodiment_of, occluded, stance_of
 
 
 def held_by(task: Task, embodiment: Embodiment) -> Hold:
-    """What has hold of a task's target. In an interception task both fingers of one hand; in a
-    tracking task the body that is brought to it, or any link that presses it."""
+    """What holds a task's target: both fingers of a hand, or in a tracking task the body brought to
+    it or any link.
+    """
     arms = embodiment.arms.items()
     if task.category != TRACKING:
         hands = ([frozenset({f"{s}_{finger}"}) for finger in a.gripper.fingers] for s, a in arms)
@@ -51,9 +52,9 @@ FRAME_MARGIN = 4.0  # pixels between the target and the border of the head camer
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms.
-    `clutter` names the distractors, the last `bodies`; `scenery` is only seen. A frozen scene has
-    `looks` and `sentences` (by split) of its own."""
+    """A spec with its task, robot, and bodies at their manipulation poses. `clutter` names the last
+    bodies; `scenery` is only seen.
+    """
 
     spec: EpisodeSpec
     task: Task
@@ -92,8 +93,7 @@ class Scene:
 
     @property
     def goal(self) -> str:
-        """The body that an event moves as the goal: the first that is neither target, nor handled,
-        nor in another; "" for none."""
+        """The body that an event moves as the goal: neither target, nor handled, nor in another."""
         own = (self.task.target, self.task.manipulated, *self.clutter)
         bodies = (name for name, body in self.bodies.items() if name not in own)
         return next((name for name in bodies if not self.bodies[name].inside), "")

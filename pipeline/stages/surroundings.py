@@ -1,5 +1,4 @@
-"""What the randomized domain changes around a task: table height, head camera and clutter, each
-from its own stream of the spec."""
+"""Table height, head camera and clutter of the randomized domain, each from its own stream."""
 
 from typing import NamedTuple
 
@@ -68,8 +67,9 @@ def embodiment_of(spec: EpisodeSpec, layout: Layout, stance: Stance | None) -> E
 def clutter(
     spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, rules: Rules = STRICT
 ) -> dict[str, Body]:
-    """Distractors on the table by name, as many as the rules ask for and find room: of other kinds
-    than the task's `bodies`, apart from all, and occluding none from the head camera."""
+    """Distractors by name, of other kinds than the task's `bodies`, apart from all, and occluding
+    none from the head camera.
+    """
     if spec.domain == "clean":
         return {}
     rng = spec.rng("clutter")
@@ -100,8 +100,7 @@ def clutter(
 
 
 def occluded(blockers: list[Body], camera: Pose, points: Floats) -> NDArray[np.bool_]:
-    """Which world points (...,3) a camera above the table cannot see for a body before them, taken
-    as an upright cylinder."""
+    """Which world points (...,3) a camera above the table cannot see for a body before them."""
     out = np.zeros(points.shape[:-1], bool)
     for body in blockers:
         shape = body.instance.shape()

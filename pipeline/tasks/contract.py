@@ -1,5 +1,6 @@
-"""What a task is: a layout, a script in two halves and named success conditions; docs/add_a_task.md
-walks through one. The sentences that ask for it are in phrases/<name>.txt beside it."""
+"""What a task is: a layout, a script in two halves and named success conditions; see
+docs/add_a_task.md.
+"""
 
 import sys
 from abc import ABC, abstractmethod
@@ -91,9 +92,7 @@ class Draw:
         self._objects, self.placement, self.rules = objects, placement, rules
 
     def one_of(self, *families: str, **given: Any) -> Family:
-        """An instance of one of the named families, or an object that replaces it; `given`
-        parameters are not drawn. Raises UndeclaredFamily if an object from files would have to take
-        them."""
+        """An instance of one of the named families, or its replacement. Raises UndeclaredFamily."""
         family = families[int(self._objects.integers(len(families)))]
         kind = drawn_kind(family, self.rules, self._objects)
         if given and stands_for(kind):
@@ -153,13 +152,13 @@ class Task(ABC):
         pose."""
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        """Roles of the arms for script and language, from the manipulation poses: one `arm`, on the
-        side of the manipulated body."""
+        """Roles of the arms: by default one `arm`, on the side of the manipulated body."""
         return {"arm": side_of(bodies[self.manipulated])}
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
-        """Words by slot of the sentences that name the one of several like bodies that is asked
-        for, such as {"choice": "red"}; the episode states them."""
+        """Words by slot of the sentences that name the one of like bodies, such as {"choice":
+        "red"}.
+        """
         return {}
 
     @abstractmethod

@@ -1,5 +1,4 @@
-"""Where the bodies of a scene stand: layouts drawn until all find room, the object families that
-they may ask for, and the arms that they need."""
+"""Layouts, the object families that they may ask for, and the arms that they need."""
 
 from collections.abc import Callable, Collection, Iterable
 from functools import cache
@@ -76,10 +75,9 @@ def lay_out(
     in_view: Callable[[np.ndarray], bool] = lambda point: True,
     suits: Callable[[dict[str, Body]], bool] = lambda bodies: True,
 ) -> dict[str, Body]:
-    """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
-
-    `in_view` is asked for the middle (3,) of the target. A layout without room for all bodies, or
-    that `suits` refuses, is drawn again. Raises PlanFailure("layout")."""
+    """Bodies by name on the table with disjoint footprints, drawn again while `suits` refuses.
+    `in_view` is asked for the target's middle (3,). Raises PlanFailure("layout").
+    """
     why = ""
     for _ in range(_LAYOUTS):
         bodies: dict[str, Body] = {}

@@ -1,5 +1,4 @@
-"""What happened, read from a state log: the vocabulary of success conditions. Every question can be
-asked of every frame and answers False if it does not apply yet."""
+"""What happened, read from a state log. A question answers False if it does not apply yet."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -50,8 +50,9 @@ TRIES = 5  # to touch the target
 
 
 class ReactiveActor(Actor):
-    """An expert that sees the target's poses up to now; call `attend` first. `track` is its filter.
-    It takes `believed` poses (7,) of bodies for measured ones: the target's while it plans."""
+    """An expert that sees the target's poses up to now; call `attend` first. `believed` poses (7,)
+    replace measured ones.
+    """
 
     def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
         """Begin to look at the target in its `workspace`; `rng` draws the errors of sight."""
@@ -96,9 +97,9 @@ class ReactiveActor(Actor):
         return OBSERVED + self.sight.delay
 
     def meet(self, script: Script, *, rest: bool = False) -> None:
-        """Carry out the first half of a script until the target is touched; with `rest`, only its
-        last skill. Raises PlanFailure: early_meeting, step_limit, missed, or why no plan was
-        found."""
+        """Carry out the script's first half until the target is touched; with `rest`, its last
+        skill. Raises PlanFailure.
+        """
         self._hold(max(0.0, self.watched_for - self.simulation.time))
         plan = self.plan(script, rest=rest)
         expert: ReactiveExpert | None = None
@@ -140,8 +141,9 @@ class ReactiveActor(Actor):
             raise PlanFailure("early_meeting", f"{by} touched the target too soon")
 
     def plan(self, script: Script, *, rest: bool, rounds: int = ROUNDS) -> MeetingPlan:
-        """A plan that meets the target where it is expected then; waits between two rounds. With
-        `rest`, all skills but the last are done. Raises PlanFailure."""
+        """A plan that meets the target where it is expected; waits between rounds. Raises
+        PlanFailure.
+        """
         why = ("missed", "nothing was planned")
         for n in range(rounds):
             if n:
@@ -189,9 +191,9 @@ class ReactiveActor(Actor):
     def _follow(
         self, expert: ReactiveExpert, plan: MeetingPlan, script: Script
     ) -> MeetingPlan | None:
-        """Execute the last skill of a plan, or of a newer one if the target leaves the predicted
-        path. Returns the plan with which it was touched, or None. Raises
-        PlanFailure("early_meeting")."""
+        """Execute the last skill of a plan, or of a newer one; None if the target was not touched.
+        Raises PlanFailure("early_meeting").
+        """
         bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
         expert.follow(plan, bars)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
@@ -222,8 +224,7 @@ class ReactiveActor(Actor):
         return plan if met else None
 
     def _checker(self, margin: float, hands: float) -> IsFree:
-        """A test whether commands (A,) keep the hands `hands` (m) apart, and the arms `margin` (m)
-        from all but the target."""
+        """A test whether commands (A,) keep hands and arms apart (m)."""
         now = self.planning_scene()
         moving = {self.simulation.target, *self._carried}
         others = {name: o for name, o in now.obstacles.items() if name not in moving}

@@ -57,9 +57,9 @@ class ReactiveExpert:
         following it, and those at the end of the plan."""
 
     def follow(self, plan: MeetingPlan, bars: Sequence[tuple[IsFree, IsFree]] = ()) -> None:
-        """Begin the last skill of a plan, made from the command as it is. `bars` are pairs of tests
-        of commands (A,): the hand waits if the target leads it to one that fails the first test and
-        the plan passes the second."""
+        """Begin the last skill of a plan. The hand waits if the target leads it to a command that
+        fails the first test of one of `bars` and the plan passes the second.
+        """
         self._bars = bars
         self.plan, self.row = plan, float(plan.last)
         self.stalled, self.beyond, self.ended = 0, 0, 0
@@ -81,8 +81,7 @@ class ReactiveExpert:
         return self.row >= self.plan.near
 
     def act(self, track: TargetFilter, time: float, *, touched: bool = False) -> Iterator[Command]:
-        """Commands of a control period from `time` (s) on; not all need be taken. A `touched`
-        target is no longer followed."""
+        """Commands of a control period from `time` (s) on; not all need be taken."""
         if touched or not self.near:
             self._pace, self._startled = 1.0, False
         else:
@@ -177,8 +176,9 @@ class ReactiveExpert:
         return float(np.linalg.norm(there[:3] - here[:3]))
 
     def _shifts(self, target: Pose, row: float) -> tuple[dict[str, Floats], bool]:
-        """Joint offsets (n,) by side from row `row` that move the hand as the target moved from
-        `plan.aim`. Also whether an arm does not reach that far; its offset stays."""
+        """Joint offsets (n,) by side that move the hand as the target moved, and whether an arm is
+        out of reach.
+        """
         span = max(1.0, self.plan.near - self.plan.last)
         x = float(np.clip((row - self.plan.last) / span, 0.0, 1.0))
         moved = part_of(self.plan.aim, target, x * x * (3 - 2 * x))

@@ -135,8 +135,9 @@ class _Imagined(Actor):
 
 
 def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> MeetingPlan:
-    """Plan a script that meets a target at `aim` (7,), where `actor` believes it to be; with
-    `rest`, only the last skill. Raises PlanFailure."""
+    """Plan a script that meets a target at `aim` (7,); with `rest`, its last skill. Raises
+    PlanFailure.
+    """
     mind = _Imagined(actor)
     if rest:
         *_, meeting = script(mind)

@@ -25,9 +25,9 @@ ROLLING = 1.5  # rad/s about a level axis, from which a target rolls: no hand tu
 
 
 class TargetFilter:
-    """A target's motion as seen so far. `noise` (m) is the standard deviation of each coordinate;
-    `surprise` (m) the distance of the last sighting from where it was expected. What moves evenly
-    is the point `centre` (3,) of the body."""
+    """A target's motion as seen so far. `noise` (m) is per coordinate; `surprise` (m) the last
+    error of prediction. The point `centre` (3,) of the body moves evenly.
+    """
 
     def __init__(self, noise: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         self.noise, self._variance = noise, EXACT**2 + noise**2

@@ -1,5 +1,4 @@
-"""What an arm can do: functions that return a generator of motion steps. Distances in m, speeds in
-m/s of the tcp; sides are "left" and "right"."""
+"""What an arm can do, as generators of motion steps. Distances in m, tcp speeds in m/s."""
 
 from .gestures import pour, turn
 from .hand import close, grasp, open_, pause

@@ -79,8 +79,9 @@ def lift_clear(a: Actor, side: str, height: float, *, speed: float = SPEEDS.lift
 def _lifts(
     arm: ArmPlanner, start: Pose, height: float, least: float = 0.0
 ) -> Iterator[tuple[Floats, float]]:
-    """Straight ways up from tcp pose `start` on which the arms keep apart: joints (K,n) and the
-    share of the height, highest first. Raises PlanFailure("line_unreachable")."""
+    """Straight ways up from `start`: joints (K,n) and share of the height, highest first. Raises
+    PlanFailure("line_unreachable").
+    """
     found, apart = False, arm.apart()
     for share in (s for s in MOVE.lift_shares if s >= least):
         line = arm.line(arm.q, lifted(start, height * share))

@@ -42,9 +42,9 @@ def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
 def _approaches(
     arm: ArmPlanner, down: Floats, back: Floats, above: float, press: float
 ) -> list[Approach]:
-    """Straight approaches of the hand to the poses `down` (N,7), cheapest first; `back` (7,) is the
-    unit offset away. They are searched from `above` downwards, else upwards: an arm may hover in a
-    posture from which it cannot come down."""
+    """Straight approaches to the poses `down` (N,7), cheapest first. Both directions are searched:
+    an arm may hover in a posture from which it cannot come down.
+    """
     found = list[Approach]()
     low, deep = arm.solve(down - press * back)
     for height in (above * share for share in PLACE.height_shares):
@@ -102,8 +102,7 @@ def place(
     clear_opened = arm.checker(touching, jaws=opened, margin=MARGINS.contact)
 
     def penalty(approach: Approach) -> int:
-        """Counts an arm that touches something or nearly does, and a body that does before it is
-        nearly down. Also opened jaws that would, and a hand that could not draw back."""
+        """Counts contacts of arm, body, opened jaws and withdrawing hand."""
         line = approach.line
         height = max(0.0, (approach.height - PLACE.settling) / (approach.height + press))
         down = between(line, 0.0, height)

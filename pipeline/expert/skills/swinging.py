@@ -18,9 +18,9 @@ from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
 
 @dataclass(frozen=True, eq=False)
 class _Swing:
-    """A swing from joints q (n,) about tcp pose `middle` (7,) between the tcp poses `ends`. Joint
-    lines (K,n) lead from the middle to the first end (`out`) and from there to the second
-    (`across`)."""
+    """A swing about tcp pose `middle` (7,) from joints q (n,) through lines (K,n) `out` and
+    `across`.
+    """
 
     q: Floats
     middle: Pose

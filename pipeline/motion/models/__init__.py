@@ -36,8 +36,7 @@ class Accompanied(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Company:
-    """What moves in an episode: the target, and `others` by name. As a motion it is the target's;
-    its scenery is that of all."""
+    """The target and `others` by name; as a motion it is the target's."""
 
     target: TargetMotion
     others: Mapping[str, TargetMotion]
@@ -143,8 +142,9 @@ def level_name(name: str, level: int) -> str:
 
 
 def motion_from_json(text: str) -> TargetMotion:
-    """Inverse of `TargetMotion.to_json`, of any model. Raises ValueError for text that is no
-    motion, UnknownMotion for a model that is not installed."""
+    """Inverse of `TargetMotion.to_json`. Raises ValueError, or UnknownMotion for a missing
+    model.
+    """
     values: Any = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("this is not a target motion: it is no JSON object")
@@ -175,8 +175,9 @@ def _beside(target: TargetMotion, values: Any) -> TargetMotion:
 def back_calculate_motion(
     asked: MotionRequest, streams: Streams, model: str = PLANAR
 ) -> TargetMotion:
-    """A motion of the model `model` that keeps `asked`; level 0 and alpha 0 stand at the end pose.
-    Raises NoMotion, UnknownName, and ValueError for a level that the model does not have."""
+    """A motion of `model` that keeps `asked`; level 0 and alpha 0 stand. Raises NoMotion,
+    UnknownName, ValueError for the level.
+    """
     if asked.level not in (levels := levels_of(model)):
         raise ValueError(
             f"level {asked.level!r} is unknown: levels of {model} are {', '.join(map(str, levels))}"

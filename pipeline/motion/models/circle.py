@@ -18,8 +18,7 @@ RADIUS = (0.04, 0.10)  # m
 
 @dataclass(frozen=True)
 class Circle(Along):
-    """A circle of `radius` m through the end, its centre in the direction `inward` (rad); `sense`
-    is +1 against the clock."""
+    """A circle through the end, its centre `inward` (rad); `sense` +1 is counterclockwise."""
 
     kind: ClassVar[str] = "circle"
     radius: float

@@ -28,8 +28,7 @@ RUNOUT = 0.14  # m of belt beyond both ends of the path
 
 @dataclass(frozen=True)
 class Conveyor(Along):
-    """The end pose moved back by the advance along `heading` (rad). The belt is `width` m wide and
-    goes `runout` m beyond both ends of the path."""
+    """The end pose moved back along `heading` (rad). The belt goes `runout` m beyond the path."""
 
     kind: ClassVar[str] = "conveyor"
     heading: float
@@ -75,8 +74,7 @@ class Conveyor(Along):
         return (Prop("belt", (band, *rails), standing(middle)), *moving)
 
     def _slat(self, ends: tuple[float, float], place: float, t: ArrayLike) -> Floats:
-        """Poses of the slat that is at `place` (m along the belt) at the meeting; beyond the belt
-        it runs below the table top."""
+        """Poses of the slat; beyond the belt it runs below the table top."""
         along = place + self.pace.advance(np.maximum(np.asarray(t, float), -self.lead))
         poses = self.at(along)
         poses[..., 3:] = yawed((0, 0, 0), self.heading)[3:]

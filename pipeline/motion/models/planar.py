@@ -1,5 +1,4 @@
-"""The paper's motions: constant velocity, polynomials, and abrupt pieces, in x and y at constant
-height and orientation."""
+"""The paper's motions, in x and y at constant height and orientation."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -49,9 +48,9 @@ REASONS = (
 
 
 def judge_shapes(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]:
-    """First reason (N,) against each path as the law draws it: miss, smooth, jump, speed,
-    end_speed, or "workspace"; "" for none. A straight path is refused for the workspace only where
-    no direction has room for it."""
+    """First reason (N,) against each path as the law draws it, "" for none. A straight path is
+    refused for the workspace only if no direction has room.
+    """
     speeds = _speeds(paths, asked.total)
     speed = speeds.average if asked.speed_bound == "average" else speeds.maximum
     checks = {"miss": ~paths.missed, "speed": speed <= asked.alpha * (1 + SPEED_ROUNDING)}

@@ -26,8 +26,9 @@ HIGH = 0.012  # m, half height of paddle and cushions
 
 
 class Sliding(NamedTuple):
-    """A piece of a path from time `t` (s): place (m), yaw and direction (rad), speed (m/s), spin
-    (rad/s), and their decrease by friction (m/s2, rad/s2), negative during the push."""
+    """A piece of a path from time `t` (s): place (m), angles (rad), speed, spin, and their decrease
+    by friction, negative in a push.
+    """
 
     t: float
     x: float
@@ -68,9 +69,9 @@ class Sliding(NamedTuple):
     def bounced(
         self, normal: float, restitution: float, friction: float, radius: float
     ) -> "Sliding":
-        """After a cushion whose normal points in direction `normal` (rad): the velocity into it is
-        returned by `restitution`, and Coulomb friction acts on the surface of the disc (moment of
-        inertia m r^2 / 2)."""
+        """After a cushion with `normal` (rad): `restitution` returns the velocity into it, and
+        Coulomb friction acts on the disc (moment of inertia m r^2 / 2).
+        """
         into = -self.speed * np.cos(self.direction - normal)
         along = self.speed * np.sin(self.direction - normal)
         slip = along - radius * self.spin
@@ -87,9 +88,9 @@ class Sliding(NamedTuple):
 
 @dataclass(frozen=True)
 class Pushed(ClosedForm):
-    """Pieces of a slide in the world; the yaw is relative to that of the end pose. `normals` (rad)
-    are those of the cushions struck at the start of the last pieces. The target counts as a disc of
-    `radius` m."""
+    """Pieces of a slide in the world; the yaw is relative to the end pose's. `normals` (rad) are
+    those of the cushions struck, `radius` (m) the target's.
+    """
 
     kind: ClassVar[str] = "pushed"
     pieces: tuple[Sliding, ...]
@@ -147,8 +148,7 @@ class Pushed(ClosedForm):
 
 
 class PushedModel(ClosedFormModel[Pushed]):
-    """One slide is simulated from its push on, then laid into the world so that it ends at the
-    meeting, in one direction after another."""
+    """One simulated slide is laid into the world in one direction after another."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Pushed]:
         slides, normals, restitution = _simulated(asked, streams.shape)
@@ -184,11 +184,9 @@ class PushedModel(ClosedFormModel[Pushed]):
 def _simulated(
     asked: MotionRequest, rng: np.random.Generator
 ) -> tuple[list[Sliding], list[float], float]:
-    """The slides of a level in a frame of their own, normals of the cushions, and their
-    restitution.
-
-    Simulated at 1 m/s, then scaled: all laws are linear in the speeds where friction is scaled
-    along."""
+    """Slides, normals and restitution of a level, simulated at 1 m/s and then scaled: all laws are
+    linear in the speed.
+    """
     total, kept = asked.lead + asked.duration, float(rng.uniform(*KEPT[max(asked.level, 1)]))
     pushed, restitution, friction = (
         PUSH * total,

@@ -23,9 +23,9 @@ THIN = 0.002  # m, half thickness of the ramp
 
 @dataclass(frozen=True)
 class Ramp(Along):
-    """The advance is arc length: level for the last `foot` m and after the meeting, before it a
-    bend of radius 15 cm, before that straight down at `slope_angle` rad. The body tilts with its
-    path. The ramp is `width` m wide and `length` m long."""
+    """The advance is arc length: straight down at `slope_angle` rad, a bend of radius 15 cm, then
+    level for the last `foot` m. The body tilts with its path.
+    """
 
     kind: ClassVar[str] = "ramp"
     heading: float

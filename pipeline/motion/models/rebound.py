@@ -90,8 +90,7 @@ class Rebound(Rolling):
 
 
 class ReboundModel(ClosedFormModel[Rebound]):
-    """At levels 1 and 2 a rebound keeps the speed; at level 3 it is where the speed drops. A wall
-    that is not struck stands beside the path, parallel to it."""
+    """A rebound keeps the speed at levels 1 and 2; at level 3 the speed drops there."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Rebound]:
         rng = streams.shape

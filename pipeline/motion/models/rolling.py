@@ -17,9 +17,9 @@ from . import register
 
 @dataclass(frozen=True)
 class Rolling(Along):
-    """A roll without slipping: the centre moves along `heading` (rad) by the advance s while the
-    body turns by s / radius about the level axis to the left. The centre is `radius` m above the
-    end pose's origin. Speeds are the centre's."""
+    """A roll without slipping along `heading` (rad), with the centre `radius` m above the end
+    pose's origin. Speeds are the centre's.
+    """
 
     kind: ClassVar[str] = "rolling"
     heading: float

@@ -23,8 +23,7 @@ ROOM = 0.012  # m between the target and the walls
 
 @dataclass(frozen=True)
 class Tunnel(Conveyor):
-    """Straight on like `conveyor`, without a belt, through a tunnel of `length` m. Its exit is
-    `clear` m before the end; inside it is `width` m wide and `height` m high."""
+    """Straight on through a tunnel of `length` m, whose exit is `clear` m before the end."""
 
     kind: ClassVar[str] = "tunnel"
     clear: float
@@ -38,8 +37,9 @@ class Tunnel(Conveyor):
 
 
 class TunnelModel(ClosedFormModel[Tunnel]):
-    """The target never goes back. Of TRIES drawn paces the first is taken with which it begins
-    before the tunnel; with the longest of them it may begin inside."""
+    """The target never goes back. The first of TRIES paces that begins before the tunnel is
+    taken.
+    """
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
         radius, shape = asked.radius, streams.shape
@@ -73,9 +73,9 @@ HALF = 0.45  # share of the way that the second pass takes
 
 @dataclass(frozen=True)
 class Twice(Along):
-    """A first pass against `heading` (rad) on a lane to the `side` (+1 left) of the end. A hood
-    hides half a circle of radius `turn` m, after which it comes back along `heading` for `back`
-    m."""
+    """A first pass on a lane to the `side` (+1 left). A hood hides the half circle of `turn` m
+    back.
+    """
 
     kind: ClassVar[str] = "twice"
     heading: float
@@ -86,8 +86,7 @@ class Twice(Along):
     height: float
 
     def _parts(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """The angle turned back (rad) from the second pass, and what is left for the second and the
-        first pass (m), at advances s."""
+        """The angle turned back (rad) and what is left of the second and first pass (m)."""
         arc = np.pi * self.turn
         angle = np.clip((-self.back - s) / self.turn, 0.0, np.pi)
         return angle, np.maximum(s, -self.back), np.maximum(-self.back - arc - s, 0.0)

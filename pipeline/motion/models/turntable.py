@@ -33,8 +33,7 @@ BALL, RED = 0.011, (0.85, 0.10, 0.08)
 
 @dataclass(frozen=True)
 class Turntable(Along):
-    """A turn by advance / radius about the vertical axis through `centre` (x, y; m). `sense` is +1
-    for counterclockwise, `disc` (m) the radius of the disc."""
+    """A turn about the vertical axis through `centre` (x, y; m); `sense` +1 is counterclockwise."""
 
     kind: ClassVar[str] = "turntable"
     centre: tuple[float, float]

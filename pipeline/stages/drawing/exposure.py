@@ -73,8 +73,9 @@ def exposed(
     depth: bool = False,
     segmentation: bool = False,
 ) -> list[View]:
-    """Images of frames by every camera, as sensors take them: late, over an open shutter, with
-    noise. `poses` (T,7) by body are those at all frames up to the last."""
+    """Images by every camera, as sensors take them: late, over an open shutter, with noise. `poses`
+    are (T,7) by body.
+    """
     if sensing is None:
         return drawing.render(poses, frames, depth=depth, segmentation=segmentation)
     closed = np.asarray(frames, float) - sensing.sensors.latency

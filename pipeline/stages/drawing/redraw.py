@@ -20,8 +20,9 @@ free."""
 
 
 def redraw(path: Path, camera: str, bodies: Path) -> View:
-    """One camera of a stored episode again, with depth and segmentation, by perfect sensors.
-    `bodies` is where its dataset keeps what bodies look like. Raises EpisodeError."""
+    """One camera of a stored episode again, with depth and segmentation, by perfect sensors. Raises
+    EpisodeError.
+    """
     episode, appearance = read_stored(path, bodies)
     appearance = appearance.seen_by(camera)
     if not appearance.cameras:
@@ -32,8 +33,7 @@ def redraw(path: Path, camera: str, bodies: Path) -> View:
 
 
 def redraw_smooth(path: Path, bodies: Path, *cameras: str) -> list[View]:
-    """A stored episode in `raster-smooth` at 640x480: from a camera that frames both arms and the
-    target's path, then from stored cameras. Raises as `redraw`."""
+    """A stored episode in `raster-smooth` at 640x480, from a framing camera and the stored ones."""
     episode, appearance = read_stored(path, bodies)
     size = {"width": FILMED.width, "height": FILMED.height}
     stored = appearance.seen_by(*cameras).cameras

@@ -49,9 +49,9 @@ SURFACE = "surface_"  # how asset names of the room's textures begin
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """What images are drawn from, besides poses. `bodies` are parts in the order of
-    `StateLog.bodies` without the table; `furniture` is still; `images` are textures that a user
-    brought, by kind."""
+    """What images are drawn from, besides poses. `bodies` are in the order of `StateLog.bodies`
+    without the table.
+    """
 
     bodies: Mapping[str, Parts]
     furniture: Parts
@@ -124,8 +124,7 @@ def with_setup(
     sides: Collection[str],
     sensing: Sensing | None,
 ) -> Appearance:
-    """The appearance with the preset and cameras of a setup, for the arms of `sides`, and with
-    these looks and sensors. Raises CameraError."""
+    """The appearance with a setup's preset and cameras and these looks. Raises CameraError."""
     cameras = wanted_cameras(appearance.cameras, setup, sides)
     return replace(
         appearance, cameras=cameras, preset=setup.render, visuals=visuals, sensing=sensing
@@ -223,8 +222,7 @@ class Capture:
 def capture(
     appearance: Appearance, log: StateLog, setup: Setup, frames: Sequence[int] | None = None
 ) -> Capture:
-    """What the sensors of a setup show of an episode at every frame, or at some. Raises CameraError
-    for a camera on no body, or a point cloud without a head camera."""
+    """What the sensors show at all or some frames. Raises CameraError."""
     check_links(appearance.cameras, log.bodies)
     wanted = {"depth": setup.depth or setup.pointcloud, "segmentation": setup.segmentation}
     lapses = Lapses(spans(appearance.events, log.events), setup.fps)

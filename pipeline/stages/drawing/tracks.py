@@ -33,8 +33,9 @@ def track_arrays(
 
 
 def require_view(rollout: Rollout, setup: Setup) -> None:
-    """Raise Failure("view", "occluded") unless the head camera, stored or not, sees the target in
-    half of the frames before the meeting."""
+    """Raise Failure unless the head camera sees the target in half of the frames before the
+    meeting.
+    """
     log, target = rollout.replay.log, rollout.scene.task.target
     head = setup.model_copy(update={"cameras": ("head",), "size": None})
     seen = appearance_of(rollout.scene, head)

@@ -57,8 +57,7 @@ def _facts(episode: Episode) -> dict[str, tuple[float | None, float | None]]:
 
 
 def simulated_mass(shape: Shape) -> float:
-    """The mass (kg) in the simulation: densities are those of stated volumes, and a convex piece
-    may state that of its box (world/physics/scene_building.py)."""
+    """The mass (kg) in the simulation, whose densities are those of stated volumes."""
     stated = sum(c.weight * c.volume() for c in shape.collision)
     return shape.mass * sum(c.weight * _volume(c) for c in shape.collision) / stated
 

@@ -52,8 +52,7 @@ def has_templates(task: str, module: str) -> bool:
 def read_templates(
     task: str, module: str = "pipeline.tasks.library.any"
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Seen and unseen templates of a task from phrases/<task>.txt beside its module: a line "seen",
-    templates one per line, a line "unseen", more. Raises LanguageError."""
+    """Seen and unseen templates from phrases/<task>.txt beside the module. Raises LanguageError."""
     where = _phrases(task)
     try:
         text = beside(module).joinpath(where).read_text("utf-8")
@@ -66,9 +65,9 @@ def read_templates(
 
 @dataclass(frozen=True, eq=False)
 class Wording:
-    """What the instructions of one scene are made from: templates, `objects` the descriptions of
-    the bodies by name, `arms` the sides of the roles by name. `choices` are the words that name
-    what is asked for; `moving`: the target moves."""
+    """Templates of one scene, descriptions of `objects` and sides of `arms` by name; `choices` name
+    what is asked for.
+    """
 
     seen: Sequence[str]
     unseen: Sequence[str]
