@@ -1,4 +1,4 @@
-"""Where cameras sit on a robot and in the room, and which of them a setup wants."""
+"""Where cameras sit, and which of them a setup wants."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ class CameraError(DominoError):
 
 
 def cameras_of(embodiment: "Embodiment", camera_type: str = "D435") -> tuple[Camera, ...]:
-    """Head and wrist cameras of an embodiment. Raises KeyError for an unknown camera type."""
+    """Head and wrist cameras. Raises KeyError for an unknown camera type."""
     if camera_type not in CAMERA_TYPES:
         types = ", ".join(CAMERA_TYPES)
         raise KeyError(f"camera type {camera_type!r} is unknown: types are {types}")
@@ -48,9 +48,9 @@ def setup_cameras(embodiment: "Embodiment", setup: Setup) -> tuple[Camera, ...]:
 def wanted_cameras(
     mounted: Sequence[Camera], setup: Setup, sides: Collection[str] = SIDES
 ) -> tuple[Camera, ...]:
-    """The cameras of a setup, in its order and size: those `mounted` on the robot or stored with an
-    episode, the observer, and those that the setup describes; none on an arm not in `sides`. Raises
-    CameraError for an unknown name."""
+    """The cameras of a setup, in its order and size; none on an arm not in `sides`. They are
+    `mounted`, stored, the observer or described by the setup. Raises CameraError for an unknown
+    name."""
     known = {OBSERVER: observer(CAMERA_TYPES[setup.camera])} | {
         camera.name: camera for camera in mounted
     }

@@ -1,4 +1,4 @@
-"""Files of robots and objects: settings as TOML, and drawn surfaces as binary glTF."""
+"""Files of robots and objects: TOML settings and binary glTF."""
 
 import json
 import struct
@@ -19,13 +19,13 @@ from .shapes import Material, Mesh, Parts, linear, srgb_of
 
 
 class Table(BaseModel):
-    """Base of the tables of `robot.toml` and `object.toml`: no unknown keys, finite numbers."""
+    """Tables of `robot.toml` and `object.toml`: no unknown keys, finite numbers."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:
-    """The settings in a file. Raises `wrong`, one line with the file, the key and the fault."""
+    """Read settings. Raises `wrong`, one line with file, key and fault."""
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise wrong(f"{file}: is larger than {LARGEST_FILE} bytes")

@@ -1,4 +1,4 @@
-"""Smooth edges of an image of one sample a pixel, after FXAA (Lottes, 2009), in whole numbers."""
+"""Smooth edges of an image of one sample a pixel, after FXAA (Lottes, 2009), in integers."""
 
 import cv2
 import numpy as np
@@ -14,8 +14,8 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Write `image` (H,W,4) with jagged edges blended to `out` (H,W,3): pixels at an edge take a
-    share of the pixel across it, by how far along the edge its ends are."""
+    """Blend the jagged edges of `image` (H,W,4) to `out` (H,W,3): a pixel takes a share of the one
+    across, by its place along the edge."""
     cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=out)
     luma = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGBA2GRAY), np.uint8)
     brightest = np.asarray(cv2.dilate(luma, CROSS), np.uint8)
@@ -29,7 +29,7 @@ def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
 
 @njit(cache=True, error_model="numpy")
 def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, to `out`."""
+    """Spread each pixel's light a little, from `image` (H,W,3) to `out`."""
     height, width = image.shape[0], 3 * image.shape[1]
     rows, spread = image.reshape(height, width), out.reshape(height, width)
     column = np.empty(width + 6, np.uint16)
@@ -54,7 +54,7 @@ def _blend(
     edges: tuple[NDArray[np.uint8], NDArray[np.uint64]],
     out: NDArray[np.uint8],
 ) -> None:
-    """Blend the pixels where the first of `edges` is not 0; the second is the same in words of
+    """Blend pixels where the first of `edges` is not 0; the second is the same in words of
     eight."""
     height, width = luma.shape
     edge, words = edges
@@ -105,9 +105,8 @@ def _blend(
 def _end(
     luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
 ) -> tuple[int, np.int32]:
-    """Steps of `stride` to where an edge ends, at most `steps`, and how far off its brightness
-    is (0: unknown). `edge` is the offset of the pixel across, twice its brightness, and the
-    slope."""
+    """Steps of `stride` to an edge's end, at most `steps`, and its brightness difference (0:
+    unknown). `edge` is the offset across, twice its brightness, and the slope."""
     side, middle, slope = edge
     for k in range(1, steps + 1):
         p += stride

@@ -1,4 +1,4 @@
-"""The fixed surroundings as meshes in the world frame: table, floor, walls and ceiling."""
+"""Table, floor, walls and ceiling as meshes in the world frame."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -22,8 +22,8 @@ ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
 
 
 def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
-    """Rectangle from a corner (3,) and two edge vectors (3,) m, normal u x v, one texture tile
-    every `tile` m."""
+    """Rectangle from a corner and two edge vectors (3,) m, normal u x v, a texture tile every
+    `tile` m."""
     corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
     n = np.cross(u, v)
     n = n / np.linalg.norm(n)
@@ -37,7 +37,7 @@ def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
 
 
 def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
-    """Axis-aligned box from its centre (3,) and half extents (3,) m; uvs in metres / `tile`."""
+    """Axis-aligned box; half extents (3,) m, uvs in metres / `tile`."""
     x, y, z = np.asarray(half, float)[:, None] * np.eye(3)
     c = np.asarray(centre, float)
     return merge(
@@ -66,7 +66,7 @@ def _drawn(surface: Surface, roughness: float) -> Material:
 def table_top(
     visuals: Visuals, images: Mapping[str, Rgba] | None = None
 ) -> list[tuple[Mesh, Material]]:
-    """Table top with its material; `images` (H,W,4) by kind are the textures that are not drawn."""
+    """Table top; `images` (H,W,4) by kind are the textures that are not drawn."""
     matt = {} if visuals.look == FIRST_LOOK else MATT
     roughness = matt.get(visuals.table.pattern, TABLE_ROUGHNESS)
     half = (*TABLE_HALF, TABLE_THICKNESS / 2)
@@ -82,7 +82,7 @@ def table_legs() -> list[tuple[Mesh, Material]]:
 
 
 def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, float]:
-    """Light (red, green, blue) that a table scatters: its mean linear colour times its light."""
+    """Light that a table scatters: its mean linear colour times its light."""
     assert texture is not None
     albedo = ((texture[::4, ::4, :3] / 255.0) ** 2).mean((0, 1))
     light = np.array(visuals.ambient)
@@ -98,8 +98,8 @@ def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, f
 def shell(
     visuals: Visuals, closed: bool = True, images: Mapping[str, Rgba] | None = None
 ) -> dict[str, list[tuple[Mesh, Material]]]:
-    """Floor and back wall, and if `closed` the other walls and the ceiling, by name. In the first
-    look only the back wall has a texture; ray tracing needs the room open for its light."""
+    """Floor and back wall, if `closed` the other walls and ceiling, by name. The first look
+    textures only the back wall; ray tracing needs the room open for its light."""
     (x0, y0, z0), (x1, y1, z1) = ROOM
     w, d, h = x1 - x0, y1 - y0, z1 - z0
     images = images or {}

@@ -1,4 +1,4 @@
-"""What a camera may see, and at which frames that is all where it was at the frame before."""
+"""What a camera may see, and which frames certainly repeat the one before."""
 
 from collections.abc import Callable
 
@@ -33,9 +33,9 @@ def in_view(
     centres: Floats,
     halves: Floats,
 ) -> NDArray[np.bool_]:
-    """Whether each of N bodies may be seen at each of T frames (T,N): never False for one with a
-    pixel in the image. `camera` (T,7) and `bodies` (T,N,7) are world poses, the camera's with x
-    forward; `centres` and `halves` (N,3) m are bounding boxes in the body frames."""
+    """Whether each body may be seen (T,N): never False for one with a pixel. `camera` (T,7), x
+    forward, and `bodies` (T,N,7) are world poses; `centres` and `halves` (N,3) m bound the bodies
+    in their frames."""
     high = np.tan(np.radians(kind.fovy) / 2)
     wide = high * kind.width / kind.height
     inward = np.array([[1, 0, 0], [wide, -1, 0], [wide, 1, 0], [high, 0, -1], [high, 0, 1]])
@@ -48,9 +48,8 @@ def in_view(
 
 
 class Seen:
-    """What one camera sees at T frames. `camera` (T,7) and `bodies` (T,N,7) are world poses,
-    `boxes` the bodies' middles and half sizes (N,3), m, and `visible` (T,N) whether they are in
-    view."""
+    """What one camera sees. `camera` (T,7) and `bodies` (T,N,7) are world poses, `boxes` middles
+    and half sizes (N,3), m, `visible` (T,N)."""
 
     def __init__(
         self,
@@ -71,9 +70,8 @@ class Seen:
         self._looked_up: Blocks | None = None
 
     def same(self, k: int, changed: Blocks, depths: Callable[[], Depths] | None) -> bool:
-        """Whether frame `k` certainly shows what the one before did, where shadows `changed`
-        between them; `depths` gives that one's depth buffer, if it has one. To be asked of all
-        frames in order."""
+        """Whether frame `k` certainly equals the one before, given `changed` shadows and that one's
+        depth buffer. Ask for all frames in order."""
         j = self._since
         bodies = self.visible[j] | self.visible[k]
         if (
@@ -91,8 +89,8 @@ class Seen:
 
 
 def looked_up(kind: CameraType, camera: Floats, depths: Depths, sun: ArrayLike) -> Blocks:
-    """Blocks (3,M,M) of the maps of table, floor and depths that an image was shaded from. It has a
-    depth buffer (H,W) 0-1, and `camera` (7,) is its pose."""
+    """Blocks (3,M,M) of the maps that an image from the pose `camera` (7,), with depth buffer (H,W)
+    0-1, was shaded from."""
     forward = NEAR * FAR / (FAR - depths * (FAR - NEAR))
     pixel = 2 * np.tan(np.radians(kind.fovy) / 2) / kind.height
     left = (kind.width / 2 - 0.5 - np.arange(kind.width)) * pixel * forward

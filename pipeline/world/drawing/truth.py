@@ -1,5 +1,5 @@
-"""What every pixel of a camera looks at, from triangles and poses alone: depth, body and normal,
-without a renderer's rounding."""
+"""Depth, body and normal of every pixel, from triangles and poses, without a renderer's
+rounding."""
 
 from collections.abc import Mapping
 
@@ -15,7 +15,7 @@ from .silhouettes import Floats, Solids, draw
 
 
 def surfaces_of(solids: Solids, poses: Mapping[str, Floats], camera: Camera) -> Surfaces:
-    """The surfaces that a camera sees at the centre of each pixel; `poses` (T,7) by body."""
+    """The surfaces at pixel centres; `poses` (T,7) by body."""
     frames, kind = len(next(iter(poses.values()))), camera.type
     k, at = intrinsics(kind), world_poses(camera, poses, frames)
     view = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()

@@ -31,12 +31,12 @@ class NoRenderer(DominoError):
 
 @cache
 def ensure_renderer() -> str:
-    """Make rendering possible in this process, before `sapien.render` is used; the device's
-    name.
+    """Choose a driver before `sapien.render` is used; returns the device's name.
 
-    A driver of VK_ICD_FILENAMES or VK_DRIVER_FILES stays. Else, without a GPU that SAPIEN
-    supports, VK_ICD_FILENAMES becomes lavapipe. LP_NUM_THREADS becomes 0 unless it is 2 or more:
-    one worker per core scales, one worker with many threads does not. Raises NoRenderer."""
+    VK_ICD_FILENAMES or VK_DRIVER_FILES stay. Else, without a supported GPU, VK_ICD_FILENAMES
+    becomes lavapipe. LP_NUM_THREADS becomes 0 unless it is 2 or more: one worker per core scales
+    better than threads. Raises NoRenderer.
+    """
     name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
     chosen = os.environ.get(name)
     drivers = [Path(part) for part in (chosen or "").split(os.pathsep) if part]
@@ -65,8 +65,7 @@ def ensure_renderer() -> str:
 
 
 def _check_file_limit() -> None:
-    """Raise NoRenderer for a limit of file sizes that lavapipe, whose memory is files, would
-    exceed."""
+    """Raise NoRenderer for a file size limit below lavapipe's needs: its memory is files."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
         raise NoRenderer(
@@ -81,8 +80,7 @@ def _lavapipe_icd() -> Path | None:
 
 
 def _gpu_works() -> bool:
-    """Whether SAPIEN lists a supported hardware device; in a subprocess, so that a crash stays
-    there."""
+    """Whether SAPIEN lists a supported GPU; a subprocess contains crashes."""
     nodes = [
         *Path("/dev").glob("nvidia[0-9]*"),
         *Path("/dev/dri").glob("renderD*"),
@@ -104,7 +102,7 @@ def _gpu_works() -> bool:
 
 
 def hardware_device(summary: str) -> bool:
-    """Whether SAPIEN's device summary lists a supported device that is no software rasteriser."""
+    """Whether the summary lists a supported device that is no software rasteriser."""
     for block in summary.split("GPU:")[1:]:
         name, _, rest = block.partition("\n")
         if (

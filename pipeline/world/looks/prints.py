@@ -1,4 +1,4 @@
-"""What is printed on packaging, screens and signs: square designs, drawn from a seed."""
+"""Square designs of packaging, screens and signs, drawn from a seed."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ HANDLED = BUSY | {"worn"}
 
 
 def printing(base: Triple, accent: Triple, kind: str, text: str, seed: int, size: int) -> Rgba:
-    """The design (size,size,4) of that kind, unused: ink `accent` on ground `base` (sRGB 0-1)."""
+    """The unused design (size,size,4): ink `accent` on ground `base` (sRGB 0-1)."""
     rng = np.random.Generator(np.random.Philox(seed))
     grain = value_noise(rng, size, (size // 2, size // 2))
     ground, ink = np.array(base, np.float32), np.array(accent, np.float32)
@@ -24,7 +24,7 @@ def printing(base: Triple, accent: Triple, kind: str, text: str, seed: int, size
 
 
 def handled(base: Triple, accent: Triple, kind: str, text: str, seed: int, size: int) -> Rgba:
-    """The same after use, with pictures, small print and worn edges if its kind has them."""
+    """The same after use: pictures, small print and worn edges if its kind has them."""
     design = printing(base, accent, kind, text, seed, size)
     return packaging(design, accent, seed, kind in BUSY) if kind in HANDLED else design
 

@@ -1,5 +1,5 @@
-"""Skins of things in use, each (size, size, 3) float sRGB 0-1 drawn from its Generator alone;
-and packaging with its small print."""
+"""Skins of things in use, (size, size, 3) float sRGB 0-1, drawn from their Generator alone;
+packaging."""
 
 from collections.abc import Callable
 
@@ -62,7 +62,7 @@ def crust(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def turned(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """Sheet metal pressed round an axis, v along its profile: fine rings, grooves."""
+    """Pressed sheet metal, v along its profile: fine rings, grooves."""
     v = np.linspace(0, 1, size, dtype=np.float32)[:, None]
     rings = value_noise(rng, size, (size // 2, 2)) * 0.14 + value_noise(rng, size, (9, 1)) * 0.10
     grooves = sum(np.exp(-(((v - at) * 70) ** 2)) for at in (0.06, 0.17, 0.24))
@@ -70,7 +70,7 @@ def turned(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def shell(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """The shell of a mouse from above, its buttons at v = 1: seams, ribbed grips, a mark."""
+    """A mouse from above, buttons at v = 1: seams, ribbed grips, a mark."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 2 - 1, (np.arange(size) + 0.5) / size)
     seam = np.exp(-((u * size / 3) ** 2)) * (v > 0.55)
     seam += np.exp(-(((v - 0.55 + 0.10 * u * u) * size / 2.2) ** 2))
@@ -149,14 +149,13 @@ SKINS: dict[str, Callable[[Generator, int, NDArray[np.float32]], Field]] = by_na
 
 
 def skin(kind: str, seed: int, colour: ArrayLike, size: int) -> Rgba:
-    """The skin (size,size,4) of that name of a thing of that colour (3,), sRGB 0-1."""
+    """The named skin (size,size,4) for a colour (3,), sRGB 0-1."""
     rng = np.random.Generator(np.random.Philox(seed))
     return rgba(SKINS[kind](rng, size, np.asarray(colour, np.float32)))
 
 
 def packaging(printed: Rgba, ink: ArrayLike, seed: int, busy: bool) -> Rgba:
-    """A print (N,N,4) that was handled: gradients and worn edges, and if it is `busy` small
-    print, a bar code and a picture."""
+    """A used print (N,N,4): gradients, worn edges; if `busy` small print, bar code, picture."""
     rng = np.random.Generator(np.random.Philox(seed))
     canvas, n = printed[..., :3].astype(np.float32) / 255, len(printed)
     at = np.linspace(0, 1, n, dtype=np.float32)

@@ -1,5 +1,5 @@
-"""Table tops and floors (size,size,4), seeded as `textures` are. A tile is meant for 0.5 to 0.8
-m, 512 texels a side."""
+"""Table tops and floors (size,size,4), seeded as `textures`. A tile is 0.5 to 0.8 m, 512 texels a
+side."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ from .textures import (
 
 
 def grain(rng: Generator, size: int) -> Field:
-    """Wood along x in 0-1 (size, size), 1 is dark: faint growth rings, fibres, short pores."""
+    """Wood along x in 0-1 (size, size), 1 is dark."""
     v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
     rings = 0.5 + 0.5 * np.sin(
         2 * np.pi * (np.float32(rng.integers(18, 30)) * v + 1.6 * fractal(rng, size, (4, 1), 2))
@@ -32,7 +32,7 @@ def grain(rng: Generator, size: int) -> Field:
 
 
 def staves(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Glued board: eight staves along x, each of its own tone, with hair-thin joints."""
+    """Glued board: eight staves along x with thin joints."""
     rows, field = 8, grain(rng, size)
     width = size // rows
     board = np.empty((size, size, 3), np.float32)

@@ -1,5 +1,4 @@
-"""The look of the room and the lights: drawn once per attempt from its own stream, or brought by a
-user as textures and an image of the surroundings."""
+"""The look of room and lights: drawn per attempt from its own stream, or from a user's images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -62,8 +61,7 @@ FREE, FREE_TIMBER = 0.22, 0.10  # largest share of any other colour in these
 
 
 def draw_visuals(rng: Generator, split: str = "seen") -> Visuals:
-    """Randomized looks for one attempt, drawn from `rng`. Texture seeds are even in the "seen"
-    split and odd in the "unseen" one."""
+    """Randomized looks. Texture seeds are even in the "seen" split and odd in "unseen"."""
     table = _surface(rng, TABLE_PATTERNS, MINERAL, (0.45, 0.7), split, CLEAN.table)
     wall = _surface(rng, WALL_PATTERNS, PAINTS, (0.5, 0.9), split, CLEAN.wall)
     ground = _surface(rng, GROUND_PATTERNS, MINERAL, (0.8, 1.5), split, CLEAN.ground)
@@ -82,8 +80,7 @@ def _surface(
     split: str,
     clean: Surface,
 ) -> Surface:
-    """One surface: wood takes the colour of a timber, the rest of `paints`; a wall has its own
-    size."""
+    """One surface: wood takes a timber's colour, the rest `paints`."""
     plain = rng.random() < PLAIN_RATE
     pattern = patterns[int(rng.integers(len(patterns)))]
     seed = 2 * int(rng.integers(1 << 30)) + (split == "unseen")
@@ -96,8 +93,7 @@ def _surface(
 
 
 def _light(rng: Generator, low: float, high: float, whiteness: float) -> Triple:
-    """A light between `low` and `high` whose weakest channel keeps at least the share
-    `whiteness`."""
+    """A light between `low` and `high`; its weakest channel keeps the share `whiteness`."""
     r, g, b = rng.uniform(low, high) * (whiteness + (1.0 - whiteness) * rng.random(3))
     return float(r), float(g), float(b)
 
@@ -114,7 +110,7 @@ BRIGHTNESS = 0.95  # irradiance over pi that the table gets, as in the clean roo
 def with_textures(
     visuals: Visuals, textures: Mapping[str, Sequence[tuple[Rgba, float]]], rng: Generator
 ) -> Visuals:
-    """The visuals with an image, drawn from `rng`, on each surface whose kind has images."""
+    """An image, drawn from `rng`, on each surface whose kind has images."""
     changed = dict[str, Surface]()
     for kind, surface in (("table", "table"), ("wall", "wall"), ("floor", "ground")):
         if images := textures.get(kind):
@@ -126,9 +122,9 @@ def with_textures(
 
 
 def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
-    """The visuals in the light of an equirectangular image (H,W,3), its middle away from the
-    robot. The brightest hundredth of the sphere above the table is the directional light, the
-    rest the ambient one, as bright as in the clean room."""
+    """Light from an equirectangular image (H,W,3), its middle away from the robot. The brightest
+    hundredth of the sphere above the table is directional, the rest ambient, as bright as in the
+    clean room."""
     toward, solid = _directions(*radiance.shape[:2])
     light = radiance.astype(np.float64) * solid[..., None]
     above = np.maximum(toward[..., 2], 0)
@@ -157,8 +153,7 @@ def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
 
 
 def _directions(height: int, width: int) -> tuple[Floats, Floats]:
-    """World directions (H,W,3) of the pixels of an equirectangular image, and their solid angles
-    (H,W)."""
+    """World directions (H,W,3) of equirectangular pixels, and solid angles (H,W)."""
     polar = (np.arange(height) + 0.5) / height * np.pi
     around = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
     sine, cosine = np.sin(polar)[:, None], np.cos(polar)[:, None]

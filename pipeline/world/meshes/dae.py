@@ -1,4 +1,4 @@
-"""Reads COLLADA (.dae) as ROS does: triangles of the scene, with diffuse colors or textures."""
+"""Reads COLLADA (.dae) as ROS does: triangles with diffuse colors or textures."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,8 +22,7 @@ type Element = Any
 
 
 def read_dae(file: Path, within: Path) -> MeshFile:
-    """The parts of a COLLADA file in metres; files that it names lie below `within`. Raises
-    MeshError."""
+    """Parts in metres; files that it names lie below `within`. Raises MeshError."""
     root = parse_xml(read_bytes(file))
     for element in root.iter(etree.Element):
         element.tag = etree.QName(element).localname
@@ -131,7 +130,7 @@ class _Reader:
         return values[: len(values) // stride * stride].reshape(-1, stride)
 
     def _look(self, material: Element) -> MeshLook:
-        """The diffuse color or texture; a lamp's color of a material that only shines."""
+        """The diffuse color or texture; for a material that only shines a lamp's color."""
         effect = self._target(_child(material, "instance_effect"))
         profile = _child(effect, "profile_COMMON")
         technique = _child(profile, "technique")
@@ -207,7 +206,7 @@ def _placement(node: Element) -> Floats:
 
 
 def _triangles(element: Element, lengths: list[int]) -> Ints:
-    """Triangles (M,3) of the corners of a primitive, whose <p> have these lengths."""
+    """Triangles (M,3) of a primitive's corners, whose <p> have these lengths."""
     starts = np.cumsum([0, *lengths])
     if element.tag == "triangles":
         return np.arange(starts[-1] // 3 * 3).reshape(-1, 3)

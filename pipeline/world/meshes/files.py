@@ -1,5 +1,4 @@
-"""Files that a mesh file or a URDF of a stranger names: found by that name below one folder or in a
-package, or refused."""
+"""Files that a user's mesh or URDF names: found below one folder or in a package, or refused."""
 
 import io
 import os
@@ -40,8 +39,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def find_file(name: str, beside: Path, within: Path) -> Path:
-    """The file `name`, relative to the folder `beside`, below the folder `within`. Raises
-    MeshError."""
+    """`name`, relative to `beside`, below `within`. Raises MeshError."""
     check_name(name)
     path = _below(beside / name, within, name)
     if path.is_file():
@@ -53,7 +51,7 @@ def find_file(name: str, beside: Path, within: Path) -> Path:
 
 
 def check_name(name: str) -> None:
-    """Raise MeshError for a name that is empty, too long, a URL or an absolute path."""
+    """Raise MeshError for an empty or too long name, a URL or an absolute path."""
     if not name.strip() or len(name) > MAX_NAME or not name.isprintable():
         raise MeshError(f"{name[:60]!r} is no name of a file")
     if "://" in name:
@@ -63,7 +61,7 @@ def check_name(name: str) -> None:
 
 
 def similar(name: str, beside: Path, within: Path) -> Path | None:
-    """The file below `within` that a name may mean: with other slashes, percent signs or case."""
+    """A file below `within` whose name differs in slashes, percent signs or case."""
     folder = beside
     for part in Path(unquote(name.replace("\\", "/"))).parts:
         if part != ".." and not (folder / part).exists():
@@ -82,7 +80,7 @@ def _below(path: Path, within: Path, name: str) -> Path:
 
 
 def parse_xml(data: bytes) -> Any:
-    """The root element of an XML text. Raises MeshError, also for a document type."""
+    """Parse XML. Raises MeshError, also for a document type."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
     try:
         root = etree.fromstring(data, parser)
@@ -131,11 +129,11 @@ class Folders:
         ]
 
     def find(self, name: str) -> tuple[Path, Path]:
-        """The file that a URDF names, and the folder that it may not leave. Raises MeshError.
+        """The file that a URDF names, and the folder that bounds it. Raises MeshError.
 
-        `package://NAME/FILE` is in the package NAME: the user's directory for it, a folder above
-        the URDF that is called so or whose package.xml says so, or a folder NAME beside one of
-        these."""
+        `package://NAME/FILE`: NAME is the user's directory for it, a folder above the URDF of that
+        name or package.xml, or a folder NAME beside one.
+        """
         scheme, _, rest = name.rpartition("://")
         if scheme not in SCHEMES:
             return find_file(name, self.urdf.parent, self.root), self.root
@@ -159,7 +157,7 @@ class Folders:
 def folders_of(
     urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> Folders:
-    """The folders of a file; the default root is that of its package, else FOLDERS_ABOVE."""
+    """The default root is the file's package, else FOLDERS_ABOVE."""
     above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
     packaged = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
     return Folders(

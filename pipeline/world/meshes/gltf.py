@@ -1,5 +1,4 @@
-"""Reads glTF 2.0: what changes shapes or colors is applied, or refused by name
-(docs/mesh_files.md)."""
+"""Reads glTF 2.0: shapes and colors are applied, or refused by name (docs/mesh_files.md)."""
 
 import base64
 import json
@@ -37,7 +36,7 @@ MAX_NODES = 50_000
 
 
 def read_gltf(file: Path, within: Path) -> MeshFile:
-    """The parts of a .glb or .gltf; files that it names lie below `within`. Raises MeshError."""
+    """Read .glb or .gltf; files that it names lie below `within`. Raises MeshError."""
     document, blob = read_bytes(file), b""
     if file.suffix.lower() == ".glb":
         magic, version, _, length, kind = struct.unpack_from("<5I", document)
@@ -99,7 +98,7 @@ class _Document:
         return data[start : start + length], view.get("byteStride", 0)
 
     def array(self, number: int) -> Floats:
-        """The numbers (N,W) of an accessor; normalized ones in their range, sparse ones filled."""
+        """An accessor's numbers (N,W); normalized in their range, sparse filled."""
         accessor = self.document["accessors"][number]
         count, width = accessor["count"], WIDTHS[accessor["type"]]
         dtype = TYPES[accessor["componentType"]]

@@ -1,4 +1,4 @@
-"""Reads Wavefront OBJ with its MTL: faces by material, Kd, map_Kd, colors of vertices."""
+"""Reads Wavefront OBJ with MTL: faces by material, Kd, map_Kd, vertex colors."""
 
 import re
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ class _Material:
 
 @dataclass(eq=False)
 class _Faces:
-    """Numbers of points and of coordinates (-1: none) at the corners of a material's triangles."""
+    """Numbers of points and coordinates (-1: none) at corners of triangles."""
 
     points: list[int] = field(default_factory=list)
     uvs: list[int] = field(default_factory=list)
@@ -52,8 +52,7 @@ def _index(text: str, count: int) -> int:
 
 
 def read_obj(file: Path, within: Path) -> MeshFile:
-    """The parts of an OBJ file, one a material; files that it names lie below `within`. Raises
-    MeshError."""
+    """One part a material; files that it names lie below `within`. Raises MeshError."""
     notes: list[str] = []
     library: dict[str, _Material] = {}
     points, uvs = list[list[float]](), list[list[float]]()
@@ -86,7 +85,7 @@ def read_obj(file: Path, within: Path) -> MeshFile:
 
 
 def _lines(data: bytes) -> Iterator[tuple[str, str]]:
-    """The first word of each line, and the rest; a backslash at the end continues a line."""
+    """First word and rest of each line; a backslash continues a line."""
     text = data.decode("utf-8", "replace").replace("\r", "").replace("\\\n", " ")
     for line in text.split("\n"):
         words = line.split(None, 1)
@@ -109,7 +108,7 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
 def _gather(
     faces: _Faces, at: Floats, texels: Floats, colors: Floats | None
 ) -> tuple[Part, Floats | None]:
-    """Triangles of one material, and the colors (P,3) of their points, if there are some."""
+    """Triangles of one material, and its points' colors (P,3), if any."""
     corners = np.stack([faces.points, faces.uvs], 1)
     if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
         raise MeshError("has a triangle of vertices that it does not hold")
@@ -192,7 +191,7 @@ def _color(text: str) -> Color:
 
 
 def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
-    """The material with the texture of a line map_Kd: options first, then the name."""
+    """The texture of a line map_Kd: options first, then the name."""
     words = text.split()
     values: dict[str, list[float]] = {"-s": [], "-o": []}
     while len(words) > 1 and words[0].startswith("-"):

@@ -1,4 +1,4 @@
-"""What a mesh file holds: triangles of one look each, and what was guessed or left out."""
+"""What a mesh file holds: triangles of one look each, and notes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ class MeshError(DominoError):
 
 
 class MeshLook(NamedTuple):
-    """The sRGB color 0-1 of a surface, and a texture (H,W,4) uint8 that replaces it."""
+    """sRGB 0-1; a texture (H,W,4) uint8 replaces it."""
 
     color: Color | None = None
     texture: NDArray[np.uint8] | None = None
@@ -31,7 +31,7 @@ NOTHING = MeshLook()
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles of one look: points (P,3) m, faces (M,3), and uv (P,2), v down, for a texture."""
+    """Triangles of one look: points (P,3) m, faces (M,3), uv (P,2), v down."""
 
     points: Floats
     faces: Ints
@@ -39,7 +39,7 @@ class Part:
     uv: Floats | None = None
 
     def moved(self, matrix: Floats) -> "Part":
-        """The part under a matrix (4,4); triangles stay outward also under a mirroring one."""
+        """The part under a matrix (4,4); triangles stay outward when mirrored."""
         mirrors = np.linalg.det(matrix[:3, :3]) < 0
         faces = self.faces[:, ::-1] if mirrors else self.faces
         points = self.points @ matrix[:3, :3].T + matrix[:3, 3]
@@ -47,7 +47,7 @@ class Part:
 
 
 class MeshFile(NamedTuple):
-    """The parts of a file, the axis that is up in it, and a line for all that is not as stated."""
+    """Parts, up axis, and a line for each guess or omission."""
 
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
@@ -81,8 +81,8 @@ SHADES = 31  # per channel: what two colors of a palette differ by at least is 1
 
 
 def painted(part: Part, colors: Floats) -> Part:
-    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1, by a
-    palette with one texel a color: the renderer has no colors of vertices."""
+    """Triangles in their corners' mean sRGB color, from colors (P,3) 0-1, by a palette texture: the
+    renderer has no vertex colors."""
     mean = np.clip(colors, 0, 1)[part.faces].mean(1)
     shades, which = np.unique(np.round(mean * SHADES), axis=0, return_inverse=True)
     if len(shades) == 1:

@@ -1,4 +1,4 @@
-"""Mesh files of seven formats as parts, and what of them is drawn and what is solid."""
+"""Mesh files of seven formats, and what is drawn and what is solid."""
 
 import io
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ CREASE = 40.0
 
 
 def drawn(parts: Sequence[Part], budget: int, fewest: int, plain: Color = PLAIN) -> Parts:
-    """Meshes and materials of parts (m), about `budget` triangles in all and `fewest` a part."""
+    """Meshes and materials, about `budget` triangles in all and `fewest` a part."""
     total = max(1, sum(len(part.faces) for part in parts))
     return tuple(
         (
@@ -46,8 +46,8 @@ def _mesh(part: Part, budget: int) -> Mesh:
 
 
 def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
-    """Texture coordinates (M,3,2) of new triangles (M,3,3) from old ones (N,3,3) with theirs: those
-    of the nearest old triangle, continued over its plane, so that none reaches over a seam."""
+    """Texture coordinates (M,3,2) of new triangles (M,3,3): those of the nearest old one, continued
+    over its plane, so that none reaches over a seam."""
     a, edges = old[:, 0], old[:, 1:] - old[:, :1]
     nearest = np.asarray(KDTree(old.mean(1)).query(corners.mean(1))[1])
     basis, origin, texels = edges[nearest], a[nearest], uv[nearest]
@@ -65,8 +65,7 @@ def welded(parts: Sequence[Part]) -> tuple[Floats, Ints]:
 
 
 def thinned(points: Floats, faces: Ints, budget: int) -> tuple[Floats, Ints]:
-    """Points (P,3) m and faces (M,3), snapped to the means of the finest grid cells that leave
-    `budget` faces."""
+    """Points (P,3) m and faces (M,3), snapped to means of the finest grid with `budget` faces."""
     facing = area_vectors(points, faces)
     area = float(np.linalg.norm(facing, axis=1).sum()) / 2
     # cells of this size leave about 3 faces per budgeted one: a start on the fine side
@@ -103,8 +102,8 @@ MAX_PARTS = 200
 
 
 def read_mesh(file: Path, within: Path | None = None) -> MeshFile:
-    """The parts of a mesh file, one a look, in its own frame and units. Files that it names lie
-    below `within`, by default its own folder. Raises MeshError, one line that names the file."""
+    """Parts in the file's own frame and units. Files that it names lie below `within`, by default
+    its folder. Raises MeshError, one line that names the file."""
     kind = file.suffix.lower()
     fix = "convert it to .stl, .obj or .glb"
     if kind not in FORMATS:

@@ -1,5 +1,4 @@
-"""Convex collision pieces (m, body frame, z up) beside the visuals, so that hollow things are
-hollow."""
+"""Convex collision pieces (m, body frame, z up); hollow things are hollow."""
 
 from itertools import pairwise
 
@@ -29,15 +28,15 @@ def cylinder_collider(
     centre: ArrayLike = (0, 0),
     quaternion: ArrayLike = UPRIGHT,
 ) -> Colliders:
-    """A cylinder between two heights at `centre` (x, y), turned about its own middle."""
+    """A cylinder between two heights at `centre` (x, y)."""
     x, y = np.asarray(centre, float)
     at = pose((x, y, (lower + upper) / 2), quaternion)
     return (Collider("cylinder", (radius, (upper - lower) / 2), at),)
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
-    """Two crossed boxes for fingertips to press on: PhysX may take a box on the rim of a small
-    cylinder for millimetres deep in it, and throws both apart."""
+    """Two crossed boxes for fingertips: on a small cylinder's rim PhysX may find a box millimetres
+    deep, and throws both apart."""
     side, half, middle = 0.75 * radius, (upper - lower) / 2, (lower + upper) / 2
     turns = (quat_about((0, 0, 1), angle) for angle in (0.0, np.pi / 4))
     return tuple(Collider("box", (side, side, half), pose((0, 0, middle), turn)) for turn in turns)
@@ -75,7 +74,7 @@ def convex_collider(points: ArrayLike) -> Colliders:
 
 
 def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
-    """The hull of a prism over an outline (K,2) of (x, z), between y = -`half` and `half`."""
+    """Hull of a prism over (x, z) (K,2), between y = -`half` and `half`."""
     sides = [np.insert(outline, 1, y, axis=1) for y in (-half, half)]
     return convex_collider(np.concatenate(sides))
 
@@ -83,9 +82,8 @@ def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
 def ring_of_boxes(
     radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None
 ) -> Colliders:
-    """A hollow wall of `n` boxes, `wall` thick, of outer radius `radius` at height `z` and `top` at
-    `z + height`. The outer faces touch the circle half-way between its inscribed and circumscribed
-    polygons."""
+    """A hollow wall of `n` boxes of outer `radius` from `z` to `z + height`. Outer faces touch the
+    circle half-way between inscribed and circumscribed polygons."""
     top = radius if top is None else top
     middle, slant = (radius + top) / 2, np.hypot(height, top - radius)
     fit = (1 + np.cos(np.pi / n)) / 2

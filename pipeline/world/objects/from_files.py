@@ -1,5 +1,5 @@
-"""An object is a directory: `object.toml`, `looks.glb` (what is drawn), `solid.obj` (its convex
-collision pieces). It stands for an object family."""
+"""An object is a directory: `object.toml`, `looks.glb` (drawn), `solid.obj` (convex collision
+pieces). It stands for a family."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -62,7 +62,7 @@ class ObjectToml(Table):
 
 
 class Directory:
-    """The files of an object, read when first asked for. Raises ObjectError and GlbError."""
+    """An object's files, read on demand. Raises ObjectError and GlbError."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.settings = path, read_settings(path)
@@ -112,7 +112,7 @@ class _Named:
 
 
 def add_directory(path: Path) -> None:
-    """Enter the object of a directory under the directory's name. Raises ObjectError."""
+    """Register an object by its directory's name. Raises ObjectError."""
     if path.name in FAMILIES:
         known = directory_of(FAMILIES[path.name])
         if known is not None and known.path == path:
@@ -131,7 +131,7 @@ def add_directory(path: Path) -> None:
 
 
 def add_all(folder: Path) -> None:
-    """Enter every object of a folder, in the order of their names. Raises ObjectError."""
+    """Register a folder's objects by name order. Raises ObjectError."""
     for path in sorted(folder.glob(f"*/{TOML}")):
         add_directory(path.parent)
 

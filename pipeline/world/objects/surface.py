@@ -1,5 +1,4 @@
-"""From bare triangles to a `Mesh`. Corner uvs are (M,3,2); u runs right, v down, as images are
-stored."""
+"""From triangles to a `Mesh`. Corner uvs are (M,3,2); u right, v down, as in images."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +13,8 @@ WELD = 1e-6  # m: points closer than this are one point
 def finish(
     points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, crease: float = 40.0
 ) -> Mesh:
-    """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise. A corner's normal is
-    the area-weighted mean of the faces around its point within `crease` degrees of its own. Faces
-    without area are dropped."""
+    """Mesh of points (P,3) m and outward faces (M,3). A corner's normal is the area-weighted mean
+    of faces around it within `crease` degrees. Faces without area are dropped."""
     points, faces = np.asarray(points, float), np.asarray(faces, int).reshape(-1, 3)
     keys, point_of = np.unique(np.rint(points / WELD).astype(np.int64), axis=0, return_inverse=True)
     welded = np.zeros((len(keys), 3))
@@ -66,8 +64,8 @@ def _corner_normals(
 
 
 def box_uv(points: ArrayLike, faces: ArrayLike) -> Floats:
-    """Corner uvs (M,3,2) by projecting each face along its dominant axis; the bounding box fills
-    the unit square."""
+    """Corner uvs (M,3,2), projected along each face's dominant axis; the bounding box fills the
+    unit square."""
     points, faces = np.asarray(points, float), np.asarray(faces, int)
     lower = points.min(0)
     unit = (points - lower) / np.maximum(np.ptp(points, axis=0), 1e-9)

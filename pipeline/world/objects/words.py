@@ -1,4 +1,4 @@
-"""Descriptions of an instance: phrases/<family>.txt beside the module, filled with facts."""
+"""Descriptions: phrases/<family>.txt beside the module, filled with facts."""
 
 import re
 import sys
@@ -20,9 +20,8 @@ class LanguageError(DominoError, ValueError):
 
 
 def describe(family: str, noun: str, **facts: str) -> Words:
-    """The first `SEEN` and `UNSEEN` phrases of a family whose slots, such as {colour}, are all
-    filled by `facts`, without repetition. `noun` is the object's plain name. Raises LanguageError
-    for too few."""
+    """The first `SEEN` and `UNSEEN` distinct phrases whose slots, such as {colour}, `facts` fill.
+    Raises LanguageError for too few."""
     known = {name: fact for name, fact in facts.items() if fact}
     splits = list[tuple[str, ...]]()
     for phrases, count in zip(read_phrases(family), (SEEN, UNSEEN), strict=True):
@@ -47,7 +46,7 @@ def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The lines after a line "seen" and those after a line "unseen". Raises LanguageError."""
+    """The lines after "seen" and after "unseen". Raises LanguageError."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
         raise LanguageError(f"{where}: needs a line 'seen', entries, a line 'unseen', entries")

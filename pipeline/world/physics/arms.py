@@ -29,8 +29,8 @@ def to_sapien(p: Pose) -> sapien.Pose:
 
 @lru_cache(maxsize=16)
 def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
-    """The builder of an arm without a scene and convex pieces, its root link fixed. To the bit
-    what SAPIEN's loader makes of the arm as URDF."""
+    """An arm's builder without scene and convex pieces, its root fixed; bit-identical to SAPIEN's
+    URDF loader."""
     builder = sapien.ArticulationBuilder()
     joints = {joint.child: joint for joint in arm.joints}
     links = {link.name: link for link in arm.links}
@@ -50,7 +50,7 @@ def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
 
 
 def groups(side: str) -> list[int]:
-    """Collision groups of an arm's links: no contacts within an arm, contacts between arms."""
+    """Collision groups: contacts between arms, none within one."""
     return [1, 1, 1 << 29, 1 + SIDES.index(side)]
 
 
@@ -59,7 +59,7 @@ def material() -> PhysxMaterial:
 
 
 def _depth_first(arm: Arm) -> list[str]:
-    """Links from the root on, each branch whole, in the order of the arm's joints."""
+    """Links from the root, each branch whole, in joint order."""
     below: dict[str, list[str]] = {}
     for joint in arm.joints:
         below.setdefault(joint.parent, []).append(joint.child)
@@ -125,8 +125,7 @@ def _turned(axes: ArrayLike) -> sapien.Pose:
 
 @dataclass(eq=False)
 class BuiltArm:
-    """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws
-    in the order of its spec."""
+    """An arm in a scene: articulation, all active joints, those of arm and jaws in spec order."""
 
     robot: PhysxArticulation
     active: list[PhysxArticulationJoint]
@@ -143,8 +142,7 @@ class BuiltArm:
         self._goals, self._speeds = [math.nan] * len(driven), list[float]()
 
     def drive(self, command: Floats, velocity: Floats) -> None:
-        """Set the drives of the next physics step: positions and velocities (n+1,) of the joints,
-        then the gripper (0-1, 1/s)."""
+        """Set the next step's drives: positions and velocities (n+1,), gripper 0-1, 1/s."""
         *goals, value = command.tolist()
         *speeds, rate = velocity.tolist()
         if len(self.jaws) > 2:

@@ -1,4 +1,4 @@
-"""A body of a scene, what moves it, the room it takes, and scenery: plain data."""
+"""A body, what moves it, the room it takes, and scenery: plain data."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -31,11 +31,11 @@ BORNE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """`pose` (7,) is the manipulation pose in the world. A `fixed` body never moves.
+    """`pose` (7,) is in the world.
 
-    `inside` names the body it begins in and rides along with; with a `slide` it runs in that body
-    like a drawer. A `borne` one hangs or is held: what bears it lets go BORNE s after the first
-    touch."""
+    `inside` names the body it begins in and rides along with; with a `slide` it runs there like a
+    drawer. A `borne` one hangs or is held until BORNE s after the first touch.
+    """
 
     name: str
     family: str
@@ -53,7 +53,7 @@ class Body:
 
 
 class Motion(Protocol):
-    """What moves the target: a TargetMotion (motion/contract.py), or something that wraps one."""
+    """A TargetMotion (motion/contract.py), or a wrapper of one."""
 
     def pose(self, t: ArrayLike) -> Floats:
         """Poses (..., 7) at times t (...) in s."""
@@ -91,8 +91,7 @@ def outline_of(body: Body) -> Outline:
 
 
 def apart(a: Outline, b: Outline, gap: float) -> bool:
-    """Whether two outlines are at least `gap` m apart from above (separating axes of both
-    rectangles)."""
+    """Whether two outlines are `gap` m apart from above (separating axes)."""
     p, q = _corners(a), _corners(b)
     for corners in (p, q):
         for edge in (corners[1] - corners[0], corners[2] - corners[1]):

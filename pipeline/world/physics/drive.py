@@ -1,5 +1,4 @@
-"""The drive of a target under `contact: hold`, and joints that do not follow their commands
-exactly."""
+"""The drive of a target under `contact: hold`, and joints with imperfect drives."""
 
 from collections import deque
 from collections.abc import Collection
@@ -32,8 +31,7 @@ Twist = Floats
 
 @dataclass(frozen=True)
 class Hold:
-    """What holds a target: at least one of `grips`, of which every part touches it. A part is a set
-    of names of links or bodies, one of which must touch."""
+    """At least one of `grips`, of which every part, a set of links or bodies, must touch."""
 
     grips: tuple[tuple[frozenset[str], ...], ...]
 
@@ -46,8 +44,7 @@ AfterTouch = Literal["stop", "continue"] | Hold
 
 
 class Drive:
-    """Pulls a touched body back to its motion with bounded force and carries its weight, until it
-    is held."""
+    """Pulls a touched body to its motion with bounded force and carries its weight until held."""
 
     def __init__(self, body: PhysxRigidDynamicComponent, hold: Hold) -> None:
         self._body, self._hold, self._steps = body, hold, 0
@@ -57,8 +54,8 @@ class Drive:
         body.set_disable_gravity(True)
 
     def push(self, pose: Pose, twist: Twist, later: Twist) -> None:
-        """Apply force and torque of the next step: the motion is at `pose` (7,) with `twist` (6,)
-        now and has the twist `later` after it."""
+        """Apply the next step's force and torque: now `pose` (7,) and `twist` (6,), then the twist
+        `later`."""
         body, now = self._body, self._body.entity_pose
         q = np.asarray(now.q, float)
         goal, there = (
@@ -83,8 +80,7 @@ class Drive:
         body.add_force_torque(force.astype(np.float32), _bounded(torque, TORQUE).astype(np.float32))
 
     def is_held(self, touching: Collection[str]) -> bool:
-        """Whether the body has been held for HELD seconds; called after every step with what pushes
-        it."""
+        """Whether held for HELD seconds; call after every step."""
         self._steps = self._steps + 1 if self._hold.holds(touching) else 0
         return self._steps >= round(HELD * PHYSICS_HZ)
 
@@ -109,9 +105,8 @@ ONSET = 0.5
 
 
 class ImperfectDrives:
-    """What the drives get instead of the commands (A,): lag, smooth noise, backlash. The noise is a
-    function of time, drawn from `rng`, slow enough that its size is the standard deviation of the
-    measured joints."""
+    """Commands (A,) with lag, smooth noise and backlash. Noise from `rng` is slow enough that its
+    size is the measured joints' standard deviation."""
 
     def __init__(self, errors: DriveErrors, robot: Embodiment, rng: np.random.Generator) -> None:
         self._errors = errors

@@ -17,7 +17,7 @@ CONTACT_EVERY = 8
 
 
 class _Rows:
-    """Rows in an array that doubles when it is full: appending costs the same in long episodes."""
+    """An array that doubles when full: appending stays cheap."""
 
     def __init__(self, row: NDArray[Any]) -> None:
         self._held, self._count = np.empty((256, *row.shape), row.dtype), 0
@@ -35,12 +35,12 @@ class _Rows:
 
 
 class Recorder:
-    """Records a running simulation; call `after_step` after every physics step.
+    """Records a simulation; call `after_step` after every step.
 
-    Frame k is the state after 16 k steps (at 15 Hz); its action is the command of the interval's
-    last step. The first contacts of the arms in `watched` with the target are noted to the step
-    (30 us a step until all have touched). Raises ValueError when `fps` does not divide the physics
-    rate."""
+    Frame k is the state after 16 k steps (at 15 Hz), its action the interval's last command. The
+    first contacts of `watched` arms with the target are noted to the step (30 us a step until all
+    touched). Raises ValueError when `fps` does not divide the physics rate.
+    """
 
     def __init__(self, simulation: Simulation, fps: int = 15) -> None:
         if PHYSICS_HZ % fps:
@@ -74,8 +74,8 @@ class Recorder:
             self._capture()
 
     def _measured(self) -> tuple[Floats, ...]:
-        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools
-        (S,7), the target's linear and angular velocity (3,)."""
+        """Poses (B,7), joint positions and velocities (J,), state (A,), tools (S,7), target
+        velocities (3,)."""
         s = self.simulation
         qpos, qvel = s.qpos()
         tcp = np.stack([s.tcp(side) for side in s.embodiment.sides])
@@ -101,7 +101,7 @@ class Recorder:
 
     @property
     def past(self) -> Floats:
-        """Poses (T,B,7) at the frames so far, and those of this moment if it is between frames."""
+        """Poses (T,B,7) at past frames, and of now if between frames."""
         rows, s = self._columns[0].rows, self.simulation
         return rows if s.steps % self._every == 0 else np.concatenate([rows, s.poses()[None]])
 

@@ -26,8 +26,7 @@ class UnknownEmbodiment(DominoError):
 
 
 def canonical_name(name: str) -> str:
-    """Registry name of a name, an alias (any case, `_` for `-`) or a pair. Raises
-    UnknownEmbodiment."""
+    """Registry name of a name, alias (any case, `_` for `-`) or pair. Raises UnknownEmbodiment."""
     parts = []
     for part in name.split("+"):
         key = part.strip().lower().replace("_", "-")
@@ -41,8 +40,8 @@ def canonical_name(name: str) -> str:
 
 
 def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:
-    """The embodiment of a name, alias, pair or single arm, built once per process, with bases at
-    our places or the original's. Raises UnknownEmbodiment and RobotError."""
+    """The embodiment, built once per process, bases at our places or the original's. Raises
+    UnknownEmbodiment and RobotError."""
     return _build(canonical_name(name), layout)
 
 

@@ -1,5 +1,4 @@
-"""A robot is a directory: `robot.urdf`, `meshes/` (what it looks like), `robot.toml` (what a URDF
-cannot say)."""
+"""A robot is a directory: `robot.urdf`, `meshes/`, `robot.toml` (what a URDF cannot say)."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -105,7 +104,7 @@ class RobotToml(Table):
 
 
 class RobotModel:
-    """A robot of a directory; links and joints are read when an arm is first asked for."""
+    """A robot of a directory, read on demand."""
 
     def __init__(self, directory: Path, name: str | None = None) -> None:
         self.directory = directory

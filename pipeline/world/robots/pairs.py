@@ -35,8 +35,8 @@ def raised(embodiment: Embodiment, by: float) -> Embodiment:
 
 
 def looking(embodiment: Embodiment, shift: ArrayLike, turn: Sequence[float]) -> Embodiment:
-    """The head camera moved by `shift` (3,) m and turned by `turn` (3,) rad (roll, pitch, yaw) in
-    its frame."""
+    """Move the head camera by `shift` m and turn it by `turn` rad (roll, pitch, yaw) in its
+    frame."""
     moved = compose(embodiment.head_camera, pose(shift, quat_from_rpy(*turn)))
     return replace(embodiment, head_camera=moved)
 
@@ -51,8 +51,7 @@ ALIASES: dict[str, str] = {}
 
 
 def register(directory: Path) -> RobotModel:
-    """Enter the robot of a directory under the directory's name; one that is entered stays. Raises
-    RobotError."""
+    """Register a robot by its directory's name; an earlier one stays. Raises RobotError."""
     known = MODELS.get(directory.name)
     if known is not None and known.directory == directory:
         return known
@@ -70,7 +69,7 @@ def register(directory: Path) -> RobotModel:
 
 
 def register_all(folder: Path) -> None:
-    """Enter every robot of a folder, in the order of their names. Raises RobotError."""
+    """Register a folder's robots by name order. Raises RobotError."""
     for path in sorted(folder.glob(f"*/{TOML}")):
         register(path.parent)
 
@@ -84,8 +83,8 @@ def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, S
 
 
 def pair(left: RobotModel | None, right: RobotModel | None, layout: Layout = "ours") -> Embodiment:
-    """The left arm of one model and the right arm of another, each on its own stand; None for a
-    missing arm. Raises RobotError for a spec that is not sound."""
+    """The left arm of one model and the right arm of another; None for a missing one. Raises
+    RobotError for an unsound spec."""
     twin = left if left is right else None
     arms, parts = {}, []
     for side, model in zip(SIDES, (left, right), strict=True):

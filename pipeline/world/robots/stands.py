@@ -1,4 +1,4 @@
-"""Notation of robots (URDF origins, cameras, boxes) and what a single arm stands on."""
+"""URDF origins, cameras, boxes, and what a single arm stands on."""
 
 from collections.abc import Iterable
 
@@ -25,8 +25,8 @@ def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
 def wrist_camera(
     tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
 ) -> Pose:
-    """Camera pose (7,) in the hand link, `behind` and `above` the tool frame (m), pitched down by
-    `pitch` (rad): both fingers and what they hold are in view up to 9 cm."""
+    """Pose (7,) in the hand link, `behind` and `above` the tool (m), pitched down (rad): fingers
+    and held things up to 9 cm are in view."""
     return compose(tcp, at((-behind, 0, above), (0, pitch, 0)))
 
 
@@ -47,8 +47,8 @@ GAP = 0.003  # between the stand's collision and the base link, m
 
 
 def pedestal(base: Triple, half: float) -> Stand:
-    """A stand (world frame) for a base at `base` (m) whose foot fits a square of half edge `half`
-    (m). Only the plate under the foot may reach over the table."""
+    """A stand (world frame) for `base` (m) with a square foot of half edge `half` (m). Only the
+    plate under the foot may reach over the table."""
     x, y, z = base
     column_y = min(y, TABLE_EDGE - 0.015 - half)
     front = max(y, column_y) + half

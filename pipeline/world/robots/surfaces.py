@@ -1,4 +1,4 @@
-"""The shapes of a URDF as triangles in their link's frame: drawn ones, and hulls."""
+"""A URDF's shapes as triangles in the link frame: drawn ones, and hulls."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,9 +19,8 @@ LARGEST = 10.0  # m: no vertex of a robot's link is farther from its frame
 
 
 def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> Parts:
-    """Meshes (link frame, m) and materials of a link's shapes, about 1500 triangles. Colors of a
-    mesh file come before those of the URDF, as in ROS. `notes` gets what was guessed or left out.
-    Raises UrdfError."""
+    """Meshes (link frame, m) and materials, about 1500 triangles. A mesh file's colors come first,
+    as in ROS. `notes` gets guesses and omissions. Raises UrdfError."""
     looks = list[Part]()
     for shape in shapes:
         parts, read = parts_of(shape)
@@ -34,7 +33,7 @@ def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> 
 
 
 def hull(shape: UrdfShape) -> Floats:
-    """Corners (N,3) m in the link frame of a mesh's convex hull. Raises UrdfError."""
+    """Corners (N,3) m of the hull in the link frame. Raises UrdfError."""
     points = surface(shape)[0]
     try:
         return np.asarray(trimesh.convex.convex_hull(points).vertices, float)
@@ -43,13 +42,12 @@ def hull(shape: UrdfShape) -> Floats:
 
 
 def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
-    """Points (P,3) m in the link frame and faces (M,3) of a shape. Raises UrdfError."""
+    """Points (P,3) m in the link frame and faces (M,3). Raises UrdfError."""
     return stacked(parts_of(shape)[0])
 
 
 def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
-    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and notes
-    on its file. Raises UrdfError."""
+    """Parts in the link frame (m), outward also when mirrored, and notes. Raises UrdfError."""
     if shape.file is None:
         return [_solid(shape)], ()
     try:

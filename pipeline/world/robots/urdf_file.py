@@ -1,4 +1,4 @@
-"""Reads a URDF file. What a simulator would accept in silence and get wrong is refused."""
+"""Reads a URDF, and refuses what a simulator would silently get wrong."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -38,9 +38,9 @@ class UrdfError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class UrdfShape:
-    """One `<visual>` or `<collision>`: a mesh, box (half extents), cylinder (radius, half length)
-    or sphere (radius), placed in the link by `origin`. A mesh has a file, which may name others
-    below `within`. `color` is sRGB 0-1."""
+    """`<visual>` or `<collision>`: mesh, box (half extents), cylinder (radius, half length) or
+    sphere (radius) at `origin` in the link. A mesh may name files below `within`. `color` is sRGB
+    0-1."""
 
     kind: str
     origin: Pose
@@ -53,8 +53,7 @@ class UrdfShape:
 
 @dataclass(frozen=True, eq=False)
 class UrdfLink:
-    """Mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes, and
-    shapes."""
+    """Mass (kg), centre of mass (m), inertia about it (3,3) kg m2 along the link's axes, shapes."""
 
     mass: float
     com: Floats
@@ -74,8 +73,7 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class UrdfRobot:
-    """Links by name in file order, the joint above each link by the link's name, mimic rules by
-    joint."""
+    """Links in file order, the joint above each link by the link's name, mimic rules by joint."""
 
     path: Path
     links: dict[str, UrdfLink]
@@ -86,8 +84,8 @@ class UrdfRobot:
         return [link for link in self.links if link not in self.parent_joint]
 
     def link_poses(self, base: str, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
-        """Poses (..., 7) of the links below `base` in its frame, for joint positions (...) rad or m
-        by child link, else 0."""
+        """Poses (..., 7) below `base` in its frame, for joint positions (...) rad or m by child
+        link, else 0."""
         poses = {base: pose()}
         for link in self.below(base)[1:]:
             joint = self.parent_joint[link]
@@ -111,8 +109,8 @@ class UrdfRobot:
 def read_urdf(
     path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> UrdfRobot:
-    """Read a plain URDF whose meshes lie below `root`, by default the folder of its package or the
-    second one above it. `packages` are directories by name. Raises UrdfError."""
+    """Read a plain URDF; meshes lie below `root`, by default its package or the second folder
+    above. `packages` are directories by name. Raises UrdfError."""
     document = _parse(path)
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
