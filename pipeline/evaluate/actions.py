@@ -1,4 +1,4 @@
-"""Bounds of actions, their drive targets at the physics rate, and tool poses instead of joints."""
+"""Bounds of actions, drive targets at the physics rate, and tool poses."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -124,8 +124,8 @@ EXACT = replace(IK, tolerance=(1e-6, 1e-5))  # of answers: the errors of delta a
 
 
 class Answers:
-    """Turns a policy's answers in one episode into joint targets. `unreachable` counts poses that
-    no joints reach: that arm holds still."""
+    """Turns answers into joint targets. `unreachable` counts poses that no joints reach: that
+    arm holds still."""
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)
@@ -133,8 +133,8 @@ class Answers:
         self.length, self.unreachable = len(self._codec.names), 0
 
     def joints(self, chunk: Floats, state: Floats, command: Floats) -> Floats:
-        """Joint targets (H,A) of a chunk (H,D) that was asked for at measured joints and command
-        (A,). Raises ActionError."""
+        """Joint targets (H,A) of a chunk (H,D), from measured joints and command (A,). Raises
+        ActionError."""
         if not self._codec.representation.poses:
             return self._codec.decode_joints(chunk, state, command)
         try:

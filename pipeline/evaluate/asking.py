@@ -109,8 +109,8 @@ def _pattern(height: int, width: int) -> NDArray[np.uint8]:
 
 
 class AskedPolicy:
-    """A policy in one episode, with `seconds` for an answer and ANSWERS times that for all. `count`
-    answers so far, `inferences` of them by the network. Raises PolicyError."""
+    """A policy in one episode, with `seconds` for an answer and ANSWERS times that for all.
+    Raises PolicyError."""
 
     def __init__(self, name: PolicyName, seconds: float = ANSWER_SECONDS) -> None:
         self._name, self._seconds, self._left = name, seconds, ANSWERS * seconds

@@ -93,8 +93,7 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 
 
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
-    """`faults` are what check-result found in each bundle. Raises CompareError for several
-    benchmarks."""
+    """`faults` are check-result's by bundle. Raises CompareError for several benchmarks."""
     rows = [row for of_bundle in bundles.values() for row in of_bundle]
     benchmark = check_one_benchmark(rows)
     checks = [(out.name, len(bundles[out]), "; ".join(f[:3]), len(f)) for out, f in faults.items()]

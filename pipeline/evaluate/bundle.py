@@ -1,5 +1,4 @@
-"""A result that others can check: OUT with its rows, its scenes, what every episode commanded
-(OUT/actions), and OUT/bundle.json."""
+"""A result that others can check: rows, scenes, commands (OUT/actions), and OUT/bundle.json."""
 
 import gzip
 import hashlib

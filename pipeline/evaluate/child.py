@@ -1,5 +1,5 @@
-"""The process of a policy: python -m pipeline.evaluate.child DESCRIPTOR TEXT. It answers messages
-on the descriptor until its caller ends."""
+"""The process of a policy, until its caller ends: python -m pipeline.evaluate.child DESCRIPTOR
+TEXT."""
 
 import os
 import select

@@ -39,8 +39,8 @@ CONDITIONS = "conditions"
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """The policy sees `setup`, whose physics is that of the case. `paired` runs the scene without
-    its events first: until the first one, both arms get the same answers."""
+    """The policy sees `setup`. `paired` runs the scene without its events first: until the first
+    one, both arms get the same answers."""
 
     case: Case
     policy: PolicyName
@@ -89,8 +89,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """As `play_arm`; a paired row has that of the arm without events in `control`, and
-    `same_prefix`."""
+    """As `play_arm`; a paired row has the arm without events in `control`."""
     if not job.paired:
         return play_arm(job)
     tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)
@@ -197,8 +196,8 @@ def _drive(
     tape: list[Answer] | None,
     spent: "_Spent",
 ) -> None:
-    """Ask and execute until the trial ends. The arm without events fills the `tape`, which the
-    other arm reads. Raises as `AskedPolicy`."""
+    """Ask and execute until the trial ends. The arm without events fills the `tape` for the
+    other. Raises as `AskedPolicy`."""
     script = trial.simulation.script
     records = job.case.spec.arm == CONTROL
     words = instruction_of(trial.scene, job.split)

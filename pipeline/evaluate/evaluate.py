@@ -62,8 +62,8 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """A row for every cell, means over tasks, and means of BASELINES on the scenes that they tried;
-    `run` episodes were run by this call."""
+    """A row for every cell, means over tasks, and those of BASELINES; `run` episodes were run by
+    this call."""
 
     cells: list[Row]
     means: list[Row]
@@ -191,8 +191,7 @@ def _check_identity(evaluation: Evaluation, results: Results) -> None:
 
 
 def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
-    """In each cell an order that nobody can know: a policy that counts its episodes learns nothing
-    of their scenes."""
+    """A random order in each cell: a policy that counts episodes learns nothing of their scenes."""
     chance, out = SystemRandom(), list[EpisodeJob]()
     for jobs in cells:
         chance.shuffle(jobs)

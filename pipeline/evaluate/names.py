@@ -1,5 +1,4 @@
-"""Policies by name: built-in ones, files with a function `make_policy()`, and kinds of FORMS; entry
-points GROUP add to both."""
+"""Policies by name: built-in ones, files with `make_policy()`, FORMS, and entry points GROUP."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -88,8 +87,8 @@ def load_entry_points() -> None:
 
 
 def policy_name(text: str, prints: Path | None = None, like: Path | None = None) -> PolicyName:
-    """Check that a policy exists, without making it. In a process of its own it prints to `prints`;
-    the export `like` says what an action is. Raises PolicyError."""
+    """Check that a policy exists, without making it. The export `like` states what an action is.
+    Raises PolicyError."""
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in STATED:
@@ -115,8 +114,8 @@ def policy_name(text: str, prints: Path | None = None, like: Path | None = None)
 
 
 def in_process(make: Callable[[], Policy]) -> PolicyName:
-    """The name of a policy that a class or function makes, with a hash of its source text. Raises
-    PolicyError without one."""
+    """The name of a policy that a class or function makes, with its source's hash. Raises
+    PolicyError."""
     name = getattr(make, "__name__", type(make).__name__)
     try:
         label = f"{name}@{sha256(getsource(make).encode()).hexdigest()[:8]}"

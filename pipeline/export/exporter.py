@@ -29,8 +29,8 @@ class Exporter[O](ABC):
 
     @abstractmethod
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """Write the episodes, in the order of their paths, to `draft.folder`; returns their part of
-        the summary. Raises ExportError for episodes that the format cannot hold."""
+        """Write the episodes to `draft.folder`; returns their part of the summary. Raises
+        ExportError."""
 
     def sensors(self, options: O) -> Collection[str]:
         """Which of `images.SENSORS` the format writes with these options."""

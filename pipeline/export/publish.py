@@ -1,5 +1,5 @@
-"""Publishes an export on the Hugging Face hub: checks its limits, then uploads with
-huggingface_hub, which sends only what is missing. No token is printed."""
+"""Publishes an export on the Hugging Face hub, which gets only what is missing. No token is
+printed."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -23,8 +23,7 @@ TAGS = {"lerobot": "v3.0", "lerobot-v2.1": "v2.1"}
 
 @dataclass(frozen=True)
 class Shipment:
-    """What an upload would send, and what the hub would refuse. `tag` is what readers of the format
-    look for; `unlisted` files stay here."""
+    """What an upload would send, and what the hub would refuse. `unlisted` files stay here."""
 
     folder: Path
     repo_id: str
@@ -115,7 +114,7 @@ def _problems(folder: Path, files: dict[str, int]) -> list[str]:
 
 
 def publish(shipment: Shipment, api: Any) -> str:
-    """Send to the hub; returns the address. `api` is a HfApi with a token. Raises ExportError."""
+    """The address on the hub. `api` is a HfApi with a token. Raises ExportError."""
     from httpx import HTTPError  # what huggingface_hub raises, too
     from huggingface_hub import CommitOperationAdd
 

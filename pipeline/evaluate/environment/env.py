@@ -1,5 +1,4 @@
-"""The gymnasium environment of one task, one control period a step:
-docs/reinforcement_learning.md."""
+"""The gymnasium environment, one control period a step: docs/reinforcement_learning.md."""
 
 from collections.abc import Mapping
 from dataclasses import asdict

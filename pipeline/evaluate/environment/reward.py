@@ -1,5 +1,5 @@
-"""The dense reward of an environment, by potential-based shaping (Ng, Harada, Russell 1999, ICML):
-an optimal policy stays optimal for learners with the same `discount`."""
+"""The dense reward, by potential-based shaping (Ng, Harada, Russell 1999, ICML): an optimal
+policy stays optimal with the same `discount`."""
 
 from typing import NamedTuple
 

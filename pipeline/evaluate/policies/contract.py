@@ -1,5 +1,4 @@
-"""What a policy was made for: in `setup` (a Setup, or keys of one), `fps`, `cameras` and `size`, or
-`contract`. Another evaluation is refused before anything moves."""
+"""What a policy was made for. Another evaluation is refused before anything moves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, replace
@@ -94,8 +93,7 @@ def plain(keys: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(needed: Mapping[str, Any], given: Setup) -> str:
-    """One line with both values of the first key that differs and the option that helps, or "".
-    More than the policy needs may be shown."""
+    """One line about the first key that differs, or "". More than the policy needs may be shown."""
     for key, value in needed.items():
         ours = getattr(given, key)
         if key == "cameras":

@@ -35,8 +35,7 @@ def expected_actions(text: str) -> Representation | None:
 
 
 def name_actions(text: str, like: Path | None = None) -> str:
-    """The name with the options of an export, its option `like` or else `like`, unless written out.
-    Raises PolicyError for an export that cannot be read."""
+    """The name with the options of its export `like`, unless written out. Raises PolicyError."""
     rest, _, query = text.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     export = given.pop("like", like)

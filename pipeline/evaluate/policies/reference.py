@@ -1,5 +1,4 @@
-"""Reference policies without training. All but `random` and `still` are shown the simulation, run
-the task's own script, and differ in where they expect the target."""
+"""Reference policies without training. All but `random` and `still` are shown the simulation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -80,8 +79,8 @@ def with_target_at(scene: Scene, aim: Pose) -> Scene:
 
 
 def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Motions, actions (N,A), of skills planned one after another until a plan fails. Ask for the
-    next only after the last was executed."""
+    """Motions, actions (N,A), of skills until a plan fails. Ask for the next only after the last
+    was executed."""
     try:
         for skill in skills:
             for step in skill(actor):
@@ -219,8 +218,7 @@ def _plan_as_it_stands(trial: Trial) -> Rehearsal | None:
 
 
 def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
-    """The rehearsal, within 2 mm, for a target at `at` (7,) that keeps this velocity (3,), if there
-    is one."""
+    """The rehearsal, within 2 mm, for a target at `at` (7,) with this velocity (3,), or None."""
 
     def ahead(seconds: float) -> Pose:
         return np.concatenate([at[:3] + velocity * seconds, at[3:]])
@@ -277,7 +275,7 @@ def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
 def _shift(
     planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats
 ) -> Floats:
-    """The action (A,) with the tools of `sides` moved by `offset` (3,) m, where they can get."""
+    """The action (A,), tools of `sides` moved by `offset` (3,) m if possible."""
     out, now = list[Floats](), planner.split(command)
     for side, (q, value) in planner.split(row).items():
         if side in sides and offset.any():

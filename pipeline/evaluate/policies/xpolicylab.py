@@ -35,8 +35,8 @@ class XPolicyLabRobot:
         self._sides = robot.sides
 
     def observation(self, seen: Observation, command: Floats, fps: int) -> dict[str, Any]:
-        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; joints of `state` are the
-        targets in force, `command` (A,), poses are measured."""
+        """Images (H,W,3); joints of `state` are the targets in force, `command` (A,), poses are
+        measured."""
         targets = self._robotwin.planner.split(command)
         state: dict[str, Any] = {}
         for side, (tool, tcp) in self._robotwin.tool_poses(seen.joints).items():

@@ -43,8 +43,7 @@ LARGEST = 1 << 28
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What a file holds; `lines` are those of the scenes, which are read when they are asked
-    for."""
+    """What a file holds; `lines` of scenes are read when they are asked for."""
 
     head: BenchmarkHead
     sha256: str
@@ -63,8 +62,8 @@ class Benchmark:
     def choose(
         self, recipe: Recipe, keys: Collection[str], named: Sequence[str] = ()
     ) -> list[Cell]:
-        """The cells, those of the part if one was named, whose values of these `keys` are a
-        recipe's. Raises BenchmarkError for none, and for one of the tasks `named` that it lacks."""
+        """The cells whose values of these `keys` are a recipe's. Raises BenchmarkError for none,
+        and for a missing one of the tasks `named`."""
         tasks, name = self.head.parts.get(self.part), self.head.benchmark
         held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
         if missing := [task for task in named if task in TASKS and task not in held]:
@@ -93,8 +92,8 @@ class Benchmark:
         return found
 
     def under(self, setup: Setup, keys: Collection[str]) -> Setup:
-        """A setup with the physics of the benchmark. Raises BenchmarkError if one of `keys` differs
-        that a policy is made for, or by which it is judged."""
+        """A setup with the benchmark's physics. Raises BenchmarkError for others of `keys` that
+        differ."""
         own = self.setup
         for key in ("fps", "rules", "contact", "layout", "camera", "drive"):
             if key in keys and getattr(setup, key) != getattr(own, key):
@@ -114,8 +113,7 @@ class Benchmark:
         )
 
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
-        """The first scenes of these cells. Raises BenchmarkError for one that it does not have, and
-        for a line that is no scene."""
+        """The first scenes of these cells. Raises BenchmarkError for a missing or damaged one."""
         if scenes > self.head.scenes:
             raise BenchmarkError(
                 f"benchmark {self.head.benchmark} has {self.head.scenes} scenes of each cell, fewer"
@@ -155,8 +153,7 @@ def pack(
     parts: Mapping[str, Sequence[str]],
     made_by: Mapping[str, Any],
 ) -> bytes:
-    """The file of a benchmark. Raises BenchmarkError for a wrong name and for scenes that cannot be
-    frozen."""
+    """Raises BenchmarkError for a wrong name and for scenes that cannot be frozen."""
     scenes = max(map(len, cases.values()))
     head = {
         "benchmark": name,
@@ -225,8 +222,7 @@ def shipped_benchmarks() -> dict[str, Path]:
 
 
 def read_benchmark(given: str) -> Benchmark:
-    """The benchmark of a file, or of that name; NAME:PART for a part of it. Raises BenchmarkError,
-    OSError."""
+    """Of a file or a name; NAME:PART for a part. Raises BenchmarkError, OSError."""
     path, part = Path(given), ""
     if not path.exists():
         name, _, part = given.partition(":")
@@ -243,6 +239,6 @@ def read_benchmark(given: str) -> Benchmark:
 
 @lru_cache(maxsize=16)
 def frozen_scenes(given: str, cell: Cell) -> tuple[Case, ...]:
-    """All scenes that a benchmark (see `read_benchmark`) has of a cell. Raises BenchmarkError."""
+    """All scenes of a cell. Raises BenchmarkError."""
     benchmark = read_benchmark(given)
     return tuple(benchmark.cases([cell], benchmark.head.scenes)[cell])

@@ -62,8 +62,7 @@ class FrozenCase(BaseModel):
 
 
 class BenchmarkHead(BaseModel):
-    """The first line. Every cell has as many `scenes`; `parts` are tasks by the name of a part;
-    `made_by` names packages."""
+    """The first line. Every cell has as many `scenes`; `parts` are tasks by the name of a part."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -87,8 +86,7 @@ class BenchmarkHead(BaseModel):
 
 
 class RecordedBenchmark(BaseModel):
-    """What a result states of its benchmark: `scenes` of `of` were tried, all in cells of `part`
-    ("" for no part)."""
+    """A result's benchmark: `scenes` of `of` were tried, all in cells of `part` ("" for none)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 

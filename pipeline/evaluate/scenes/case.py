@@ -30,8 +30,7 @@ UNSEEN = Setup(textures="unseen")  # the robot's cameras, and textures that trai
 
 
 def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
-    """A setup; UNSEEN with some keys changed; or that of a dataset with unseen textures. Raises
-    RecipeError, DatasetError."""
+    """A setup, UNSEEN with changed keys, or a dataset's. Raises RecipeError, DatasetError."""
     if isinstance(source, Setup):
         return source.setup
     if isinstance(source, Mapping):
@@ -81,8 +80,8 @@ class Case:
             yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
-        """Under the rules of a setup of the same physics. Raises Failure("layout"), and
-        BenchmarkError for a state that is none."""
+        """Under a setup of the same physics. Raises Failure("layout"), and BenchmarkError for a
+        bad state."""
         rules = (setup or self.setup).ruling()
         if self.state is None:
             return build_scene(self.spec, rules).furnished(self.target_motion)

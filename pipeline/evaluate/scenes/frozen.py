@@ -66,8 +66,8 @@ class FrozenBody(BaseModel):
 
 
 class FrozenScene(BaseModel):
-    """The bodies of a scene, the last `clutter` of them distractors, and the stance of its robot.
-    `looks` are those with unseen textures, `seen` and `unseen` an instruction of each split."""
+    """The bodies of a scene, the last `clutter` of them distractors. `looks` are those with
+    unseen textures."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -104,8 +104,7 @@ class FrozenScene(BaseModel):
 
 
 def freeze(scene: Scene) -> FrozenScene:
-    """The state of a scene as it was drawn. Raises ValueError for bodies that are more than their
-    parameters."""
+    """Raises ValueError for bodies that are more than their parameters."""
     bodies = [
         FrozenBody(
             name=body.name,

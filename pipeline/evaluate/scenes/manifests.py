@@ -46,8 +46,7 @@ def most_tries(episodes: int) -> int:
 
 @dataclass
 class Manifest:
-    """Of one cell: `cases` admitted, `refused` with the reason, both in order; `tried` from
-    `first`."""
+    """Of one cell: `refused` with the reason, in order; `tried` from `first`."""
 
     cell: Cell
     first: int
@@ -161,8 +160,8 @@ class Manifests:
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """The first `episodes` cases of every cell; the expert finds missing ones. Raises
-        ProtocolError if it solves too few."""
+        """The first `episodes` cases of every cell. Raises ProtocolError if the expert solves
+        too few."""
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}

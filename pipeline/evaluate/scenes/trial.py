@@ -72,8 +72,8 @@ class Trial:
         return len(self.limits.names)
 
     def advance(self, action: NDArray[np.float64]) -> None:
-        """One control period: drive targets go linearly to `action` (A,), clipped to the joints'
-        limits, with velocity feed-forward. Raises ActionError."""
+        """One control period: drive targets go linearly to `action` (A,), clipped to the limits.
+        Raises ActionError."""
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
         action = check_action(action, self.length)
         self._commands.append(np.array([self._waited, *action]))
@@ -99,8 +99,7 @@ class Trial:
 
     @property
     def commanded(self) -> NDArray[np.float64]:
-        """All that was commanded (T,1+A): physics steps held, then an action; perhaps a last row of
-        NaN."""
+        """(T,1+A): physics steps held, then an action; perhaps a last row of NaN."""
         last = [np.array([self._waited, *[np.nan] * self.length])] if self._waited else []
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
@@ -146,7 +145,7 @@ class Trial:
 
 
 class Watched(Outcome):
-    """With the highest rises of every physics step; `peaks` (m) are heights of origins by body."""
+    """The highest rises of every step; `peaks` (m) are heights of origins by body."""
 
     def __init__(self, scene: Scene, log: StateLog, peaks: Mapping[str, float]) -> None:
         super().__init__(log, scene.bodies, scene.embodiment, scene.task.target, scene.rules)

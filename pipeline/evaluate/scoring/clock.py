@@ -62,8 +62,7 @@ class Retimed:
 
 @dataclass(frozen=True)
 class Clock:
-    """`kind` is sim, step-locked, late, fixed, normal, uniform or measured, `values` its numbers in
-    ms; `join` joins overlapping chunks."""
+    """`values` are the numbers of the `kind` in ms; `join` joins overlapping chunks."""
 
     name: str
     kind: str

@@ -1,4 +1,4 @@
-"""Evaluations against each other: policies that tried the same scenes, compared scene by scene."""
+"""Policies that tried the same scenes, compared scene by scene."""
 
 import json
 from collections import defaultdict
@@ -48,8 +48,7 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Each policy of paired evaluations without events and with them, for each clock and rules, by
-    a name with what sets it apart."""
+    """Each policy of paired evaluations without events and with them, for each clock and rules."""
     found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
     for run in runs:
         for arm in _arms([run]):
@@ -94,8 +93,7 @@ def _without_arm(row: Row) -> Row:
 
 
 def read_arms(runs: Sequence[str]) -> list[ComparedPolicy]:
-    """One arm a policy of each run; directories joined by commas hold networks of one arm. Raises
-    CompareError."""
+    """Directories joined by commas hold networks of one arm. Raises CompareError."""
     out = _arms(runs)
     if len(out) < 2:
         raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
@@ -144,8 +142,7 @@ def newest(run: Path) -> list[Row]:
 
 
 def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and
-    task. Raises CompareError if they share none."""
+    """`b` against `a` on the scenes of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
         "first": a.name,
@@ -164,8 +161,8 @@ def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[st
 def compare_sequentially(
     a: ComparedPolicy, b: ComparedPolicy, measure: str, alpha: float
 ) -> dict[str, Any]:
-    """`b` against `a`, scene by scene in the order of a hash, until `measure` (success, or a score
-    in 0-100) decides. Raises CompareError if they share none."""
+    """`b` against `a`, scene by scene in the order of a hash, until `measure` decides. Raises
+    CompareError."""
     shared = {scene_of(row) for row, _ in _pair(a, b)}
     first, second = (_means(arm.rows, measure) for arm in (a, b))
     order = sorted(shared, key=lambda scene: sha256(json.dumps(scene).encode()).digest())
@@ -183,8 +180,7 @@ def _means(rows: Sequence[Row], measure: str) -> dict[Any, float]:
 
 
 def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if
-    their tasks differ."""
+    """`b` against `a` on scenes that may differ. Raises CompareError if their tasks differ."""
     groups = (_group(arm.rows, scene_of).values() for arm in (a, b))
     first, second = (by_task([(g[0]["task"], _rate(g)) for g in scenes]) for scenes in groups)
     if other := sorted(first.keys() ^ second.keys()):
@@ -202,8 +198,7 @@ def _rate(rows: Sequence[Row]) -> float:
 
 
 def _pair(a: ComparedPolicy, b: ComparedPolicy) -> list[tuple[Row, SceneResult]]:
-    """A row and the outcome of every episode that both arms tried. Won and lost count pairs of
-    networks."""
+    """Every episode that both arms tried. Won and lost count pairs of networks."""
     first, second = a.by_episode(), b.by_episode()
     out = list[tuple[Row, SceneResult]]()
     for key, rows in first.items():
@@ -248,7 +243,7 @@ def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:
 
 
 def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
-    """Names of groups of rows, and which rows are in each: all, and the parts that are not all."""
+    """Group names and their rows: all, and the parts that are not all."""
     yield "all", [True] * len(rows)
     known = {"all"}
     for key in ("level", "alpha", "domain", "category", "task", "condition", "event", "phase"):

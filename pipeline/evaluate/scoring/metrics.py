@@ -53,8 +53,7 @@ class EpisodeScore:
 
 
 def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
-    """1 - d_T / d_0 in [0, 1], of the distances of the tool's first and last position (3,) from
-    `goal`."""
+    """1 - d_T / d_0 in [0, 1], of a tool's first and last distance from `goal` (3,)."""
     away = (np.asarray(p, float) - np.asarray(goal, float) for p in (start, end))
     d0, dt = (float(np.linalg.norm(p)) for p in away)
     if d0 < NEAR_START:
@@ -77,8 +76,8 @@ def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool)
 def manipulation_score(
     rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
 ) -> float:
-    """`rc` times 0.5 if the target left its bounds, times 0.8 if distractors were touched: once as
-    in the paper, with `compounding` for each as in the original code."""
+    """`rc` times 0.5 if the target left its bounds, times 0.8 if distractors were touched (for
+    each with `compounding`, as in the original code)."""
     times = distractors if compounding else min(distractors, 1)
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 
@@ -89,8 +88,7 @@ def touched_distractors(log: StateLog) -> tuple[str, ...]:
 
 
 def jerk(positions: NDArray[np.float64], fps: float) -> float:
-    """Root mean square (m/s3) of the third difference of positions (T,...,3); 0 for fewer than
-    four."""
+    """RMS (m/s3) of the third difference of positions (T,...,3); 0 for fewer than four."""
     if len(positions) < 4:
         return 0.0
     third = np.diff(positions, 3, axis=0) * fps**3
@@ -143,8 +141,7 @@ def failure_class(trial: Trial, log: StateLog) -> str:
 
 
 def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
-    """Seconds from the first touch to the first of two frames in a row at which the target is
-    held."""
+    """Seconds from the first touch to the first of two frames in a row with a hold."""
     met, at = log.time_of("meeting"), log.bodies.index(target)
     pairs = [(int(row["frame"]), int(row["a"]), int(row["b"])) for row in log.contacts]
     touching: dict[int, set[str]] = {}
@@ -164,7 +161,7 @@ def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
 
 
 def _behind(log: StateLog, target: str, slow: float = 0.005) -> bool:
-    """Whether the nearest tool was behind the moving target, in the plane, more than beside it."""
+    """In the plane, whether the nearest tool was more behind than beside it."""
     nearest = int(_distances(log, target).argmin())
     frame, side = divmod(nearest, len(log.sides))
     velocity = log.target_velocity[frame, :2]

@@ -1,4 +1,4 @@
-"""The page of an evaluation: one HTML file with its tables, its films, and published results."""
+"""The page of an evaluation: one HTML file."""
 
 from collections import namedtuple
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ Panel = namedtuple("Panel", "title ticks lines")
 
 
 def panels(means: Sequence[Row]) -> list[Panel]:
-    """One a level, from means over all tasks. A target that stands still is at alpha 0 in each."""
+    """One a level. A target that does not move is at alpha 0 in each."""
     rows = [row for row in means if row["category"] == "all"]
     parts = [part for part in PARTS if part == "policy" or len({row.get(part) for row in rows}) > 1]
     labels = [", ".join(str(row.get(part, "")) for part in parts) for row in rows]
@@ -66,8 +66,7 @@ def page(
     code: str = "",
     benchmark: str = "",
 ) -> str:
-    """`cells` and `means` are those of summary.py; `code` is the version of the program,
-    `benchmark` a label."""
+    """`code` is the version of the program, `benchmark` a label."""
     version = f"Code {code[:12]}." if code else ""
     version += f" Benchmark {benchmark}." if benchmark else ""
     episodes = sum(cell["episodes"] for cell in cells)

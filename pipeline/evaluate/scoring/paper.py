@@ -1,4 +1,4 @@
-"""The closed-loop experiments of the DOMINO paper, and the rows that it prints (paper.yaml)."""
+"""The DOMINO paper's closed-loop experiments and printed rows (paper.yaml)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

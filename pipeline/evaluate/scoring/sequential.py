@@ -17,8 +17,8 @@ BETS = np.linspace(0.3, 0.95, 8)
 
 @dataclass(frozen=True)
 class SequentialTest:
-    """`decided` scenes were enough, or None. `p` is valid after any scene. `better` is the sign of
-    the difference, 0 while undecided. `more` scenes would decide at this difference."""
+    """`decided` scenes were enough, or None. `p` is valid after any scene. `better` is the sign
+    of the difference. `more` scenes would decide."""
 
     scenes: int
     decided: int | None
@@ -28,8 +28,8 @@ class SequentialTest:
 
 
 def wealth(differences: Sequence[float]) -> NDArray[np.float64]:
-    """Log wealth (N, 2) after each of N differences in [-1, 1], of bets that they are positive, and
-    negative. Raises ValueError outside that range."""
+    """Log wealth (N, 2) after each of N differences in [-1, 1], of bets on each sign. Raises
+    ValueError."""
     x = np.asarray(differences, float)
     if x.size and not np.abs(x).max() <= 1:
         raise ValueError("differences lie in [-1, 1]")
@@ -38,7 +38,7 @@ def wealth(differences: Sequence[float]) -> NDArray[np.float64]:
 
 
 def sequential(differences: Sequence[float], alpha: float = 0.05) -> SequentialTest:
-    """The test of differences in [-1, 1], second policy minus first, in the order of the scenes."""
+    """Of differences in [-1, 1], second policy minus first, in scene order."""
     sides = wealth(differences)
     total = logsumexp(sides, axis=1)
     highest = float(total.max(initial=0.0))
@@ -53,7 +53,7 @@ def sequential(differences: Sequence[float], alpha: float = 0.05) -> SequentialT
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Adjusted p of several comparisons, in their order. Holm (1979), Scand. J. Stat. 6:65-70."""
+    """Adjusted p, in their order. Holm (1979), Scand. J. Stat. 6:65-70."""
     order = np.argsort(p, kind="stable")
     steps = np.asarray(p)[order] * np.arange(len(p), 0, -1)
     out = np.empty(len(p))

@@ -1,5 +1,5 @@
-"""By how much two policies differ on the same scenes. Rates are means over tasks, in which every
-task counts the same. Scenes, not episodes, are drawn again."""
+"""By how much two policies differ on the same scenes. Every task counts the same. Scenes, not
+episodes, are drawn again."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -19,8 +19,8 @@ ByTask = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class SceneResult:
-    """Success of both policies on a scene, means over its episodes, and the episodes that the
-    second won and lost."""
+    """Success of both on a scene, means over episodes, and episodes that the second won and
+    lost."""
 
     task: str
     first: float
@@ -37,8 +37,8 @@ def by_task(pairs: Sequence[tuple[str, float]]) -> ByTask:
 
 
 def paired_numbers(scenes: Sequence[SceneResult], effect: float) -> dict[str, Any]:
-    """Rates (per cent), effect (points) with its 95 % interval, episodes won and lost, p, and the
-    scenes needed for `effect` points."""
+    """Rates (per cent), effect (points) with its 95 % interval, p, and the scenes needed for
+    `effect`."""
     change = by_task([(s.task, s.second - s.first) for s in scenes])
     low, high = interval(change)
     first, second = (
@@ -58,8 +58,7 @@ def paired_numbers(scenes: Sequence[SceneResult], effect: float) -> dict[str, An
 
 
 def unpaired_numbers(first: ByTask, second: ByTask, effect: float) -> dict[str, Any]:
-    """As `paired_numbers`, from success rates of scenes that need not be the same; without a
-    test."""
+    """As `paired_numbers`, of scenes that need not be the same; without a test."""
     rates = 100 * mean(first), 100 * mean(second)
     change = mean(second) - mean(first)
     if spread(first) == spread(second) == 0:
@@ -93,8 +92,8 @@ def _resample(values: ByTask, seed: int) -> NDArray[np.float64]:
 
 
 def interval(change: ByTask) -> tuple[float, float]:
-    """95 % percentile interval of the mean, by a bootstrap over the scenes of each task; exact
-    where all scenes changed alike."""
+    """95 % interval of the mean, by a bootstrap over scenes in tasks; exact if all changed
+    alike."""
     values = np.concatenate(list(change.values()))
     if np.ptp(values) == 0:
         return _exact(float(values[0]), len(values))
@@ -103,15 +102,14 @@ def interval(change: ByTask) -> tuple[float, float]:
 
 
 def _exact(change: float, scenes: int) -> tuple[float, float]:
-    """Of a change that is the same on all scenes: another one is rarer than 1 -
-    0.025^(1/scenes)."""
+    """The same on all scenes: another change is rarer than 1 - 0.025^(1/scenes)."""
     room = (1 - 0.025 ** (1 / scenes)) * (1 + abs(change))
     return max(-1.0, change - room), min(1.0, change + room)
 
 
 def sign_flip(differences: Sequence[int]) -> float:
-    """Two-sided exact p that the differences (won - lost, one a scene) with random signs add up to
-    as much. McNemar's exact test where every scene has one episode."""
+    """Two-sided exact p that the differences (won - lost) with random signs add up to as much.
+    McNemar's test for one episode a scene."""
     chances = np.ones(1)
     for size in (abs(d) for d in differences if d):
         step = np.zeros(2 * size + 1)
@@ -122,7 +120,7 @@ def sign_flip(differences: Sequence[int]) -> float:
 
 
 def scenes_needed(variance: float, effect: float, power: float = 0.8) -> int | None:
-    """Scenes that detect a true difference of `effect` (0-1) at the 5 % level: (z + z)^2 variance /
+    """Scenes that detect a difference of `effect` (0-1) at the 5 % level: (z + z)^2 variance /
     effect^2. None for a variance of 0."""
     if not variance:
         return None
@@ -133,8 +131,7 @@ Z95 = 1.959963984540054
 
 
 def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, float]:
-    """Wilson's score interval of a proportion, in 0-1; (0, 1) without trials. Wilson (1927), JASA
-    22:209-212."""
+    """Wilson's score interval, in 0-1; (0, 1) without trials. Wilson (1927), JASA 22:209-212."""
     if trials == 0:
         return 0.0, 1.0
     p, n = successes / trials, trials

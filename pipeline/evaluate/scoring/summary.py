@@ -106,8 +106,8 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
 
 
 def two_by_two(means: Sequence[Row]) -> list[str]:
-    """The success rates (per cent) of two conditions as lines of a table, with their interaction in
-    points. Only of groups of means over all tasks that have all four sets."""
+    """The success rates (per cent) of two conditions as lines of a table, with their interaction
+    in points. Only of groups that have all four sets."""
     groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
     for mean in means:
         if mean["category"] == "all":

@@ -1,5 +1,5 @@
-"""One policy behind a WebSocket, for evaluators here or with a token elsewhere. Errors are sent as
-text, then the connection closes with a code of messages.py, as openpi's servers do."""
+"""One policy behind a WebSocket. Errors are sent as text before the close, as openpi's servers
+do."""
 
 import asyncio
 import hmac
@@ -30,8 +30,8 @@ class ServeError(DominoError): ...
 
 @dataclass(frozen=True)
 class ServerLimits:
-    """`clients` at the same time; `open_seconds` for the HTTP request and the first message,
-    `idle_seconds` for every other one."""
+    """`open_seconds` are for the HTTP request and the first message, `idle_seconds` for every
+    other."""
 
     clients: int = 1
     open_seconds: float = 10.0

@@ -102,8 +102,8 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """`embodiment` is the robot of clients that send no "reset"; their episode has `reset_every`
-    questions, with 0 its end is recognised."""
+    """`embodiment` is for clients that send no "reset"; their episode has `reset_every`
+    questions (0: its end is recognised)."""
 
     label: str
     embodiment: str = "aloha-agilex"

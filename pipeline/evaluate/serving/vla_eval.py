@@ -1,5 +1,4 @@
-"""This benchmark for vla-eval 0.8, a harness for vision-language-action models that this project
-does not install: docs/evaluation.md. Episode n of a task is the n-th admitted scene."""
+"""This benchmark for vla-eval 0.8, which this project does not install: docs/evaluation.md."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

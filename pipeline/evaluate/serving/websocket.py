@@ -38,8 +38,8 @@ def fault_of(reason: str, code: int | None) -> DominoError:
 
 
 class WebSocket:
-    """A connection with a thread of its own, which also answers the peer's pings. Raises
-    Unreachable if there is no server, PolicyError if it refuses."""
+    """A connection with a thread that also answers pings. Raises Unreachable, and PolicyError if
+    the server refuses."""
 
     def __init__(self, url: str, headers: Mapping[str, str] | None = None) -> None:
         self.url, self._headers, self._closed = url, dict(headers or {}), False

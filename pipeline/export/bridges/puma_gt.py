@@ -44,8 +44,7 @@ class PumaGtOptions:
 
 
 def trajectory_params(motion: TargetMotion) -> dict[str, Any]:
-    """The motion in the original's terms: a velocity (m/s), or polynomials over 0 to 1 (m), highest
-    power first."""
+    """A velocity (m/s), or polynomials over 0 to 1 (m), highest power first."""
     duration = {"total_duration": motion.duration + motion.lead}
     if not isinstance(motion, PlanarMotion):
         return {"type": motion.model, **duration}

@@ -32,7 +32,7 @@ COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
 def drive_targets(measured: Floats, commanded: Floats) -> Floats:
-    """(T,...) the targets in force at each frame: the command before it, at first the measured."""
+    """(T,...) in force at each frame: the command before it, at first the measured."""
     return np.concatenate([measured[:1], commanded[:-1]])
 
 
@@ -127,7 +127,7 @@ def episode_arrays(
 
 
 def painted(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Segmentation (...) in the original's colors (...,3): Pillow's, sorted. Raises ExportError."""
+    """Segmentation (...) in the original's colors (...,3). Raises ExportError."""
     colors = sorted(set(ImageColor.colormap.values()))
     if labels.max() >= len(colors):
         held = f"the original has {len(colors)} colors"
@@ -201,8 +201,7 @@ class Robotwin(CellExporter[RobotwinOptions]):
 
 
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:
-    """An entry of scene_info.json: {A} manipulated, {B} the target if another one, {a} and {b} the
-    arms."""
+    """In scene_info.json: {A} manipulated, {B} another target, {a} and {b} the arms."""
     bodies = [meta.objects[name] for name in dict.fromkeys((meta.manipulated, meta.target))]
     info = {f"{{{x}}}": body.description for x, body in zip("AB", bodies, strict=False)}
     info |= {f"{{{x}}}": side for x, side in zip("ab", meta.arms.values(), strict=False)}

@@ -1,5 +1,4 @@
-"""ALOHA HDF5 as ACT and its descendants read it; docs/exports.md has the layout. A is the
-embodiment's own width (14 or 16)."""
+"""ALOHA HDF5 as ACT reads it (docs/exports.md). A is the embodiment's own width (14 or 16)."""
 
 import json
 from collections.abc import Sequence

@@ -1,5 +1,4 @@
-"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined
-(docs/exports.md)."""
+"""Flat Parquet: one row a frame, images as stored JPEG bytes (docs/exports.md)."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing

@@ -36,8 +36,7 @@ FLOATS, TEXT, NUMBER, FLAG = pa.list_(pa.float32()), pa.string(), pa.int64(), pa
 
 @dataclass(frozen=True)
 class Plan:
-    """What the columns follow from: an episode like all others, exported cameras, names of joints
-    and actions by robot, sensors of any episode, annotations, labels."""
+    """What the columns follow from; names of joints and actions are by robot."""
 
     first: Facts
     cameras: Mapping[str, str]
@@ -196,8 +195,7 @@ def _images(file: EpisodeFile, plan: Plan) -> Iterator[tuple[str, pa.Array]]:
 
 
 def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
-    """(frame, name, time s) of every event in time order: the first frame at or after it, at most
-    the last."""
+    """(frame, name, time s) in time order: the first frame at or after it, at most the last."""
     rows = []
     for event in sorted(facts.log.events, key=lambda e: (e.time, e.name)):
         frame = int(np.searchsorted(facts.log.times, event.time - CLOCK_TOLERANCE))

@@ -1,4 +1,4 @@
-"""RLDS as TensorFlow Datasets stores it, without TensorFlow; docs/exports.md has the layout."""
+"""RLDS as TensorFlow Datasets stores it, without TensorFlow (docs/exports.md)."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""robomimic HDF5, which Diffusion Policy and MimicGen's tools read, too (docs/exports.md)."""
+"""robomimic HDF5, which Diffusion Policy reads, too (docs/exports.md)."""
 
 import hashlib
 import json

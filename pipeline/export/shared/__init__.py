@@ -1,1 +1,1 @@
-"""What several formats share: selection, images, videos, statistics, hashes and provenance."""
+"""What several formats share."""

@@ -1,5 +1,4 @@
-"""Annotations of a dataset as columns, one value a frame; nulls for episodes without them. The
-digits of <stage>@<key8> follow where two directories would get the same name."""
+"""Annotations of a dataset as columns, one value a frame; nulls for episodes without them."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,7 +52,7 @@ TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation"
 
 @dataclass(frozen=True)
 class Joined:
-    """A directory of annotations: its name, stage, parameters, and the ending of its columns."""
+    """A directory of annotations, and the ending of its columns."""
 
     directory: str
     stage: str
@@ -69,7 +68,7 @@ class Joined:
 
 
 def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Joined]:
-    """The annotations to join: "all", "none" or names separated by commas. Raises ExportError."""
+    """ "all", "none" or names separated by commas. Raises ExportError."""
     there = {d: s for d, s in stages_of(dataset).items() if s["stage"] in COLUMNS}
     wanted = {"all": list(there), "none": []}.get(chosen, chosen.split(","))
     if missing := sorted(set(wanted) - set(there)):
@@ -91,7 +90,7 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
 def annotation_columns(
     joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts
 ) -> dict[str, pa.Array]:
-    """Columns of an open episode. Raises ExportError for an annotation that is damaged or stale."""
+    """Raises ExportError for an annotation that is damaged or stale."""
     columns: dict[str, pa.Array] = {}
     again = f"run domino-data annotate {dataset} with the options of its stage.json"
     for one in joined:
@@ -155,7 +154,7 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
 def stale(
     entry: Entry, stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
 ) -> str | None:
-    """Which input of an annotation is not the open episode's, or None; `stage` is stage.json."""
+    """Which input is not the open episode's, or None; `stage` is stage.json."""
     inputs = entry.attributes.get("inputs")
     if not isinstance(inputs, Mapping):
         return "it does not name what it was made from"

@@ -23,7 +23,7 @@ def interception(facts: Facts) -> Interception:
 
 
 def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
-    """Kinds (T,) of the events in force at each frame, joined by +, and whether there are any."""
+    """Kinds (T,) in force at each frame, joined by +, and whether there are any."""
     active = [
         (span.event.kind, span.holds(facts.log.times))
         for span in spans(facts.meta.events, facts.log.events)

@@ -68,8 +68,7 @@ class Job[O]:
 
 
 class OlderExport:
-    """The export that a new one replaces; it lends nothing if options or code differ. Raises
-    ExportError."""
+    """The replaced export; it lends nothing if options or code differ. Raises ExportError."""
 
     def __init__(self, root: Path, format_: str, options: Mapping[str, Any]) -> None:
         fetch_below(root)
@@ -184,8 +183,8 @@ def _link(older: Path, path: Path) -> None:
 
 @contextmanager
 def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
-    """A temporary directory that replaces `out` when the block ends well. Raises ExportError, and
-    Busy if another command replaces it."""
+    """A temporary directory that replaces `out` when the block ends well. Raises ExportError,
+    Busy."""
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     real, record = out.resolve(), out / EXPORT_RECORD
     problem = ""

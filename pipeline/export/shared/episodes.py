@@ -39,8 +39,7 @@ class ExportError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """One episode of T frames without its images. `source` is relative to the dataset, `size`
-    (H, W) that of every camera."""
+    """One episode without its images. `source` is relative to the dataset, `size` is (H, W)."""
 
     source: str
     spec: EpisodeSpec
@@ -198,8 +197,8 @@ def read_facts(
     after_success: float | None = None,
     representation: Representation = JOINTS,
 ) -> Facts:
-    """Everything but the images, until `after_success` seconds after the success if given. Raises
-    ExportError for an episode that breaks its promises."""
+    """Everything but the images, until `after_success` seconds after the success. Raises
+    ExportError."""
     episode, path, frames = file.read(), file.path, len(file)
     log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
     seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
@@ -268,8 +267,7 @@ def select_episodes(
     validation: float = select.VALIDATION,
     attempts: Callable[[], select.Attempts] = dict,
 ) -> list[Path]:
-    """The episodes that an expression selects; all for "". Raises WhereError, and ExportError if
-    there are none."""
+    """All for "". Raises WhereError, and ExportError if there are none."""
     if not where:
         return list(episodes)
     wanted, known = select.parse_where(where), attempts()

@@ -1,4 +1,4 @@
-"""Images of an export: color as JPEG, depth and segmentation as PNG; which sensors are stored."""
+"""Images of an export: color as JPEG, depth and segmentation as PNG."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -55,7 +55,7 @@ def png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
 
 
 def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
-    """Image (H,W,3) at `size` (height, width): area averaging when it shrinks, else bilinear."""
+    """Image (H,W,3) at (height, width): area averaging to shrink, else bilinear."""
     if size is None:
         return rgb
     shrinks = size[0] * size[1] < rgb.shape[0] * rgb.shape[1]

@@ -21,8 +21,8 @@ PLACES = 8
 
 
 def labelled(facts: Facts) -> list[str]:
-    """The objects of an episode in the order of its labels: the target, what is manipulated, the
-    others by name, distractors last. Raises ExportError."""
+    """Objects in the order of labels: target, manipulated, others by name, distractors. Raises
+    ExportError."""
     meta = facts.meta
     first = [meta.target, meta.manipulated]
     names = sorted(

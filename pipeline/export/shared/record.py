@@ -164,7 +164,7 @@ def write_card(
     text: str,
     tags: Sequence[str] = (),
 ) -> None:
-    """Write README.md. Front matter that the format wrote stays; its text if there is no `text`."""
+    """Front matter that the format wrote stays; its text if there is no `text`."""
     path = folder / CARD
     front, before = read_card(path) if path.exists() else ({}, "")
     what = "failed attempts in simulation" if summary["split"] == FAILURES else "simulated episodes"

@@ -50,8 +50,8 @@ WITHOUT_BODY = {
 
 @dataclass(frozen=True)
 class Script:
-    """One value a frame: `subtask` a sentence about the outermost runs, `skill` the names of the
-    innermost joined by "+", `stage` the half of the script."""
+    """One value a frame: `subtask` is about the outermost runs, `skill` the innermost joined by
+    "+"."""
 
     subtask: list[str]
     skill: list[str]

@@ -1,5 +1,4 @@
-"""Exact statistics in LeRobot's form. LeRobot estimates quantiles; these are the smallest x with
-F(x) >= q."""
+"""Exact statistics in LeRobot's form; quantiles are the smallest x with F(x) >= q."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
@@ -38,8 +37,7 @@ def sample_rows(length: int) -> NDArray[np.int64]:
 
 
 def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
-    """Counts (3,256) of values in images (H,W,3), large ones thinned to about 150 pixels as LeRobot
-    does."""
+    """Counts (3,256) in images (H,W,3), thinned to about 150 pixels as LeRobot does."""
     step = _thinning(*frames[0].shape[:2])
     return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
 
@@ -84,15 +82,15 @@ class PlaneCounts:
 
 
 def _spread(chroma: Any, step: int) -> Any:
-    """Chroma (h,w), interpolated as libjpeg does, at the pixels that count; for an even `step` what
-    `_at_pixels` takes, (h+1,w+1)."""
+    """Chroma (h,w) interpolated as libjpeg does; for an even `step` the input of `_at_pixels`,
+    (h+1,w+1)."""
     if step % 2:
         return _thin(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
     return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
 
 
 def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
-    """Chroma at the pixels that count: for an even `step` the upper left of blocks of 2 by 2."""
+    """For an even `step` the upper left of blocks of 2 by 2."""
     if step % 2:
         return spread
     flat: Any = spread.reshape(-1, spread.shape[2])

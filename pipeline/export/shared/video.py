@@ -44,8 +44,7 @@ CODECS = tuple(ENCODERS)
 
 @dataclass(frozen=True)
 class Codec:
-    """Encoder settings; None is what ENCODERS has. docs/measurements/export.md says why H.264 with
-    every image a key frame."""
+    """Encoder settings; None is what ENCODERS has. Reasons: docs/measurements/export.md."""
 
     name: str = "h264"
     crf: int | None = None
@@ -79,8 +78,8 @@ class Codec:
 
 
 def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
-    """JPEG bytes -> av.VideoFrame with the JPEG's own planes and range: RGB and back costs as much
-    as encoding. Raises EpisodeError."""
+    """Frames with the JPEG's own planes: RGB and back costs as much as encoding. Raises
+    EpisodeError."""
     decoder: Any = av.CodecContext.create("mjpeg", "r")
     decoder.thread_count, decoder.options = 1, {"err_detect": "explode"}
     for jpeg in jpegs:
@@ -98,8 +97,7 @@ def samples(plane: Any) -> NDArray[np.uint8]:
 
 
 def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
-    """RGB (H,W,3) uint8 or frames of `decoded_planes`, H and W even -> an mp4. Raises
-    ExportError."""
+    """RGB (H,W,3) uint8 or planes, H and W even -> an mp4. Raises ExportError."""
     os.environ.setdefault("SVT_LOG", "1")  # errors only
     buffer = io.BytesIO()
     try:

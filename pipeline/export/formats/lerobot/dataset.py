@@ -1,4 +1,4 @@
-"""What the versions of the LeRobot format share: the exporter, and the writer of one dataset."""
+"""What the versions of the LeRobot format share."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -113,8 +113,7 @@ class Writer(ABC):
         self.sampled = self.frames = 0
 
     def begin(self, episode: Prepared) -> tuple[int, dict[str, Any], dict[str, Stats]]:
-        """Index, columns and statistics of the next episode. Raises ExportError if it does not
-        fit."""
+        """Index, columns and statistics. Raises ExportError if the episode does not fit."""
         facts, index = episode.facts, self.provenance.count
         same(self.first, facts)
         task = self.tasks.setdefault(facts.instruction, len(self.tasks))

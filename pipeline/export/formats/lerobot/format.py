@@ -57,8 +57,8 @@ def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[st
 
 
 def widen(facts: Facts, width: int | None) -> Facts:
-    """With vectors of this width: zeros in the place of a missing arm, else at the end. Raises
-    ExportError for wider ones."""
+    """Zeros in the place of a missing arm, else at the end. Raises ExportError for wider
+    vectors."""
     log, own = facts.log, len(facts.log.vector_names)
     if width is None or width == own:
         return facts
@@ -208,7 +208,7 @@ def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
 def _slices(
     names: Sequence[str], key: str, representation: Representation
 ) -> dict[str, dict[str, Any]]:
-    """Slices by side and part. GR00T's 6-D rotations are rows, ours columns: no type names them."""
+    """GR00T's 6-D rotations are rows, ours columns: no type names them."""
     parts: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(names):
         if name.startswith(PAD):

@@ -101,8 +101,8 @@ class LerobotV3Options(LerobotOptions):
 def datasets_of(
     episodes: Sequence[Path], out: Path, per_task: bool
 ) -> dict[str, tuple[Path, list[Path]]]:
-    """Name -> (directory, episodes): a dataset an embodiment, with per_task one a cell; above
-    EPISODES_PER_DATASET episodes one a level."""
+    """Name -> (directory, episodes): by embodiment, cell with per_task, or level above
+    EPISODES_PER_DATASET."""
     if per_task:
         groups = group_episodes(episodes, _cell)
     else:

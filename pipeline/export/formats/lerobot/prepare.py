@@ -1,5 +1,4 @@
-"""Reads and encodes the episodes of a LeRobot export in one or several processes, with the same
-output."""
+"""Reads and encodes episodes in one or several processes, with the same output."""
 
 import os
 from collections import deque

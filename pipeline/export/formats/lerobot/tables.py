@@ -1,5 +1,5 @@
-"""Numbered Parquet files of a LeRobot dataset. Depth maps (16-bit PNG, mm) are tables of their own:
-policies would take features for RGB images."""
+"""Numbered Parquet files. Depth (16-bit PNG, mm) has its own: policies would take features for
+RGB."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

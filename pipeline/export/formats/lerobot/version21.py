@@ -1,5 +1,4 @@
-"""LeRobot v2.1, which openpi and StarVLA read: one Parquet file and one mp4 a camera for every
-episode. Present lerobot can neither write nor read it."""
+"""LeRobot v2.1, which openpi and StarVLA read, and present lerobot does not."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -103,7 +102,7 @@ def readable_by_old(schema: pa.Schema) -> pa.Schema:
 def groot_stats(
     root: Path, features: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, list[float]]]:
-    """meta/stats.json as GR00T makes it, over all frames; quantiles are interpolated linearly."""
+    """As GR00T makes meta/stats.json; quantiles are interpolated linearly."""
     stats = {}
     for name in (key for key, value in features.items() if value["dtype"].startswith("float")):
         column = read_column(root / "data", name).astype(np.float64)

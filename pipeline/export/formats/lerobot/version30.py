@@ -1,5 +1,4 @@
-"""LeRobot v3.0: Parquet for numbers, one growing mp4 per camera; docs/exports.md lists what is
-beyond the format. File k of the data and of each video hold the same episodes."""
+"""LeRobot v3.0 (docs/exports.md). File k of the data and of each video hold the same episodes."""
 
 from collections.abc import Collection
 from contextlib import ExitStack

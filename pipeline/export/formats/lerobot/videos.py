@@ -34,8 +34,7 @@ ROWS_PER_GROUP = 300
 
 @dataclass(frozen=True)
 class Clip:
-    """An episode of a camera, made from `name`: its mp4 of `size` bytes, or its place in an older
-    file, from image `start` of `file`."""
+    """An episode of a camera: its mp4 of `size` bytes, or its place in an older `file`."""
 
     name: str
     size: int
@@ -80,8 +79,8 @@ class _Source:
 
 @dataclass
 class VideoFile:
-    """An mp4 that grows by episodes. Older clips are written when a new one comes, so that a file
-    of older ones alone is taken over."""
+    """An mp4 that grows by episodes. Older clips wait for a new one: a file of older ones is
+    taken over."""
 
     path: Path
     fps: int
@@ -96,8 +95,8 @@ class VideoFile:
     _stream: Any = field(default=None, repr=False)
 
     def append(self, clip: Clip, frames: int) -> tuple[float, float]:
-        """Add an episode; returns where it starts and ends (s). Raises ValueError for a video with
-        another number of images."""
+        """Where the new episode starts and ends (s). Raises ValueError for another number of
+        images."""
         begin = self.frames / self.fps
         self._names.append(clip.name)
         self._waiting.append((clip, frames))
