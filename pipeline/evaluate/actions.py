@@ -23,7 +23,7 @@ class ActionError(DominoError): ...
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Of a joint action (A,): positions, and the largest change in one second."""
+    """Of an action (A,): positions, and the largest change in 1 s."""
 
     names: tuple[str, ...]
     lower: Floats
@@ -66,7 +66,7 @@ def check_action(action: ArrayLike, length: int) -> Floats:
 def interpolate_targets(
     before: Floats, action: Floats, steps: int, seconds: float
 ) -> tuple[Floats, Floats]:
-    """Rows (steps,A) on the line from `before` to exactly `action`, and velocity (A,)."""
+    """Rows (steps,A) that end at exactly `action`, and velocity (A,)."""
     share = np.arange(1, steps + 1)[:, None] / steps
     rows = before + share * (action - before)
     rows[-1] = action
@@ -79,7 +79,7 @@ def pose_action_names(robot: Embodiment) -> tuple[str, ...]:
 
 
 class ToolPoses:
-    """Joint actions from end-effector actions (8S,), poses in the world."""
+    """From end-effector actions (8S,), poses in the world."""
 
     def __init__(self, embodiment: Embodiment, budget: IkBudget = IK) -> None:
         self._planner: Planner = planner_of(embodiment)

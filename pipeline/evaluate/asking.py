@@ -92,7 +92,7 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
 
 
 def _answer_of(policy: Policy, start: Start) -> tuple[bytes, bytes]:
-    """Packed metadata, and the answer to the fixed question as bytes."""
+    """Metadata, and the fixed question's answer, as bytes."""
     contracts.begin(policy, start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
     joints = np.zeros(len(start.state_names))
@@ -128,7 +128,7 @@ class AskedPolicy:
         return isinstance(self.policy, SeesTruth)
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
-        """Raises NoAnswer, or PolicyError if the policy refuses the episode."""
+        """Raises NoAnswer, or PolicyError for a refusal."""
         policy, self._trial = self.policy, trial
         contracts.check_contract(policy, start)
         if (representation := contracts.actions_of(policy)) != JOINTS:

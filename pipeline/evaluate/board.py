@@ -1,4 +1,4 @@
-"""One table of several evaluations: a line for a policy, a column for a clock."""
+"""One table of evaluations: a line a policy, a column a clock."""
 
 import re
 from collections import defaultdict, namedtuple
@@ -75,7 +75,7 @@ def clock_title(clock: str) -> str:
 
 
 def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tuple[Row, bytes]]]]:
-    """The name of each filmed scene, and its rows with films, most policies first."""
+    """By scene, those with most policies first."""
     scenes: dict[Any, list[tuple[Row, Path]]] = defaultdict(list)
     for out, rows in bundles.items():
         for row in rows:

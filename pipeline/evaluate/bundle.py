@@ -34,7 +34,7 @@ class BundleError(DominoError): ...
 
 
 class RecordedResult(BaseModel):
-    """`options` are those of the keys of its rows, `rows` and `scenes` hashes."""
+    """`options` are those of its rows' keys, the others hashes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -88,14 +88,14 @@ class RecordedResult(BaseModel):
 
 
 def run_recorded(job: EpisodeJob) -> tuple[Row, bytes]:
-    """The row, and what the episode commanded as the bytes of a file. Raises as `play`."""
+    """The row, and the commands as a file's bytes. Raises as `play`."""
     trial, row = play(job)
     commands = pack(trial.commanded)
     return row | {"actions": hashlib.sha256(commands).hexdigest()}, commands
 
 
 def pack(commands: Floats) -> bytes:
-    """Commands (T,1+A) as a compressed .npy: equal arrays are equal bytes."""
+    """(T,1+A) as a compressed .npy: equal arrays, equal bytes."""
     file = BytesIO()
     np.save(file, commands, allow_pickle=False)
     return gzip.compress(file.getvalue(), mtime=0)

@@ -17,7 +17,7 @@ from .serving.session import ServerOptions, Session, guarded, respond
 
 
 def serve(connection: Connection, text: str) -> None:
-    """Answer messages with the policy of a name. Raises EOFError or OSError at the end."""
+    """Raises EOFError or OSError at the end."""
 
     def session_of() -> Session:
         policy = make_here(PolicyName(text, text))
@@ -37,7 +37,7 @@ def _send(connection: Connection, answer: bytes | tuple[str, int]) -> None:
 
 
 def _end_with_caller(descriptor: int) -> None:
-    """End this group of processes once the other end is closed, whatever the policy does."""
+    """Once the other end is closed, whatever the policy does."""
     poll = select.poll()
     poll.register(descriptor, 0)
     poll.poll()

@@ -57,7 +57,7 @@ class Correction:
         return {"expert": "reactive", "corrects": corrections.label if corrections else ""}
 
     def check(self) -> None:
-        """Make the policy, and compare its contract. Raises PolicyError."""
+        """Raises PolicyError."""
         recipe = self.recipe
         try:
             asked = _ask_policy(recipe)
@@ -147,7 +147,7 @@ class _Turn:
         return self._adviser.action()
 
     def _perturb(self, first: Floats) -> list[Floats]:
-        """Hold or push the robot if the recipe asks for it; the expert's commands (A,)."""
+        """Hold or push the robot; the expert's commands (A,)."""
         if self._recipe.perturb is None:
             return []
         rng, names = self._trial.scene.spec.rng("perturb"), self._trial.limits.names
@@ -169,7 +169,7 @@ class _Turn:
         return frames > 0 and self._adviser is not None and self._adviser.off > self._astray
 
     def _refuse_contact(self, reason: str) -> None:
-        """Raise Failure if the target was touched (with this reason), or a body moved."""
+        """Raise Failure for a touched target (this reason) or a moved body."""
         if by := self._actor.simulation.touched_by:
             what = f"{by} touched the {self._trial.scene.task.target}"
             raise Failure(STAGE, reason, f"{what} before the expert took over")

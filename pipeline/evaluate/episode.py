@@ -1,4 +1,4 @@
-"""One evaluated episode: a case, a policy, a clock; its row of results."""
+"""One evaluated episode and its row of results."""
 
 import time
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""An evaluation: admit seeds, run missing episodes, film, summarise, write the page."""
+"""An evaluation: admit seeds, run missing episodes, film, summarise."""
 
 import hashlib
 import json
@@ -75,7 +75,7 @@ class EvaluationResult:
 
     @property
     def faults(self) -> dict[str, int]:
-        """In how many episodes the policy gave no valid answer, by reason."""
+        """Episodes without a valid answer, by reason."""
         counts = sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]())
         return dict(counts.most_common())
 
@@ -176,7 +176,7 @@ def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
 
 
 def _check_identity(evaluation: Evaluation, results: Results) -> None:
-    """Raises PolicyError for rows of this label by another policy, BenchmarkError."""
+    """Raises PolicyError for rows by another policy, BenchmarkError."""
     wanted = evaluation.benchmark.label if evaluation.benchmark else ""
     for row in results.rows():
         policy = evaluation.policy
@@ -237,7 +237,7 @@ def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
 
 
 def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
-    """With its probe, asked where the policy runs. Raises PolicyError."""
+    """With its probe. Raises PolicyError."""
     robots = dict.fromkeys(cell.embodiment for cell in evaluation.cells)
     starts = [start_of(get_embodiment(robot), evaluation.setup, PROMPT) for robot in robots]
     job = (evaluation.policy, starts, evaluation.answer_seconds)
@@ -259,7 +259,7 @@ def film_path(out: Path, key: str) -> Path:
 
 @dataclass(frozen=True)
 class FilmJob:
-    """An episode to be filmed into OUT/films. Workers must share the file system."""
+    """Films into OUT/films. Workers must share the file system."""
 
     episode: EpisodeJob
     out: str
@@ -270,7 +270,7 @@ class FilmJob:
 
 
 def film(job: FilmJob) -> None:
-    """Run the episode and draw it. Raises as `play`, and NoRenderer."""
+    """Raises as `play`, and NoRenderer."""
     trial, _ = play(job.episode)
     appearance = appearance_of(
         trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",))

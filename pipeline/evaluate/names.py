@@ -139,7 +139,7 @@ def is_built_in(name: PolicyName) -> bool:
 
 
 def make_policy(name: PolicyName) -> Policy:
-    """In its process. Raises PolicyError, whatever its own code raises."""
+    """In its process. Raises PolicyError for any error."""
     if name.process != "own":
         return make_here(name)
     try:

@@ -1,4 +1,4 @@
-"""Exporters by the name of their format. docs/add_a_format.md adds one."""
+"""Exporters by format: docs/add_a_format.md."""
 
 from .exporter import EXPORTERS, Exporter, Job, register
 from .options import NoOptions, option, parse_options

@@ -1,4 +1,4 @@
-"""The contract of an export format, and the registry of formats."""
+"""Contract and registry of export formats."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection
@@ -33,15 +33,15 @@ class Exporter[O](ABC):
         ExportError."""
 
     def sensors(self, options: O) -> Collection[str]:
-        """Which of `images.SENSORS` the format writes with these options."""
+        """Those of `images.SENSORS` that are written."""
         return self.written
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """The data files for `load_dataset`; [] if it cannot read the format."""
+        """For `load_dataset`; [] if it cannot read the format."""
         return []
 
     def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out` by rename and return its summary. Raises ExportError."""
+        """By rename; returns the summary. Raises ExportError."""
         representation = representation_of(job.options)
         options = recorded(job.options) | dict(job.given)
         with stage_directory(job.out, job.dataset) as folder:

@@ -1,4 +1,4 @@
-"""Options of an export format: the fields of a frozen dataclass, each made by `option`."""
+"""Options of an export format: fields of a frozen dataclass."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields
@@ -43,7 +43,7 @@ def is_flag(f: Field[Any]) -> bool:
 
 
 def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]) -> O:
-    """The options of a format from texts by field name. Raises ExportError."""
+    """From texts by field name. Raises ExportError."""
     known: dict[str, Field[Any]] = {f.name: f for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     values: dict[str, Any] = {}
     if unknown := [name for name in given if name not in known]:

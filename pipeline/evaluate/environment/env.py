@@ -50,7 +50,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     `scenes=N` draws from N admitted scenes, which no evaluation with a `--seed` below 10000
     shows. With `scenes=0` a reset without a seed admits a new one. With a `benchmark` seed n
-    takes scene n of the cell, modulo their number. Raises ValueError, RecipeError."""
+    takes scene n of the cell, modulo their number. `info` has "is_success", at the end "score".
+    Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -178,7 +179,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), reward, over, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The image (H,W,3) of the first camera, by default the head camera."""
+        """(H,W,3) of the first camera, by default head_camera."""
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))

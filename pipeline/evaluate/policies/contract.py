@@ -49,7 +49,7 @@ class Contract:
 
 
 def mismatch(needed: Contract, start: Start) -> str:
-    """One line with both values of the first difference to an episode; "" for none."""
+    """The first difference to an episode with both values, or ""."""
     line = "{}: the policy has {}, the evaluation {}".format
     names = needed.actions.names(start.action_names)
     if needed.action_names not in (None, names):
@@ -72,7 +72,7 @@ def mismatch(needed: Contract, start: Start) -> str:
 
 
 def declared(policy: Policy) -> dict[str, Any]:
-    """The keys of INTERFACE that a policy declares. Raises PolicyError."""
+    """Declared keys of INTERFACE. Raises PolicyError."""
     setup = attribute(policy, "setup")
     if isinstance(setup, Setup):
         return {key: getattr(setup, key) for key in INTERFACE}
@@ -123,13 +123,13 @@ def check_contract(policy: Policy, start: Start) -> None:
 
 
 def actions_of(policy: Policy) -> Representation:
-    """Joint targets unless its contract says otherwise. Raises PolicyError."""
+    """Joint targets by default. Raises PolicyError."""
     contract = attribute(policy, "contract")
     return contract.actions if isinstance(contract, Contract) else JOINTS
 
 
 def begin(policy: Policy, start: Start) -> None:
-    """`action_names` become those of its representation. Raises what the policy raises."""
+    """`action_names` become its representation's. Raises the policy's errors."""
     names = actions_of(policy).names(start.state_names)
     policy.reset(replace(start, action_names=names))
 

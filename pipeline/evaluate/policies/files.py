@@ -1,4 +1,4 @@
-"""Names of policies in files, KIND:PATH?key=value&key=value, and the code in them."""
+"""Policies in files, KIND:PATH?key=value&key=value."""
 
 import hashlib
 import importlib.util

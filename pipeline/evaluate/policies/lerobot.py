@@ -100,7 +100,7 @@ class LerobotPolicy:
         return batch
 
     def _other_lengths(self, start: Start) -> str:
-        """What is wrong with the number of joints or of an action's numbers."""
+        """What differs in the numbers of joints or actions."""
         config = self._policy.config
         features = dict(config.input_features or {}) | dict(config.output_features or {})
         names = start.state_names
@@ -115,7 +115,7 @@ class LerobotForm:
     """lerobot:DIRECTORY_OR_REPO?key=value"""
 
     def name(self, text: str) -> PolicyName:
-        """A repository is not asked before it is used. Raises PolicyError."""
+        """Asks no repository before use. Raises PolicyError."""
         settings = parse_settings(text)
         settings.take(*OPTIONS)
         folder, actions = Path(settings.path), stated_actions(settings.options)
@@ -149,7 +149,7 @@ class LerobotForm:
 
 
 def silence_torchcodec() -> None:
-    """Keep LeRobot from printing a page of errors about video decoders."""
+    """It prints a page of errors about video decoders."""
     logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
 
 

@@ -100,7 +100,7 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def begin(self, start: Start) -> Any:
-        """The memory of a new episode. Raises PolicyError if the policy refuses it."""
+        """The memory of a new episode. Raises PolicyError."""
 
     @abstractmethod
     def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:

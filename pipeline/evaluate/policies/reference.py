@@ -69,7 +69,7 @@ def _rehearse(key: _SceneKey, at: tuple[float, ...], fps: int) -> Rehearsal | No
 
 
 def with_target_at(scene: Scene, aim: Pose) -> Scene:
-    """The scene with its target, and what lies in it, moved to `aim` (7,)."""
+    """The target, and what lies in it, moved to `aim` (7,)."""
     target, bodies = scene.task.target, dict(scene.bodies)
     moved = compose(aim, inverse(bodies[target].pose))
     for name, body in scene.bodies.items():
@@ -259,7 +259,7 @@ class Random:
 
 
 def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
-    """The rehearsed motion after `delay` s, then the rest of the script."""
+    """The rehearsed motion after `delay` s, then the rest."""
     if plan is None:
         return
     yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)

@@ -44,7 +44,7 @@ class RobotwinRobot:
         self.arm_dims = {side: len(arms.get(side, ())) for side in SIDES}
 
     def tool_poses(self, joints: ArrayLike) -> dict[str, tuple[Floats, Floats]]:
-        """The original's tool pose (7,) and the tool centre point (7,) by arm, in the world."""
+        """The original's pose (7,) and the tcp's (7,) by arm, in the world."""
         parts = self.planner.split(np.asarray(joints, float))
         tcps = {side: self.planner.fk(side, q) for side, (q, _) in parts.items()}
         return {side: (compose(tcp, _FROM_TCP), tcp) for side, tcp in tcps.items()}
@@ -88,7 +88,7 @@ class RobotwinRobot:
 
 
 class TaskEnv:
-    """What eval(TASK_ENV, model, observation) is given. An action is one control period."""
+    """TASK_ENV of eval. An action is one control period."""
 
     def __init__(self, robot: RobotwinRobot, start: Start, turns: "Turns") -> None:
         self._robot, self._turns = robot, turns
@@ -175,7 +175,7 @@ FILE = "deploy_policy.py"
 
 
 class RobotwinPolicy:
-    """The model is made at the first episode, which knows the robot."""
+    """The first episode, which knows the robot, makes the model."""
 
     def __init__(self, settings: PolicySettings) -> None:
         self._settings, self._path = settings, settings.path
@@ -222,7 +222,7 @@ class RobotwinPolicy:
 
 
 def _directory_of(settings: PolicySettings) -> Path:
-    """The name may give it by its deploy_policy.py. Raises PolicyError."""
+    """Or of its deploy_policy.py. Raises PolicyError."""
     path = Path(settings.path).resolve()
     folder = path.parent if path.name == FILE else path
     if not (folder / FILE).is_file():

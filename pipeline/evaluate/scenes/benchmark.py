@@ -92,8 +92,7 @@ class Benchmark:
         return found
 
     def under(self, setup: Setup, keys: Collection[str]) -> Setup:
-        """A setup with the benchmark's physics. Raises BenchmarkError for others of `keys` that
-        differ."""
+        """A setup with the benchmark's physics. Raises BenchmarkError if one of `keys` differs."""
         own = self.setup
         for key in ("fps", "rules", "contact", "layout", "camera", "drive"):
             if key in keys and getattr(setup, key) != getattr(own, key):
@@ -187,7 +186,7 @@ def _frozen(case: Case) -> dict[str, Any]:
 
 
 def unpack_benchmark(data: bytes, source: str) -> Benchmark:
-    """The benchmark in the bytes of a file; `source` names it. Raises BenchmarkError."""
+    """`source` names the file. Raises BenchmarkError."""
     try:
         text = _decompress(data)
         first, *lines = text.removesuffix(b"\n").split(b"\n")

@@ -75,7 +75,7 @@ class Case:
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
 
     def arms(self, events: int) -> Iterator["Case"]:
-        """The same case in every arm of a scene with so many events as conditions."""
+        """For a scene with as many events as conditions."""
         for arm in condition_arms(events):
             yield replace(self, spec=replace(self.spec, arm=arm))
 
@@ -99,7 +99,7 @@ class Case:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
-        """Inverse of `to_dict`. Raises ValueError, TypeError, KeyError or AttributeError."""
+        """Raises ValueError, TypeError, KeyError or AttributeError."""
         numbers, texts = (values["meeting"], values["frames"]), (values["start"], values["end"])
         whole = all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers)
         if not whole or not all(isinstance(t, str) for t in texts):
@@ -151,7 +151,7 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
 
 
 def expert_actions(case: Case) -> NDArray[np.float64]:
-    """The expert's actions (T,A), one a control period. Raises Failure."""
+    """(T,A), one a control period. Raises Failure."""
     if case.state is None:
         return expert(case.spec, case.setup).replay.log.action[:-1]
     done = attempt(case.spec, case.setup, Phases(), frozen=case.scene())
@@ -159,7 +159,7 @@ def expert_actions(case: Case) -> NDArray[np.float64]:
 
 
 def in_every_arm(admitted: Mapping[Cell, Sequence[Case]], events: int) -> dict[Cell, list[Case]]:
-    """The cases in every arm of their scenes, which have so many events as conditions."""
+    """In every arm, for scenes with as many events as conditions."""
     return {
         cell: [arm for case in cases for arm in case.arms(events)]
         for cell, cases in admitted.items()

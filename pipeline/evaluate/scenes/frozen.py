@@ -41,7 +41,7 @@ class FrozenBody(BaseModel):
     borne: bool = False
 
     def instance(self) -> Family:
-        """Raises ValueError for a family that is not installed, and for other parameters."""
+        """Raises ValueError for a missing family and for other parameters."""
         if self.family not in FAMILIES:
             raise ValueError(
                 f"the object {self.family[:80]!r} is not installed: give --plugins with its"

@@ -32,7 +32,7 @@ Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any
 
 
 class ProtocolError(DominoError):
-    """A manifest that cannot be used, or a cell that the expert solves too seldom."""
+    """An unusable manifest, or a cell that is solved too seldom."""
 
 
 def first_seed(s: int) -> int:
@@ -105,7 +105,7 @@ class Manifest:
         return manifest
 
     def check(self) -> None:
-        """Raise ValueError unless the cell's seeds were each tried once and in order."""
+        """Raise ValueError unless each seed was tried once, in order."""
         if not all(type(n) is int and n >= 0 for n in (self.first, self.tried)):
             raise ValueError("first and tried are no whole numbers")
         seeds = [case.spec.seed for case in self.cases]
@@ -217,7 +217,7 @@ remembered = lru_cache(maxsize=1024)(try_seed)
 
 
 def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
-    """Of the seed, else of the next one derived from it. Raises NoCase after TRIES seeds."""
+    """The seed, else the next derived one. Raises NoCase after TRIES seeds."""
     case: Case | str = ""
     for number in range(TRIES):
         case = remembered(SeedJob(cell, derived_seed(seed, number), setup.calm))
@@ -231,7 +231,7 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
 def training_scenes(
     cell: Cell, count: int, setup: Setup, manifests: Path | None
 ) -> tuple[Case, ...]:
-    """The first `count` scenes of the seed TRAINING. Raises ProtocolError."""
+    """Of the seed TRAINING. Raises ProtocolError."""
     with ExitStack() as stack:
         root = manifests or Path(stack.enter_context(TemporaryDirectory()))
         return tuple(Manifests(root, TRAINING, setup).admitted([cell], count, inline)[cell])
@@ -251,7 +251,7 @@ def check_case(case: object, cell: Cell, setup: Setup) -> None:
 
 
 def derived_seed(seed: int, number: int) -> int:
-    """The seed itself for number 0, then seeds that no neighbour leads to (63 bits)."""
+    """The seed for number 0, then 63 bits that no neighbour leads to."""
     if number == 0:
         return seed
     return int.from_bytes(hashlib.sha256(f"{seed}/{number}".encode()).digest()[:8], "little") >> 1

@@ -1,4 +1,4 @@
-"""One closed-loop episode: the scene of a case, driven one control period at a time."""
+"""One closed-loop episode, driven one control period at a time."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -86,7 +86,7 @@ class Trial:
             self._step(row, velocity)
 
     def hold(self, steps: int) -> None:
-        """Advance by `steps` physics steps while the robot keeps its last command."""
+        """`steps` physics steps at the last command."""
         still = np.zeros(self.length)
         self._waited += steps
         for _ in range(steps):
@@ -104,7 +104,7 @@ class Trial:
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
     def repeat(self, commands: NDArray[np.float64]) -> None:
-        """Do again what another trial of the same case commanded. Raises ActionError."""
+        """Do again another trial's commands. Raises ActionError."""
         for held, *action in commands:
             self.hold(int(held))
             if not self.ending and np.isfinite(action).all():
@@ -214,7 +214,7 @@ class CameraViews:
 
 
 class Eyes:
-    """The cameras of a setup in a running simulation. Raises NoRenderer."""
+    """Cameras in a running simulation. Raises NoRenderer."""
 
     def __init__(self, scene: Scene, setup: Setup) -> None:
         appearance = appearance_of(scene, setup)

@@ -1,4 +1,4 @@
-"""The world's time during the inference of a policy: the clocks of docs/evaluation.md."""
+"""The world's time during an inference (docs/evaluation.md)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -75,7 +75,7 @@ class Clock:
         return Retimed(motion, STEP_LOCKED_RATE) if self.kind == "step-locked" else motion
 
     def delay(self, measured: float, rng: np.random.Generator) -> float:
-        """Seconds of an inference that took the wall time `measured` (s)."""
+        """Seconds of an inference of `measured` s."""
         v = self.values
         match self.kind:
             case "fixed":

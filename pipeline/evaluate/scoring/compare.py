@@ -29,7 +29,7 @@ class CompareError(DominoError): ...
 
 @dataclass(frozen=True)
 class ComparedPolicy:
-    """The episodes of one policy, or of several networks of a kind (`networks`)."""
+    """Episodes of one policy, or of several `networks` of a kind."""
 
     name: str
     rows: tuple[Row, ...]
@@ -71,7 +71,7 @@ def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy
 
 
 def _conditions(arm: ComparedPolicy) -> Iterator[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Every condition of a policy against none of them, scene by scene."""
+    """Every condition against none, scene by scene."""
     whole = [_without_arm(row) for row in arm.rows if row.get("condition")]
     groups = _group(whole, lambda r: (r["clock"], r["rules"]))
     for which, rows in groups.items():
@@ -117,7 +117,7 @@ def _arms(runs: Sequence[str]) -> list[ComparedPolicy]:
 
 
 def check_one_benchmark(rows: Sequence[Row]) -> str:
-    """The benchmark of all rows, "" for none. Raises CompareError for several."""
+    """ "" for none. Raises CompareError for several."""
     first, *others = sorted({row.get("benchmark", "") for row in rows}) or [""]
     if others:
         raise CompareError(
@@ -128,7 +128,7 @@ def check_one_benchmark(rows: Sequence[Row]) -> str:
 
 
 def newest(run: Path) -> list[Row]:
-    """The rows of a directory by the version that wrote last. Raises CompareError."""
+    """By the version that wrote last. Raises CompareError."""
     path = run / EPISODES
     if not path.is_file():
         raise CompareError(f"{run}: has no {EPISODES}: name the --out of a domino-data evaluate")

@@ -62,12 +62,12 @@ def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
 
 
 def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
-    """Which subgoals of a long task hold where the conditions `missing` do not."""
+    """Those that hold although the conditions `missing` do not."""
     return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
 
 
 def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
-    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,)."""
+    """RC in [0, 100] from tools (T,arms,3) and the target's end (3,)."""
     if success:
         return 100.0
     return 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
@@ -96,7 +96,7 @@ def jerk(positions: NDArray[np.float64], fps: float) -> float:
 
 
 def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
-    """The score of a trial as it is. After a fault of the policy both scores are 0."""
+    """After a fault of the policy both scores are 0."""
     log, scene = trial.log(), trial.scene
     success = trial.ending == SUCCESS
     tools = log.tcp[:, :, :3]
@@ -154,7 +154,7 @@ def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
 
 
 def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
-    """Distances (F,S) of the tools from the target, up to the first touch."""
+    """(F,S) of tools from the target, up to the first touch."""
     met = log.time_of("meeting")
     frames = len(log) if met is None else int(np.searchsorted(log.times, met)) + 1
     return np.linalg.norm(log.tcp[:frames, :, :3] - log.pose(target)[:frames, None, :3], axis=-1)

@@ -85,7 +85,7 @@ def caption(row: Row) -> str:
 
 @dataclass(frozen=True)
 class Published:
-    """Per cent over the 35 tasks at level 1, as the authors state them."""
+    """Per cent over the 35 tasks at level 1, by the authors."""
 
     model: str
     success_rate: float | None

@@ -23,7 +23,7 @@ class PaperError(DominoError): ...
 
 @dataclass(frozen=True)
 class PaperRow:
-    """Success rate (%) and manipulation score over the tasks of a category at a level."""
+    """Success rate (%) and score over a category's tasks at a level."""
 
     method: str
     success_rate: float
@@ -34,7 +34,7 @@ class PaperRow:
 
 @dataclass(frozen=True)
 class Experiment:
-    """On aloha, in the domain clean. `trained` says on what the paper's policies learned."""
+    """On aloha, in the domain clean. `trained` is the policies' training data."""
 
     title: str
     trained: str
@@ -72,7 +72,7 @@ def experiment(name: str) -> Experiment:
 
 
 def beside(published: Experiment, means: Sequence[Row]) -> list[Row]:
-    """The rows of the paper, each group (level and category) after that of `means`."""
+    """Each group's rows (level and category) after that of `means`."""
     out = list[Row]()
     for level, category in dict.fromkeys((row.level, row.category) for row in published.rows):
         head = {"level": level, "category": category}

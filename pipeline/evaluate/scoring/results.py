@@ -1,4 +1,4 @@
-"""Results on disk: one JSON line an episode, appended as it ends."""
+"""Results on disk: one JSON line an episode."""
 
 import json
 import os
@@ -86,7 +86,7 @@ class Results:
 
 
 def check_episode(row: dict[str, Any]) -> None:
-    """Raises ValueError for what is no row of an episode of any version."""
+    """Raises ValueError for no row of any version."""
     row.setdefault("probe", "")
     for kind, names in FIELDS.items():
         if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):

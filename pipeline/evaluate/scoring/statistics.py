@@ -80,7 +80,7 @@ def mean(values: ByTask) -> float:
 
 
 def spread(values: ByTask) -> float:
-    """The variance of scenes within tasks, a mean over tasks that have two; 0 without any."""
+    """Variance of scenes within tasks, a mean over tasks that have two, or 0."""
     return float(np.mean([v.var(ddof=1) for v in values.values() if len(v) > 1] or [0.0]))
 
 
@@ -143,7 +143,7 @@ def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, floa
 def bootstrap(
     values: Sequence[float], level: float = 0.95, resamples: int = 2000
 ) -> tuple[float, float]:
-    """Percentile interval of the mean over resamples, whatever the order; NaN for none."""
+    """Percentile interval of the mean, in any order; NaN for none."""
     if not len(values):
         return float("nan"), float("nan")
     ordered = np.sort(np.asarray(values, float))
@@ -153,8 +153,9 @@ def bootstrap(
 
 
 def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Wilson's interval, in 0-1, of a rate from (successes, trials) of each cluster; p (1 - p) /
-    v independent trials. Dean & Pagano (2015), J. Surv. Stat. Methodol. 3:484-503."""
+    """Wilson's interval, in 0-1, of a rate from (successes, trials) by cluster. They count as p
+    (1 - p) / v trials, v the variance of p between clusters. Dean & Pagano (2015), J. Surv.
+    Stat. Methodol. 3:484-503."""
     if not clusters:
         return wilson(0, 0)
     solved, trials = np.array(clusters, float).T

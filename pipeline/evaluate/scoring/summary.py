@@ -1,4 +1,4 @@
-"""Rates with intervals from rows of episodes: of a cell, and means over tasks."""
+"""Rates with intervals: of a cell, and means over tasks."""
 
 import json
 from collections import Counter, defaultdict
@@ -39,7 +39,7 @@ def summarise(rows: Sequence[Row]) -> list[Row]:
 
 
 def numbers(rows: Sequence[Row]) -> Row:
-    """Rates (per cent), means (0-100) with 95 % intervals, and why episodes failed."""
+    """Rates (per cent) and means (0-100) with 95 % intervals."""
     successes = sum(row["success"] for row in rows)
     low, high = wilson(successes, len(rows))
     out: Row = {
@@ -157,7 +157,7 @@ def _stratified_interval(
 
 
 def table(cells: Sequence[Row]) -> str:
-    """As aligned text. `truth` marks policies that are shown the simulation."""
+    """`truth` marks policies that are shown the simulation."""
     head = (
         f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
         f" {'process':9} {'n':>4}"

@@ -1,4 +1,4 @@
-"""Addresses of policy servers, SCHEME://HOST:PORT?option=value, and the token for them."""
+"""Addresses of policy servers, SCHEME://HOST:PORT?option=value, and tokens."""
 
 import ipaddress
 import os

@@ -1,4 +1,4 @@
-"""One policy for many episodes: questions of about the same time are one batch."""
+"""One policy for many episodes: questions are answered in batches."""
 
 import queue
 import threading
@@ -18,7 +18,7 @@ MOST = 64  # questions of one batch
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """About an episode's memory and an observation, or about a start."""
+    """About a memory and an observation, or a start."""
 
     about: Any
     observation: Observation | None
@@ -97,7 +97,7 @@ class Seat:
         self._batcher, self._episode = batcher, None
 
     def __getattr__(self, name: str) -> Any:
-        """An attribute by which the policy declares its interface (contract.py)."""
+        """The policy's declared interface (contract.py)."""
         if name in ("contract", "setup", "fps", "cameras", "size"):
             return getattr(self._batcher.policy, name)
         raise AttributeError(name)

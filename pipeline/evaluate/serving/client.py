@@ -1,4 +1,4 @@
-"""A policy behind messages: on a server, or in a process of its own."""
+"""A policy behind messages."""
 
 import time
 from abc import ABC, abstractmethod
@@ -83,7 +83,7 @@ class Client:
         return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Raises NoAnswer, and PolicyError if the server refuses the first episode."""
+        """Raises NoAnswer, and PolicyError for a refused first episode."""
         self._start = start
         try:
             self._begin(start)
@@ -186,7 +186,7 @@ def full_message(observation: Observation) -> dict[str, Any]:
 
 
 def plain_message(observation: Observation, size: int) -> dict[str, Any]:
-    """As openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
+    """For openpi's ALOHA policies: images (3,S,S) by exported names."""
     images = {
         EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
         for name, image in observation.images.items()
@@ -196,7 +196,7 @@ def plain_message(observation: Observation, size: int) -> dict[str, Any]:
 
 
 class Bridge(ABC):
-    """A policy on a server of another protocol. `execute` rows of a chunk are executed."""
+    """A server of another protocol. `execute` rows of a chunk are executed."""
 
     def __init__(self, address: Address) -> None:
         self.address, self.execute = address, address.number("execute")
@@ -213,7 +213,7 @@ class Bridge(ABC):
 
     @abstractmethod
     def act(self, observation: Observation) -> ArrayLike:
-        """A chunk (H,A). Raises ActionError for an answer that is none, else PolicyError."""
+        """A chunk (H,A). Raises ActionError for none, else PolicyError."""
 
     @abstractmethod
     def close(self) -> None:
@@ -222,7 +222,7 @@ class Bridge(ABC):
 
 @dataclass(frozen=True)
 class BridgeForm:
-    """KIND://HOST:PORT?option=value: its client, usual port, and options besides `label`."""
+    """KIND://HOST:PORT?option=value"""
 
     client: Callable[[Address], Bridge]
     port: int

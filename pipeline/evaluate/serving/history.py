@@ -1,4 +1,4 @@
-"""Past images as StarVLA's client for DOMINO sends them, or optical flow between."""
+"""Past images as StarVLA's client sends them, or optical flow."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Recent:
             self._held.popleft()
 
     def at(self, time: float) -> tuple[float, Image]:
-        """The newest one that is no younger than `time`, or the oldest one."""
+        """The newest no younger than `time`, or the oldest."""
         past = (pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE)
         return next(past, self._held[0])
 
@@ -54,7 +54,7 @@ class History:
         self._held.add(time, scaled(image, (self._settings.kept, self._settings.kept)))
 
     def images(self) -> list[Image]:
-        """Oldest first; the episode's first image stands for what is missing."""
+        """Oldest first; the episode's first image replaces missing ones."""
         settings = self._settings
         ages = range(settings.length, -1, -1)
         *past, present = (self._held.at(self._now - n * self._period)[1] for n in ages)

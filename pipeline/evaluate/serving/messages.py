@@ -21,11 +21,11 @@ REFUSED, FAILED, INVALID, BUSY = 1008, 1011, 1007, 1013
 
 
 class MessageError(DominoError, ValueError):
-    """Bytes that are no message, or a message that cannot be answered. One line."""
+    """No message, or one that cannot be answered. One line."""
 
 
 def pack(message: Mapping[Any, Any]) -> bytes:
-    """Raises MessageError for an array whose entries are not numbers."""
+    """Raises MessageError for entries that are no numbers."""
     try:
         return cast(bytes, msgpack.packb(message, default=_encode_array))
     except (TypeError, ValueError, OverflowError) as error:

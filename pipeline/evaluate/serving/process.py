@@ -1,4 +1,4 @@
-"""A policy of this machine in a process of its own, reached by messages only."""
+"""A policy in a process of its own, reached by messages only."""
 
 import os
 import signal

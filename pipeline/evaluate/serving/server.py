@@ -40,7 +40,7 @@ class ServerLimits:
 
 @dataclass(frozen=True)
 class ServerAddress:
-    """Port 0 takes a free one. Other hosts than loopback need a token."""
+    """Port 0 takes a free one. Not loopback: a token."""
 
     host: str = "127.0.0.1"
     port: int = 8765
@@ -74,7 +74,7 @@ class PolicyServer:
         self.port = 0
 
     def run(self, started: Callable[[int], None] = lambda port: None) -> None:
-        """Until SIGINT or SIGTERM; `started` gets the port. Raises OSError."""
+        """Until a signal; `started` gets the port. Raises OSError."""
 
         async def until_signal() -> None:
             stop, loop = asyncio.Event(), asyncio.get_running_loop()

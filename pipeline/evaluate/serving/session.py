@@ -56,7 +56,7 @@ class _Message(BaseModel):
 
 
 class Offer(_Message):
-    """The interface of a policy, in its server's metadata under "domino"."""
+    """A policy's interface, under "domino" in the metadata."""
 
     version: int
     contract: contracts.Contract
@@ -128,7 +128,7 @@ class Session:
         return {"policy": self._options.label, "domino": offer}
 
     def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
-        """Raises MessageError, PolicyError, ActionError and what the policy raises."""
+        """Raises MessageError, PolicyError, ActionError, and the policy's."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
             self._begin(EpisodeMessage.read(message["reset"]).start())
@@ -174,7 +174,7 @@ class Session:
         return Observation(state, start.instruction, float(seconds), *seen)
 
     def _plain_observation(self, message: Mapping[Any, Any]) -> Observation:
-        """Of openpi's own clients; `time` counts periods of the chunks so far."""
+        """openpi's own; `time` counts periods of chunks so far."""
         prompt, robot = message.get("prompt"), get_embodiment(self._options.embodiment)
         if not isinstance(prompt, str) or len(prompt) > 2000:
             raise MessageError("prompt is no text of at most 2000 characters")
@@ -196,14 +196,14 @@ class Session:
         return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME
 
     def _from_home(self, rows: NDArray[np.float64]) -> float:
-        """How near (rad or m, the farthest arm joint) any of (N,A) is to home."""
+        """rad or m of the farthest arm joint, the nearest of (N,A)."""
         arms = get_embodiment(self._options.embodiment).arms.values()
         home = np.array([value for arm in arms for value in (*arm.home, np.nan)])
         return float(np.nanmax(np.abs(rows - home), axis=1).min())
 
 
 def respond(session: Session, data: bytes | str) -> bytes | tuple[str, int]:
-    """The packed answer to a packed message, or the reason and the close code for none."""
+    """The packed answer, or the reason and the close code for none."""
     return guarded(lambda: pack(session.answer(unpack(data))))
 
 
@@ -219,7 +219,7 @@ def guarded[T](work: Callable[[], T]) -> T | tuple[str, int]:
 
 
 def _array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """Of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError."""
+    """ "f" (floats), "u1" or "u2". Raises MessageError."""
     if not isinstance(value, np.ndarray):
         raise MessageError(f"{what} is {type(value).__name__}, not an array")
     if value.shape != shape or kind not in (value.dtype.kind, value.dtype.str[1:]):
@@ -237,7 +237,7 @@ def _length(value: object) -> int:
 def _arrays(
     message: Mapping[Any, Any], key: str, start: Start, tail: tuple[int, ...], kind: str
 ) -> dict[str, NDArray[Any]]:
-    """Arrays (H,W,*tail) by camera. Raises MessageError for cameras not in reset."""
+    """(H,W,*tail) by camera. Raises MessageError for unknown cameras."""
     arrays, sizes = message.get(key, {}), start.image_sizes
     if not isinstance(arrays, dict) or not arrays.keys() <= sizes.keys():
         raise MessageError(f"{key} are not those of reset: {', '.join(sizes) or 'none'}")
@@ -252,7 +252,7 @@ def _setup_of(values: Mapping[str, Any]) -> Setup:
 
 
 def _plain_images(images: object) -> dict[str, NDArray[np.uint8]]:
-    """Images (H,W,3) by our cameras, from (3,H,W) or (H,W,3) by exported names."""
+    """(H,W,3) by our cameras, from (3,H,W) or (H,W,3)."""
     if not isinstance(images, dict):
         raise MessageError("images is no map from cameras to arrays")
     out = dict[str, NDArray[np.uint8]]()

@@ -66,7 +66,7 @@ class StarvlaClient(Bridge):
         self.metadata = self._read(self._link.greet())
 
     def reset(self, start: Start) -> None:
-        """An episode is a connection. Raises PolicyError for keys not of the robot."""
+        """An episode is a connection. Raises PolicyError for other keys."""
         self.greet()
         match self.metadata.get("training_obs_image_size"):
             case [height, width] if self._size is None and all(
@@ -96,7 +96,7 @@ class StarvlaClient(Bridge):
             self._statistics = replace(statistics, normalized=normalized)
 
     def act(self, observation: Observation) -> ArrayLike:
-        """A chunk (T,A), or with a history the part of it between two kept images."""
+        """A chunk (T,A), or the part of it between two kept images."""
         if self._past is None or self._settings is None:
             return self._infer(observation)
         if not observation.images:
@@ -148,7 +148,7 @@ class StarvlaClient(Bridge):
             raise ActionError(f"{self._url}: {error}") from error
 
     def _actions(self, data: object) -> NDArray[Any]:
-        """(T,A), normalised if there are statistics. Raises ActionError."""
+        """(T,A), perhaps normalised. Raises ActionError."""
         keys = ("actions", "normalized_actions")
         ours, other = keys if self._statistics is None else keys[::-1]
         values = data if isinstance(data, dict) else {}
@@ -164,7 +164,7 @@ class StarvlaClient(Bridge):
 
 
 def _indices(kind: str, keys: object, start: Start, of: Representation) -> NDArray[np.int64]:
-    """The index in our vector of every number of the server's. Raises PolicyError."""
+    """Of the server's numbers in our vector. Raises PolicyError."""
     if not isinstance(keys, list):
         what = f"the server does not tell the order of its {kind}s"
         raise PolicyError(f"{what}: give ?action_keys=left_joints,left_gripper,... in its order")
@@ -177,7 +177,7 @@ def _indices(kind: str, keys: object, start: Start, of: Representation) -> NDArr
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """Bounds (A,) in the server's order, and which numbers (A,) are normalised."""
+    """Bounds (A,) in the server's order; which are normalised (A,)."""
 
     low: Floats
     high: Floats

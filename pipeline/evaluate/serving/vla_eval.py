@@ -66,7 +66,7 @@ class DominoEpisodes:
         return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Raises ProtocolError if a scene that no manifest has cannot be admitted."""
+        """Raises ProtocolError if a new scene cannot be admitted."""
         self.cleanup()
         cell, index = self._cells[task["name"]], task["episode_idx"]
         case = self._manifests.admitted([cell], index + 1, inline)[cell][index]

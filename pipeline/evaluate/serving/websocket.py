@@ -1,4 +1,4 @@
-"""A client's end of a WebSocket: every wait has a limit, and every failure is one line."""
+"""A client's end of a WebSocket: waits are limited, failures are one line."""
 
 import asyncio
 import threading
@@ -95,7 +95,7 @@ class WebSocket:
         )
 
     def ask(self, data: bytes | None, seconds: float) -> bytes:
-        """Raises ConnectionLost, NoAnswer if nothing arrives in time, and `fault_of`."""
+        """Raises ConnectionLost, NoAnswer if it is late, and `fault_of`."""
         if self._connection is None:
             raise ConnectionLost(f"{self.url}: the connection is closed")
         try:

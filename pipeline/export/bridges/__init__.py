@@ -1,1 +1,1 @@
-"""Formats of single projects: RoboTwin, XPolicyLab, DynamicWAM and PUMA."""
+"""Formats of single projects."""

@@ -37,7 +37,7 @@ def drive_targets(measured: Floats, commanded: Floats) -> Floats:
 
 
 def tool_poses(tcp: Floats) -> Floats:
-    """The original's tool poses (...,7): behind the tcp along its x axis."""
+    """(...,7): behind the tcp along its x axis."""
     return compose(tcp, pose((-BEHIND_TCP, 0, 0)))
 
 
@@ -48,7 +48,7 @@ def cell_parts(spec: EpisodeSpec) -> list[str]:
 
 
 def configuration(spec: EpisodeSpec) -> str:
-    """Directory of an episode: task, then what takes the place of the task configuration."""
+    """Directory: task, then what replaces the task configuration."""
     task, *rest = cell_parts(spec)
     return f"{task}/{'_'.join(rest)}"
 
@@ -93,7 +93,7 @@ class CellExporter[O](Hdf5Exporter[O]):
 
 
 def _storage(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
-    """Depth and segmentation are compressed; depth is float64, as in the original."""
+    """Sensors are compressed; depth is float64, as in the original."""
     if key.endswith("/depth"):
         return COMPRESSED | {"dtype": np.float64}
     return COMPRESSED if key.endswith("/actor_segmentation") else None
@@ -145,13 +145,13 @@ def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_
 
 
 def front_camera_option() -> Any:
-    """The stored camera that is exported as `front_camera`, or None."""
+    """The camera exported as `front_camera`, or None."""
     help = "stored camera to write as front_camera: observer, or the name of one that the recipe"
     return option(f"{help} describes", lambda text: CAMERAS.get(text, text), None)
 
 
 def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
-    """Exported name of every camera; `front` becomes front_camera. Raises ExportError."""
+    """By camera; `front` becomes front_camera. Raises ExportError."""
     names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
     problem = ""
     if front is not None and front not in names:

@@ -1,1 +1,1 @@
-"""Formats that robot learning at large reads, one module or folder a format."""
+"""Common formats, one module or folder a format."""

@@ -54,7 +54,7 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
         return directory / f"episode_{index}.hdf5"
 
     def shared(self, paths: Sequence[Path], options: AlohaOptions) -> int:
-        """The rows that files are padded to, 0 for none: ACT's loader stacks all episodes."""
+        """Rows of padded files, 0 for none: ACT's loader stacks episodes."""
         longest = 0
         for path in paths if options.pad_rows else ():
             with reading(path) as file:
@@ -115,7 +115,7 @@ def _chunk(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
 
 
 def joint_velocity(facts: Facts) -> Floats:
-    """Measured velocities (T,A): joints in rad/s, grippers (0-1) in 1/s by differences."""
+    """(T,A): joints in rad/s, grippers (0-1) in 1/s by differences."""
     log, velocity = facts.log, np.zeros_like(facts.log.state)
     for i, name in enumerate(log.vector_names):
         if name in log.joints:

@@ -30,7 +30,7 @@ h5py links after its values."""
 
 
 def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
-    """Each image is a chunk of its own: training reads single frames."""
+    """One chunk each: training reads single frames."""
     return {"chunks": (1, *values.shape[1:])} if values.ndim >= 3 and values.size else {}
 
 
@@ -69,7 +69,7 @@ class Contents:
 
 
 def _make_groups(file: h5py.File, keys: Iterable[str]) -> None:
-    """Create groups first: those that h5py makes on the way carry the time of day."""
+    """Before arrays: groups that h5py makes carry the time of day."""
     for key in keys:
         parts = key.split("/")
         for depth in range(1, len(parts)):
@@ -96,7 +96,7 @@ class Hdf5Exporter[O](Exporter[O]):
         """What the file of an episode holds. Raises ExportError."""
 
     def shared(self, paths: Sequence[Path], options: O) -> Any:
-        """What the files of a directory depend on beside their episodes, plain data."""
+        """Plain data on which files depend beside their episodes."""
         return None
 
     def texts(self, index: int, facts: Facts) -> Mapping[str, str]:

@@ -145,7 +145,7 @@ class _Files:
         return self.draft.folder / f"data-{self.count:05d}.parquet"
 
     def keep(self, items: Sequence[list[Any]], start: int) -> int:
-        """Take over the next file, if it is of the episodes from `start`; returns of how many."""
+        """Take over the next file if its episodes begin at `start`; their number."""
         older = self.draft.older.record.contents.get(self._path.name, {})
         count, left = older.get("episodes", 0), len(items) - start
         if self._writer is not None or not 0 < count <= left:

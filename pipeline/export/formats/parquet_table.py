@@ -1,4 +1,4 @@
-"""The columns of the Parquet format: schema, and the table of one episode."""
+"""Schema and episode tables of the Parquet format."""
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -66,7 +66,7 @@ class Plan:
         }
 
     def schema(self) -> pa.Schema:
-        """With fps, joint names, annotations and Hugging Face features in the metadata."""
+        """Metadata: fps, joint names, annotations, Hugging Face features."""
         first = self.first
         columns: dict[str, pa.DataType] = dict.fromkeys(("episode_index", "frame_index"), NUMBER)
         columns |= {"timestamp": pa.float64(), **CONSTANTS, **dict.fromkeys(TEXTS, TEXT)}

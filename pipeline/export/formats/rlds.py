@@ -74,14 +74,14 @@ class Rlds(Exporter[RldsOptions]):
 
 
 def _name(spec: Any) -> str:
-    """The dataset of a robot: small letters, digits and underscores."""
+    """Small letters, digits and underscores."""
     return "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
 
 
 def _write_shards(
     draft: ExportDraft, job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
 ) -> list[list[int]]:
-    """Write the TFRecord files; returns the bytes of each record by shard."""
+    """The bytes of each record by shard."""
     shards = list(batched(paths, job.options.shard_episodes))
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):
@@ -105,7 +105,7 @@ def _messages(dataset: Path, shard: Sequence[Path], options: RldsOptions) -> Ite
 
 
 def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Value]:
-    """Values of an episode by feature; those of steps one after another."""
+    """By feature; those of steps one after another."""
     count, frames = len(facts), np.arange(len(facts))
     last, success = frames == count - 1, facts.meta.failure is None
     values: dict[str, Value] = {
@@ -196,7 +196,7 @@ def _image(sizes: Sequence[int], kind: str, encoding: str) -> dict[str, Any]:
 
 
 def _info(name: str, split: str, sizes: Sequence[Sequence[int]]) -> dict[str, Any]:
-    """dataset_info.json; `sizes` are the bytes of each record by shard."""
+    """`sizes` are the bytes of each record by shard."""
     described = {
         "name": split,
         "filepathTemplate": "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}",

@@ -97,7 +97,7 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         return Contents(values, attributes, {f"next_{key}": key for key in obs})
 
     def finish(self, directory: Path, validation: float) -> None:
-        """Write demos.hdf5: links to the demos, and masks of their names."""
+        """Write demos.hdf5: links to demos, and masks."""
         columns = ["length", "task", "level", "physics_id", "source", "split"]
         rows = pq.read_table(directory / PROVENANCE, columns=columns).to_pylist()
         masks: dict[str, list[str]] = defaultdict(list)
@@ -126,7 +126,7 @@ def _split(row: Mapping[str, Any], validation: float) -> str:
 
 
 def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:
-    """Depth (H,W) at another size, without mixing near and far values."""
+    """Depth (H,W), without mixing near and far values."""
     if size is None:
         return depth
     rows, columns = (np.arange(n) * m // n for n, m in zip(size, depth.shape, strict=True))

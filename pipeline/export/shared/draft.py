@@ -33,7 +33,7 @@ PACKAGES = ("av", "h5py", "numpy", "opencv-python-headless", "pyarrow")
 
 @functools.cache
 def code() -> dict[str, str]:
-    """Hash of the code that writes exports, and versions of the packages it uses."""
+    """Hash of the exporting code, and versions of its packages."""
     root, h, versions = Path(__file__).parents[2], hashlib.sha256(), dict[str, str]()
     files = (file for room in ROOMS for file in (root / room).rglob("*.py"))
     for path in sorted([root / "poses.py", *files]):
@@ -110,7 +110,7 @@ class ExportDraft:
         self._contents: dict[str, dict[str, Any]] = {}
 
     def hash_of(self, path: Path) -> str:
-        """sha256 of a file of the dataset, recorded as an input. Raises ExportError."""
+        """sha256, recorded as an input. Raises ExportError."""
         name = source_of(path, self.dataset)
         sha = self._inputs.get(name)
         if sha is None:
@@ -129,7 +129,7 @@ class ExportDraft:
         return None
 
     def keep(self, path: Path, made_from: Any) -> Mapping[str, Any] | None:
-        """Take over the older file made from the same plain data; returns its entry, or None."""
+        """Take over the older file of the same plain data: its entry, or None."""
         older = self.older.made_from(_key(path, made_from))
         if older is None:
             return None
@@ -147,7 +147,7 @@ class ExportDraft:
         return path.relative_to(self.folder).as_posix()
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
-        """Write export.json; files with the older bytes become links. Returns the summary."""
+        """Write export.json; files with the older bytes become links."""
         for name in entries(self.folder):
             if name not in self._contents:
                 self._contents[name] = _entry(self.folder / name)
@@ -170,7 +170,7 @@ def _entry(path: Path) -> dict[str, Any]:
 
 
 def _key(path: Path, made_from: Any) -> str:
-    """Of what a file is made from and its kind: ".tfrecord" of a.tfrecord-00000-of-00002."""
+    """Of sources and kind: ".tfrecord" of a.tfrecord-00000-of-00002."""
     return digest([path.suffix.partition("-")[0], made_from])
 
 

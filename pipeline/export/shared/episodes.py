@@ -1,4 +1,4 @@
-"""The episodes of an export: order, groups, and the facts of one."""
+"""Order, groups and facts of exported episodes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -98,7 +98,7 @@ class Facts:
         return self.written(self.log.action, self.representation)
 
     def written(self, commanded: Floats, representation: Representation) -> Floats:
-        """Joint targets (T,A) in a representation (T,D). Raises ExportError for another robot."""
+        """Joint targets (T,A) as (T,D). Raises ExportError for another robot."""
         names = self.log.vector_names
         codec = self._codec if representation.poses else ActionCodec(JOINTS, names)
         codec = replace(codec, representation=representation)
@@ -135,7 +135,7 @@ class Facts:
 
 
 def described_action(facts: Facts) -> dict[str, Any]:
-    """What a file states about its actions: nothing for joint targets."""
+    """Nothing for joint targets."""
     if facts.representation == JOINTS:
         return {}
     return {"action": facts.representation.describe(), "action_names": facts.action_names}
@@ -147,7 +147,7 @@ def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
 
 
 def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
-    """Sorted paths. Raises ExportError for none, or one given twice."""
+    """Raises ExportError for none, or one given twice."""
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")
@@ -157,7 +157,7 @@ def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
 
 
 def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, list[Path]]]:
-    """Embodiment -> (directory, episodes): `out/<embodiment>`, or `out` for a single one."""
+    """Embodiment -> (directory, episodes)."""
     groups = group_episodes(episodes, lambda spec: spec.embodiment)
     return {
         name: (out if len(groups) == 1 else out / name, paths) for name, paths in groups.items()
@@ -176,7 +176,7 @@ def group_episodes(
 
 @contextmanager
 def reading(path: Path) -> Iterator[EpisodeFile]:
-    """Open an episode; what is wrong with the file is an ExportError. Other OSErrors pass."""
+    """A damaged file is an ExportError. Other OSErrors pass."""
     try:
         with EpisodeFile(path) as file:
             yield file
@@ -254,7 +254,7 @@ def same(first: Facts, facts: Facts) -> None:
 
 
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
-    """Exported name of each camera, those `given` first. Raises ExportError."""
+    """By camera, those `given` first. Raises ExportError."""
     try:
         return exported_names(facts.cameras, given)
     except ValueError as error:

@@ -31,7 +31,7 @@ def image_column(coded: Sequence[bytes]) -> pa.Array:
 
 
 def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:
-    """The sensors that an open episode stores, of any of these cameras."""
+    """Those of an open episode, of any of these cameras."""
     stored = [
         name
         for name, key in IMAGES.items()
@@ -41,7 +41,7 @@ def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:
 
 
 def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
-    """A camera's images as PNG: depth 16 bits (mm), segmentation 8. Raises ExportError."""
+    """PNG of depth (16 bits, mm) or segmentation (8). Raises ExportError."""
     key = f"observation/{camera}/{IMAGES[sensor]}"
     if not file.has(key):
         lacks = f"{camera} has no {sensor} images"
@@ -64,7 +64,7 @@ def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.u
 
 
 def reencode(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = None) -> bytes:
-    """A stored JPEG in another order or size; the same bytes if neither changes."""
+    """A JPEG in another order or size; unchanged if neither changes."""
     if order == "rgb" and size is None:
         return stored
     rgb = resize(decode_frame(stored), size)

@@ -1,4 +1,4 @@
-"""What the simulator knows of the objects, as columns of any format (docs/labels.md)."""
+"""The simulator's knowledge of objects as columns (docs/labels.md)."""
 
 from collections.abc import Sequence
 
@@ -39,7 +39,7 @@ def labelled(facts: Facts) -> list[str]:
 
 
 def label_names(labels: Sequence[str], joint: str = "_") -> dict[str, list[str]]:
-    """Names of the numbers of each column: "objects_poses" -> ["0_x", ...]."""
+    """ "objects_poses" -> ["0_x", ...]"""
     return {
         f"objects{joint}{label}": [f"{i}_{part}" for i in range(PLACES) for part in LABELS[label]]
         for label in labels

@@ -1,4 +1,4 @@
-"""export.json, compared with the directory and the dataset; and README.md, the card."""
+"""export.json, compared with directory and dataset; and the card."""
 
 import json
 import os
@@ -31,7 +31,7 @@ CACHE_NAMES = re.compile(r"(.*/)?meta/[^/]*stats[^/]*\.json|(.*/)?(\.DS_Store|Th
 
 @dataclass(frozen=True)
 class ExportRecord:
-    """The record of the export at `root` (docs/exports.md names its keys)."""
+    """export.json at `root` (docs/exports.md names its keys)."""
 
     root: Path
     summary: Mapping[str, Any]
@@ -44,7 +44,7 @@ class ExportRecord:
         (self.root / EXPORT_RECORD).write_bytes(seal(values) + b"\n")
 
     def problem(self, name: str) -> str | None:
-        """What is wrong with a written file, such as "is missing". Cards may be edited."""
+        """A file's fault, such as "is missing". Cards may be edited."""
         path = self.root / name
         try:
             if path.is_symlink() or path.resolve() != self.root.resolve() / name:
@@ -64,11 +64,11 @@ class ExportRecord:
         return sorted({*entries(self.root)} - {*self.contents, EXPORT_RECORD})
 
     def foreign(self) -> list[Path]:
-        """The unlisted files that are no cache of what reads the export."""
+        """Unlisted files that are no reader's cache."""
         return [self.root / name for name in self.unlisted() if not _is_cache(name)]
 
     def check(self, dataset: Path, episodes: Sequence[Path]) -> list[str]:
-        """The problems of directory and episodes, by hashes. Raises ExportError."""
+        """By hashes. Raises ExportError."""
         judged = [(name, self.problem(name)) for name in sorted(self.contents)]
         problems = [f"{self.root / name}: {problem}" for name, problem in judged if problem]
         now = {source_of(path, dataset): path for path in episodes}
@@ -96,7 +96,7 @@ def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str
 
 
 def read_record(out: Path) -> ExportRecord:
-    """Raises ExportError for a record that is damaged or of another version."""
+    """Raises ExportError for a damaged record or another version."""
     try:
         if (out / EXPORT_RECORD).is_symlink():
             raise ValueError("it is a link")
@@ -186,7 +186,7 @@ def write_card(
 
 
 def read_card(path: Path) -> tuple[dict[str, Any], str]:
-    """Front matter and text. Raises ValueError, and OSError if there is no card."""
+    """Front matter and text. Raises ValueError, OSError."""
     begin, sign, rest = path.read_text().partition("---\n")
     front, end, text = rest.partition("\n---\n")
     if begin.strip() or not sign or not end:

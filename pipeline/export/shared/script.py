@@ -65,7 +65,7 @@ class Script:
 
 
 def script_of(facts: Facts) -> Script:
-    """The script of an episode; texts are empty if it has no skills."""
+    """Texts are empty if the episode has no skills."""
     runs, frames = facts.log.skills, len(facts)
     if not runs:
         return Script([""] * frames, [""] * frames, [""] * frames)
@@ -92,7 +92,7 @@ def script_of(facts: Facts) -> Script:
 
 
 def rows_of(facts: Facts) -> list[dict[str, Any]]:
-    """The runs with `start_frame` (the first whose action they execute) and `end_frame`."""
+    """`start_frame` is the first whose action a run executes."""
     every = facts.meta.physics_hz // facts.fps
     return [
         asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)}

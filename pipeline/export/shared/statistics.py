@@ -31,7 +31,7 @@ def vector_stats(values: NDArray[Any]) -> Stats:
 
 
 def sample_rows(length: int) -> NDArray[np.int64]:
-    """Frames of the image statistics, LeRobot's rule: max(min(100, N), min(N^0.75, 10000))."""
+    """LeRobot's rule for image statistics: max(min(100, N), min(N^0.75, 10000))."""
     count = max(min(100, length), min(int(length**0.75), 10_000))
     return np.round(np.linspace(0, length - 1, count)).astype(np.int64)
 
@@ -43,14 +43,14 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
 
 
 class PlaneCounts:
-    """`color_counts` of frames of `video.decoded_planes`, in batches."""
+    """`color_counts` of `video.decoded_planes`, in batches."""
 
     def __init__(self) -> None:
         self._counts, self._waiting = np.zeros((3, 256), np.int64), list[tuple[Any, Any, Any]]()
         self._step = 1
 
     def passing(self, frames: Iterable[Any], rows: Collection[int]) -> Iterator[Any]:
-        """The frames, of which those numbered `rows` are counted as they pass."""
+        """The frames; those numbered `rows` are counted."""
         for number, frame in enumerate(frames):
             if number in rows:
                 self._add(frame)
@@ -101,7 +101,7 @@ def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
 
 
 def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
-    """Every step-th sample of a plane, both ways, as an array of its own."""
+    """Every step-th sample, both ways, as its own array."""
     if step not in (2, 4, 8):
         return plane[::step, ::step].copy()
     # the low byte of an integer: many at a time
@@ -109,7 +109,7 @@ def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
 
 
 def _thinning(height: int, width: int) -> int:
-    """Every how many-th pixel, both ways, of an image enters the statistics."""
+    """Every how many-th pixel, both ways, is counted."""
     return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
 
 
@@ -120,7 +120,7 @@ def _counts(rgb: Any) -> NDArray[np.int64]:
 
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
-    """Statistics (3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
+    """(3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
     values, total = np.arange(256) / 255.0, counts.sum(1)
     mean, present, below = counts @ values / total, counts > 0, np.cumsum(counts, axis=1)
     stats = {

@@ -1,4 +1,4 @@
-"""Parquet files being written, and the one with the origin of each episode."""
+"""Parquet files being written, and the origin of each episode."""
 
 import json
 from contextlib import suppress
@@ -21,7 +21,7 @@ from .script import rows_of
 
 
 class TableWriter(pq.ParquetWriter):
-    """Given up if the disk refuses: pyarrow would try again when it is collected."""
+    """After an error it is given up: pyarrow would try again."""
 
     def close(self) -> None:
         """Write the footer, once. Raises OSError if the disk refuses."""
@@ -41,7 +41,7 @@ class TableWriter(pq.ParquetWriter):
 
 
 class RowWriter:
-    """A Parquet file of rows, written when `group` of them have come."""
+    """A Parquet file in groups of `group` rows."""
 
     def __init__(self, path: Path, schema: pa.Schema, group: int) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -137,7 +137,7 @@ PROVENANCE = "episodes.parquet"
 
 
 class Provenance(RowWriter):
-    """A Parquet file of episodes; with the column `dataset` in an export of several."""
+    """Episodes in Parquet; with `dataset` in an export of several."""
 
     def __init__(self, path: Path, draft: ExportDraft) -> None:
         without = ("pair", "arm") if draft.mixed else ("pair", "arm", "dataset")
@@ -155,7 +155,7 @@ class Provenance(RowWriter):
         self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
-        """Add an episode. Raises ExportError if it does not fit the first of its robot."""
+        """Raises ExportError if it does not fit the robot's first."""
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         objects = {name: info.model_dump() for name, info in facts.meta.objects.items()}
         row = {

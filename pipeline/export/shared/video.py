@@ -20,8 +20,8 @@ from .episodes import ExportError
 @dataclass(frozen=True)
 class EncoderLimits:
     """Defaults of an encoder, and the crf above which it clips without a word. `alone` makes its
-    bytes a function of the frames. `predicted` is without x264's look-ahead, which differs
-    now and then."""
+    bytes a function of the frames. `predicted` is for predicted frames: x264's look-ahead
+    differs now and then."""
 
     crf: int
     largest_crf: int
@@ -57,7 +57,7 @@ class Codec:
         return ENCODERS[self.name].crf if self.crf is None else self.crf
 
     def options(self) -> dict[str, str]:
-        """Options for libav; one thread, so that the same frames give the same bytes."""
+        """For libav; one thread, so that equal frames are equal bytes."""
         encoder = ENCODERS[self.name]
         return {
             "g": str(self.gop),
@@ -68,7 +68,7 @@ class Codec:
         }
 
     def check(self) -> None:
-        """Raise ExportError for an encoder or crf that does not exist here."""
+        """Raise ExportError for an unknown encoder or crf."""
         if self.name not in CODECS or self.name not in av.codecs_available:
             known = ", ".join(CODECS)
             raise ExportError(f"video codec {self.name!r} is not available: use {known}")

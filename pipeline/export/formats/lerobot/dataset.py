@@ -88,7 +88,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         return writer.finish(), specs
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """One configuration a dataset; none for a single one, whose card has it."""
+        """One a dataset; none for a single one."""
         roots = [path.parent.parent for path in sorted(folder.rglob("meta/info.json"))]
         names = [root.relative_to(folder).as_posix() for root in roots if root != folder]
         return [
@@ -98,7 +98,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
 
 class Writer(ABC):
-    """One LeRobot dataset being written: append, close, then finish."""
+    """One dataset: append, close, then finish."""
 
     def __init__(
         self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions
@@ -126,7 +126,7 @@ class Writer(ABC):
         return index, columns, stats
 
     def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
-        """Count an episode; `places` are the video file and its first image by camera."""
+        """`places` are the video file and its first image by camera."""
         self.provenance.append(episode.facts)
         self.encoded.append(episode.sha, episode.encoded, places)
         self.sampled += episode.encoded.sampled
@@ -154,7 +154,7 @@ class Writer(ABC):
         return {name: f"0:{self.provenance.count}"}
 
     def finish(self) -> dict[str, Any]:
-        """After `close`: write what describes the whole dataset; returns counts."""
+        """After `close`: describe the whole dataset; returns counts."""
         meta, first = self.root / "meta", self.first
         counts = {"episodes": self.provenance.count, "frames": self.frames}
         summary = counts | {"tasks": len(self.tasks), "fps": first.fps}

@@ -135,7 +135,7 @@ def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
 
 
 def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema) -> pa.Table:
-    """Rows of a data file from columns (T,) or (T,d), or Arrow arrays."""
+    """From columns (T,) or (T,d), or Arrow arrays."""
     arrays = []
     for field in schema:
         values = columns[field.name]
@@ -150,7 +150,7 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
 def data_columns(
     facts: Facts, names: Mapping[str, str], index: int, start: int, task: int
 ) -> dict[str, NDArray[Any]]:
-    """Columns (T,) or (T,d) of episode `index`, whose first row is `start`."""
+    """(T,) or (T,d) of episode `index`, from row `start`."""
     length, script = len(facts), script_of(facts)
     columns: dict[str, NDArray[Any]] = {
         name: np.ascontiguousarray(values, np.float32)

@@ -29,7 +29,7 @@ TRACE_EVERY = 3  # frames between two points of a trace
 
 
 def _persistent_rows(facts: Facts, script: Script) -> list[dict[str, Any]]:
-    """Rows of an episode by time, at every frame where the subtask changes."""
+    """By time, at every frame where the subtask changes."""
     starts, rows = script.changes(), list[dict[str, Any]]()
     for k, t in enumerate(starts):
         left = [script.subtask[s] for s in starts[k:]]
@@ -130,7 +130,7 @@ ORDER = (
 
 
 def data_schema(features: Mapping[str, Mapping[str, Any]]) -> pa.Schema:
-    """Schema of the data files, with Hugging Face features in the metadata."""
+    """With Hugging Face features in the metadata."""
     stored = {name: feature for name, feature in features.items() if feature["dtype"] != "video"}
     kinds = {name: _column(name, feature) for name, feature in stored.items()}
     described = {"info": {"features": {name: words for name, (_, words) in kinds.items()}}}
@@ -164,7 +164,7 @@ def _language(*, with_time: bool) -> tuple[pa.DataType, dict[str, Any]]:
 def write_meta(
     root: Path, info: Mapping[str, Any], tasks: Sequence[str], stats: Mapping[str, Stats]
 ) -> None:
-    """meta/info.json, tasks.parquet and stats.json; `info` are the fields not in DEFAULTS."""
+    """`info` are the fields not in DEFAULTS."""
     meta = root / "meta"
     meta.mkdir(parents=True, exist_ok=True)
     _write_json(meta / "info.json", {name: (DEFAULTS | dict(info))[name] for name in ORDER})
@@ -174,7 +174,7 @@ def write_meta(
 
 
 def _tasks_table(tasks: Sequence[str]) -> pa.Table:
-    """meta/tasks.parquet, in which pandas finds the column `task` as its index."""
+    """pandas finds the column `task` as its index."""
 
     def column(name: str | None, kind: str, stored: str, metadata: Any = None) -> dict[str, Any]:
         names = {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": stored}

@@ -1,4 +1,4 @@
-"""Options of the LeRobot formats, and which episodes go to one dataset."""
+"""Options of the LeRobot formats, and their datasets."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -24,7 +24,7 @@ from .videos import Clip, Encoded, clip_name
 
 @dataclass(frozen=True, eq=False)
 class EpisodeSource:
-    """An episode file to prepare, its sha256, and its older videos if there are."""
+    """An episode file, its sha256, and its older videos if any."""
 
     path: Path
     sha: str
@@ -95,7 +95,7 @@ def prepare_all(
 
 
 def start_worker() -> None:
-    """OpenCV in one thread, and an end with the parent: its workers would wait forever."""
+    """One thread of OpenCV, and an end with the parent."""
     cv2.setNumThreads(1)
     Thread(target=_end_with_parent, daemon=True).start()
 
@@ -109,7 +109,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _one_thread() -> Generator[None]:
-    """OpenCV in one thread: others would wait busily between short calls."""
+    """Other threads would wait busily between short calls."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

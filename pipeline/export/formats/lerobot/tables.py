@@ -17,12 +17,12 @@ FILES_PER_CHUNK = 1000
 
 
 def chunk_file(number: int, suffix: str) -> str:
-    """Name of file number `number`: chunk-000/file-000 ..., 1000 files a chunk."""
+    """chunk-000/file-000 ..., 1000 files a chunk."""
     return f"chunk-{number // FILES_PER_CHUNK:03d}/file-{number % FILES_PER_CHUNK:03d}.{suffix}"
 
 
 class Tables:
-    """Parquet files of one schema; `number` is that of the file being written."""
+    """Parquet files of one schema; `number` is the current one's."""
 
     def __init__(self, root: Path, schema: pa.Schema) -> None:
         self.root, self.schema = root, schema
@@ -41,7 +41,7 @@ class Tables:
 
     @property
     def place(self) -> dict[str, int]:
-        """chunk_index and file_index of the file that the next table goes to."""
+        """chunk_index and file_index of the next table."""
         chunk, file = divmod(self.number, FILES_PER_CHUNK)
         return {"chunk_index": chunk, "file_index": file}
 
@@ -60,7 +60,7 @@ class Tables:
 
 
 def read_column(root: Path, name: str) -> NDArray[Any]:
-    """A column of all Parquet files below a directory, (N,) or (N,d)."""
+    """Of all files below a directory, (N,) or (N,d)."""
     parts = list[NDArray[Any]]()
     for path in sorted(root.rglob("*.parquet")):
         table = pq.ParquetFile(path).read(columns=[name], use_threads=False)
@@ -81,7 +81,7 @@ def depth_schema(names: Sequence[str]) -> pa.Schema:
 def depth_table(
     images: Mapping[str, Sequence[bytes]], schema: pa.Schema, index: int, start: int
 ) -> pa.Table:
-    """The rows of episode `index`, whose first frame is `start`; PNG by camera."""
+    """Rows of episode `index` from frame `start`; PNG by camera."""
     count = len(next(iter(images.values())))
     clock = [np.arange(start, start + count), np.full(count, index), np.arange(count)]
     return pa.table([*map(pa.array, clock), *map(image_column, images.values())], schema=schema)

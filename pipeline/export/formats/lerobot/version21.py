@@ -93,7 +93,7 @@ class V21Writer(Writer):
 
 
 def readable_by_old(schema: pa.Schema) -> pa.Schema:
-    """Old versions of datasets called lists of fixed length Sequence."""
+    """Old datasets called lists of fixed length Sequence."""
     key, metadata = b"huggingface", dict(schema.metadata)
     metadata[key] = metadata[key].replace(b'"_type": "List"', b'"_type": "Sequence"')
     return schema.with_metadata(metadata)

@@ -44,7 +44,7 @@ class Clip:
 
 
 class _Source:
-    """Packets of clips, from memory or from files read on where the last clip ended."""
+    """Packets of clips, read on from where the last one ended."""
 
     def __init__(self) -> None:
         self._container: Any = None
@@ -66,7 +66,7 @@ class _Source:
         return [p for _, p in zip(range(count), self._packets, strict=False)]
 
     def take(self, count: int) -> list[Any]:
-        """At most `count` packets, and one more from memory, where there must be none."""
+        """At most `count` packets; there must be no more in memory."""
         packets = self._take(count + (self._file is None))
         self._next += len(packets)
         return packets
@@ -144,7 +144,7 @@ class VideoFile:
 
 @dataclass(frozen=True, eq=False)
 class Encoded:
-    """An episode as video: a clip and color counts (3,256) over `sampled` images by camera."""
+    """A clip and color counts (3,256) over `sampled` images, by camera."""
 
     videos: dict[str, Clip]
     colors: dict[str, NDArray[np.int64]]
@@ -166,7 +166,7 @@ class EncodedFile(RowWriter):
         return file.relative_to(self.draft.folder).as_posix()
 
     def append(self, sha: str, encoded: Encoded, places: dict[str, tuple[Path, int]]) -> None:
-        """Add an episode; `places` has the video file and its first image by camera."""
+        """`places` has the video file and its first image by camera."""
         rows: list[dict[str, Any]] = []
         for camera, clip in encoded.videos.items():
             file, start = places[camera]
@@ -182,7 +182,7 @@ class EncodedFile(RowWriter):
 
 
 class OlderVideos:
-    """The videos that an older export lends, by the sha256 of their episode."""
+    """Lent by an older export, by the sha256 of their episode."""
 
     def __init__(self, draft: ExportDraft) -> None:
         self.older = draft.older
