@@ -1,5 +1,4 @@
-"""The expert in one running simulation: what it measures and holds, and how its plans become
-physics."""
+"""The expert in one simulation: measurements, and plans as physics."""
 
 import inspect
 from collections.abc import Callable, Iterator, Sequence
@@ -139,8 +138,7 @@ class Actor:
         return self.planner.split(self.simulation.command)[side][1]
 
     def in_hand(self, side: str) -> Pose:
-        """Measured pose (7,) of the held body in the tcp frame. Raises
-        PlanFailure("empty_hand")."""
+        """Measured pose (7,) in the tcp frame. Raises PlanFailure("empty_hand")."""
         if side not in self.held:
             raise PlanFailure("empty_hand", f"the {side} arm holds nothing")
         return compose(inverse(self.simulation.tcp(side)), self.pose(self.held[side]))

@@ -62,7 +62,7 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
-    """Which directions (N,3) lie within GRASP.avoided of one of the unit vectors `avoid` (3,)."""
+    """Which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
     near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
     return np.any(near, axis=0) & np.ones(len(directions), bool)
 
@@ -75,8 +75,7 @@ def find_candidates(
     options: GraspOptions,
     avoid: Sequence[Floats],
 ) -> Candidates:
-    """All grasps of a body that fit between the jaws. Raises PlanFailure: no_grasp,
-    grasp_unreachable."""
+    """All grasps that fit between the jaws. Raises PlanFailure: no_grasp, grasp_unreachable."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
     q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))
@@ -104,8 +103,7 @@ def find_candidates(
 def leading_grasps(
     arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]
 ) -> Floats:
-    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of each of
-    `goals`."""
+    """Tcp poses (N,7) in the body frame that reach every one of `goals`."""
     local = _fitting(arm, name, annotated, GraspOptions())[1]
     ok = np.ones(len(local), bool)
     for goal in goals:

@@ -1,5 +1,4 @@
-"""Choice of a grasp: all annotated candidates are solved at once, the cheapest in reach is
-taken."""
+"""Choice of a grasp: all candidates are solved at once."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,8 +23,7 @@ from .candidates import Candidates, GraspOptions, backed_off, find_candidates, l
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """The motion to a grasp with the gripper at `jaws`: to the standoff, then a straight line
-    (K,n)."""
+    """The motion to the standoff, then a straight line (K,n) to the grasp."""
 
     grasp: Grasp
     jaws: float
@@ -41,8 +39,7 @@ class GraspPlan:
 
 @dataclass(frozen=True, eq=False)
 class _Checks:
-    """Checkers with the jaws at one value: on the line in, at the standoff, on the line with
-    room."""
+    """Checkers by place of the hand, with the jaws at one value."""
 
     closing: IsFree
     standing: IsFree
@@ -78,8 +75,7 @@ class GraspChoice:
         return None if path is None else path[-1]
 
     def free(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether the jaws are wide enough for candidate i and the hand touches nothing from its
-        standoff on."""
+        """Whether the jaws are wide enough and the hand touches nothing from the standoff on."""
         room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
         checks = self.checks[jaws]
         return (
@@ -93,8 +89,7 @@ class GraspChoice:
         return min(1.0, self.found.grasps[i // 2].width / self.found.opening)
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether candidate i keeps away from other bodies on its line in and above, and leads to a
-        pose of every goal."""
+        """Whether the line of candidate i is free and leads to every goal."""
         passing, risen = self.checks[jaws].passing, self.risen(i, line)
         if risen is None or not passing(line) or not passing(risen):
             return False
@@ -106,8 +101,7 @@ class GraspChoice:
         )
 
     def promising(self) -> bool:
-        """Whether one of the GRASP.tries cheapest candidates that can be taken leads to the
-        goals."""
+        """Whether one of the GRASP.tries cheapest candidates leads to the goals."""
         tries = GRASP.tries
         lines = self.lines()
         for jaws in GRASP.openings:

@@ -1,4 +1,4 @@
-"""Joint commands that follow a moving goal within limits of velocity, acceleration and jerk."""
+"""Joint commands after a moving goal, within limits up to jerk."""
 
 from collections.abc import Sequence
 
@@ -37,8 +37,7 @@ class Limiter:
         return self.at + self.velocity * np.abs(self.velocity) / (2 * BRAKING * self._acceleration)
 
     def follow(self, goal: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """The next command (A,) and its velocity, for a goal at `goal` (A,) after this step that
-        moves with `velocity`."""
+        """The next command (A,) and its velocity, for a `goal` (A,) after this step."""
         dt = 1.0 / PHYSICS_HZ
         gap = goal - self.at - velocity * dt
         size, room = np.abs(gap) + TINY, self.speed - np.sign(gap) * velocity

@@ -127,8 +127,7 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
 
 
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
-    """How many of the tcp poses `local` (N,7), of SEAT.grasps evenly chosen, are in reach for each
-    body pose (B,7)."""
+    """How many of the tcp poses `local` are in reach for each body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
     return np.array(
         [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies], dtype=np.int64

@@ -1,5 +1,4 @@
-"""A motion that events changed while it ran: its clock stops, turns back or runs faster, or a push
-displaces it."""
+"""A motion that events stop, turn back, speed up or displace."""
 
 import json
 from collections.abc import Mapping
@@ -20,8 +19,7 @@ PUSHED = 0.3
 
 
 class Change(NamedTuple):
-    """From `time` (s) on the motion runs `rate` times as fast as it was drawn, and is pushed with
-    `x`, `y` m/s."""
+    """From `time` (s) on: the `rate` of the clock and a push with `x`, `y` m/s."""
 
     time: float
     rate: float
@@ -31,8 +29,7 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """The motion `base` with changes in the order of their times. Its features are those that were
-    drawn."""
+    """The motion `base` with changes in order of time; features as drawn."""
 
     base: TargetMotion
     changes: tuple[Change, ...]

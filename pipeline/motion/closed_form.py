@@ -42,9 +42,7 @@ INTEGRATED = 2000  # intervals over which the mean speed is integrated by the mi
 
 @dataclass(frozen=True)
 class ClosedForm(ABC):
-    """A motion by formulas, `place` and `rates`, at times from -lead on; `end` is its pose at
-    `duration`.
-    """
+    """A motion by formulas at times from -lead on; `end` is its pose at `duration`."""
 
     kind: ClassVar[str]
     level: int
@@ -103,8 +101,7 @@ class ClosedForm(ABC):
 
 @dataclass(frozen=True)
 class Along(ClosedForm):
-    """A motion along a path: `at` and `slope` by the advance (m), which is 0 at the end, at a
-    `pace`."""
+    """A motion along a path: `at` and `slope` by the advance (m), 0 at the end."""
 
     pace: Pace
 
@@ -127,9 +124,7 @@ class Along(ClosedForm):
 
 
 class ClosedFormModel[M: ClosedForm](ABC):
-    """The first of `candidates` that keeps the request is taken. Raises MotionError for a missing
-    formula.
-    """
+    """The first feasible of `candidates`. Raises MotionError for a missing formula."""
 
     version = 1
     levels: Mapping[int, Level] = LEVELS
@@ -173,8 +168,7 @@ class ClosedFormModel[M: ClosedForm](ABC):
 
 
 def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[M]) -> M:
-    """The first motion that keeps speed, workspace, view and clearance of a request. Raises
-    NoMotion."""
+    """The first motion that keeps the request. Raises NoMotion."""
     times = np.linspace(-asked.lead, asked.duration + asked.tail, SAMPLES)
     refused, last = Counter[str](), None
     for motion in candidates:
@@ -232,8 +226,7 @@ def headings(streams: Streams, count: int = 64) -> list[float]:
 
 
 def turned_about(end: ArrayLike, pivot: ArrayLike, turn: Floats) -> Floats:
-    """Poses (..., 7) of a body at `end` (7,) after turns (..., 4) about the world point `pivot`
-    (3,)."""
+    """Poses (..., 7) of a body after turns (..., 4) about the world point `pivot`."""
     end, pivot = np.asarray(end, float), np.asarray(pivot, float)
     at = pivot + quat_rotate(turn, end[:3] - pivot)
     return np.concatenate([at, quat_multiply(turn, end[3:])], -1)

@@ -21,8 +21,7 @@ UNSURE = 1e-6  # relative excess over alpha that rounding explains
 
 @dataclass(frozen=True)
 class Features:
-    """Average, greatest and last speed (m/s) of a motion, and the distance (m) of its start from
-    its end."""
+    """Average, greatest and last speed (m/s), and distance (m) from start to end."""
 
     average_speed: float
     maximum_speed: float
@@ -185,7 +184,7 @@ def described(*texts: str) -> Mapping[int, Level]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One property of a stored motion: its name, whether it holds, and what is wrong otherwise."""
+    """One property of a stored motion, and what is wrong otherwise."""
 
     name: str
     holds: bool
@@ -226,8 +225,7 @@ class MotionModel(Protocol):
 
 
 def derived(motion: TargetMotion) -> Verdict:
-    """Whether the velocity of a motion is the derivative of its position: the median error at 41
-    times."""
+    """Whether velocity is the derivative of position: the median error at 41 times."""
     start, h = float(-motion.lead), 1e-4
     times = np.linspace(start + 2 * h, float(motion.duration) - 2 * h, 41)
     moved = (np.asarray(motion.pose(times + h)) - np.asarray(motion.pose(times - h)))[:, :3] / (

@@ -1,4 +1,4 @@
-"""How a target advances along its path: constant, smoothly changing, or abruptly changing speed."""
+"""Pace along a path: constant, smoothly or abruptly changing."""
 
 from dataclasses import dataclass
 
@@ -34,8 +34,9 @@ class Pace:
     swell: float = 0.0
 
     def _pieces(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Share of the piece, its duration and speed, the advance at its start, and the time after
-        the last edge."""
+        """Share, duration and speed of the piece, the advance at its start, the time after the
+        last.
+        """
         t = np.asarray(t, float)
         starts, edges = np.array([self.start, *self.edges[:-1]]), np.array(self.edges)
         spans, speeds = edges - starts, np.array(self.speeds)

@@ -1,5 +1,4 @@
-"""Where the target goes next: its path in the world and its trace in an image, ahead of every
-frame."""
+"""The target's path ahead of every frame, in the world and in an image."""
 
 import numpy as np
 from numpy.typing import NDArray

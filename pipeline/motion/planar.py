@@ -1,4 +1,4 @@
-"""Planar motion as pieces of polynomials, with ascending coefficients on normalised time [0, 1]."""
+"""Planar motion as polynomials on normalised time [0, 1]."""
 
 import json
 from collections.abc import Mapping
@@ -42,8 +42,7 @@ def quadrature(n: int) -> tuple[Floats, Floats]:
 
 
 def evaluate(coefficients: ArrayLike, s: Floats | float) -> Floats:
-    """Horner's scheme: coefficients (..., d+1) at `s`, broadcast against their leading
-    dimensions."""
+    """Horner's scheme: coefficients (..., d+1) at `s`, broadcast."""
     c = np.asarray(coefficients, float)
     value = c[..., -1] + np.zeros_like(s)
     for k in range(c.shape[-1] - 2, -1, -1):
@@ -79,9 +78,7 @@ def squared_speed(coefficients: ArrayLike) -> Floats:
 
 
 def arc_length(coefficients: ArrayLike) -> float:
-    """Length of a planar curve (2, d+1) over [0, 1], by Gauss-Legendre between the speed's
-    extremes.
-    """
+    """Length of a planar curve (2, d+1), by Gauss-Legendre between the speed's extremes."""
     slope = derivative(coefficients)
     cuts = stationary(squared_speed(coefficients))
     nodes, weights = quadrature(32)
@@ -100,8 +97,7 @@ def greatest_speed(coefficients: ArrayLike) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One piece: `coefficients` (2, d+1) in m of x and y over (t - start) / (end - start) in [0,
-    1]."""
+    """Coefficients (2, d+1) in m over (t - start) / (end - start)."""
 
     start: float
     end: float
@@ -198,8 +194,7 @@ class PlanarMotion:
         )
 
     def velocity(self, t: ArrayLike) -> Floats:
-        """World velocity (..., 3) in m/s at times t (...,) in s; after a breakpoint where t is
-        one."""
+        """World velocity (..., 3) in m/s at `t` (s); after a breakpoint."""
         t = np.asarray(t, float)
         i, s = self._locate(t)
         xy = evaluate(self._table[3][i], s[..., None]) * (t >= -self.lead)[..., None]
@@ -245,8 +240,7 @@ class PlanarMotion:
         return Features(self.average_speed(), self.maximum_speed(), end_speed, displacement)
 
     def extent(self) -> tuple[Floats, Floats]:
-        """Smallest and largest x, y, (2,) each in m, over [-lead, duration], exact up to
-        rounding."""
+        """Smallest and largest x, y (2,) in m over [-lead, duration]."""
         extremes = [[evaluate(c, stationary(c)) for c in s.coefficients] for s in self.segments]
         low = np.array([[axis.min() for axis in pair] for pair in extremes]).min(0)
         return low, np.array([[axis.max() for axis in pair] for pair in extremes]).max(0)

@@ -91,8 +91,7 @@ def draw_level_2(
     end: ArrayLike,
     workspace: Workspace,
 ) -> DrawnPaths:
-    """One polynomial of degree 2-4 through 3-5 control points; inner ones lie beside the chord by
-    up to 0.1 m per axis."""
+    """One polynomial of degree 2-4; inner control points lie within 0.1 m of the chord per axis."""
     end = np.asarray(end, float)
     start = draw_within_reach(rng, n, workspace, end, alpha * total)
     c = _curve(rng, start, np.broadcast_to(end, (n, 2)), (3, 4, 5), 0.1, workspace)

@@ -40,8 +40,7 @@ class FirstContact:
 
 @dataclass(frozen=True, eq=False)
 class Interception:
-    """Derived data of one episode; `log` is its state log, `motion` that of the target, `target`
-    (T,7) its world poses."""
+    """Derived data of one episode; `target` (T,7) are world poses."""
 
     meta: EpisodeMeta
     log: StateLog
@@ -90,8 +89,7 @@ class Interception:
 
     @cached_property
     def contact_pairs(self) -> NDArray[np.int64]:
-        """(T,2) how many links of each arm touched the target in the interval that ends at the
-        frame."""
+        """(T,2) links of each arm that touched the target since the last frame."""
         return self._summed(lambda rows: np.ones(len(rows), np.int64), np.int64)
 
     @cached_property
@@ -166,8 +164,7 @@ class Interception:
 
 
 def pose_at(times: Floats, poses: Floats, time: float) -> Pose:
-    """Pose (7,) at a time (s) between frames at `times` (T,), from `poses` (T,7); the nearest one
-    outside of them."""
+    """Pose (7,) at a time (s), interpolated; the nearest one outside `times`."""
     after = int(np.clip(np.searchsorted(times, time), 1, max(len(times) - 1, 1)))
     if len(times) == 1:
         return poses[0].copy()
@@ -246,20 +243,17 @@ LEAST = 0.25  # share of the target's silhouette from which on it counts as seen
 
 
 def before_meeting(log: StateLog, shares: NDArray[Any]) -> NDArray[Any]:
-    """Rows of `shares` (T,) in the last half second until the first touch of the target, of the
-    whole log without one."""
+    """Rows of `shares` (T,) in the last half second before the first touch, if any."""
     met = log.time_of("meeting")
     end = float(log.times[-1]) if met is None else met
     return shares[(log.times > end - SECONDS + 1e-9) & (log.times <= end + 1e-9)]
 
 
 def is_hidden(last: NDArray[Any]) -> bool:
-    """Whether a target is seen in none of the frames (F,) before the meeting, of which `last` are
-    the shares."""
+    """Whether the target is seen in none of the frames (F,)."""
     return bool((last < LEAST).all())
 
 
 def is_unoccluded(last: NDArray[Any]) -> bool:
-    """Whether a target is seen in half of the frames (F,) before the meeting: `view:
-    unoccluded`."""
+    """Whether the target is seen in half of the frames (F,)."""
     return bool(np.mean(last >= LEAST) >= 0.5)

@@ -41,8 +41,7 @@ class Workspace:
         return np.array([self.x_max, self.y_max])
 
     def contains(self, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Which points (..., 2 or 3) lie inside, at least `margin` m from every edge; edges count
-        as inside (to 1 nm)."""
+        """Which points (..., 2 or 3) lie at least `margin` m inside (to 1 nm)."""
         xy = np.asarray(points, float)[..., :2]
         inset = margin - ROUNDING
         if xy.ndim == 1:  # arrays of two numbers cost ten times as much
@@ -73,8 +72,7 @@ class Workspace:
 def draw_within_reach(
     rng: np.random.Generator, n: int, workspace: Workspace, centre: ArrayLike, radius: float
 ) -> Floats:
-    """`n` points (n, 2) uniform in the intersection of the workspace with the disc around `centre`
-    (2,)."""
+    """`n` points (n, 2) uniform in the part of the disc inside the workspace."""
     centre = np.asarray(centre, float)
     low, up = (
         np.maximum(workspace.lower, centre - radius),

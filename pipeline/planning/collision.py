@@ -197,8 +197,7 @@ class CollisionScene:
     pairs: PiecePairs
 
     def first_blocked(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws = OPEN) -> int | None:
-        """Index of the first colliding row of joint rows (K,n), or None. A single (n,) stands
-        still."""
+        """First colliding row of joint rows (K,n), or None. A single (n,) stands still."""
         frames, rows = self.world.frames, self._rows(q_left, q_right, jaws)
         chain = frames.parent, frames.origin, frames.prismatic
         row, _ = first_contact(*chain, tuple(self.pieces), tuple(self.pairs), rows)

@@ -18,8 +18,7 @@ STEP_LIMIT = 0.7  # rad or m per iteration, for which the Jacobian means anythin
 
 @kernel
 def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
-    """Write joint axes and origins (n,3), the tool's rotation (3,3) and position (3,), in the
-    world."""
+    """Write joint axes and origins (n,3) and the tool's pose, in the world."""
     r00, r01, r02 = 1.0, 0.0, 0.0
     r10, r11, r12 = 0.0, 1.0, 0.0
     r20, r21, r22 = 0.0, 0.0, 1.0

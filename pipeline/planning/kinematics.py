@@ -1,4 +1,4 @@
-"""Kinematics of one arm in the world frame, without randomness: equal questions, equal answers."""
+"""Kinematics of one arm in the world frame, deterministic."""
 
 from dataclasses import dataclass
 from functools import cached_property

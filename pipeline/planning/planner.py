@@ -1,4 +1,4 @@
-"""From wanted joints or a line to timed joint rows, for one arm while the other stands still."""
+"""Timed joint rows for one arm while the other stands still."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -197,8 +197,7 @@ class ArmPlanner:
     def free_trajectory(
         self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0
     ) -> ArmTrajectory:
-        """To joints `goal` (n,), `free`, no detour. Raises PlanFailure: path_blocked,
-        path_detour."""
+        """To joints `goal` (n,). Raises PlanFailure: path_blocked, path_detour."""
         path = self._course(goal, free)
         for deviation in LIMITS.deviations:
             motion = self.timed(path, speed_scale=speed_scale, deviation=deviation)

@@ -25,8 +25,7 @@ class Obstacle(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """A body in the hand of arm `side`: pieces in the body frame, its pose (7,) in the tcp
-    frame."""
+    """A body in a hand: pieces in the body frame, pose (7,) in the tcp frame."""
 
     side: str
     pieces: tuple[Collider, ...]
@@ -35,9 +34,7 @@ class Carried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """Commanded joints q (n,) and gripper value, 0 closed to 1 open. The other arm avoids
-    `expected` (n,).
-    """
+    """Joints q (n,) and gripper, 0 closed to 1 open. The other arm avoids `expected` (n,)."""
 
     q: Floats
     gripper: float

@@ -1,4 +1,4 @@
-"""Compile the numba kernels into the cache on disk, before several workers would all do it."""
+"""Compile the numba kernels once, before several workers would."""
 
 import numpy as np
 

@@ -61,8 +61,7 @@ class Rollout:
 
 
 def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
-    """Dry runs, each of which grasps the target from another side or makes its last move later.
-    Raises Failure."""
+    """Dry runs that differ in grasp or timing. Raises Failure."""
     with phases("dry_run"):
         first = dry = dry_run(scene, fps)
     yield dry

@@ -1,6 +1,4 @@
-"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting
-time.
-"""
+"""Stage 2: the motion that brings the target to the meeting on time."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
@@ -120,8 +118,7 @@ def strictness(setup: Setup, alpha: float) -> tuple[tuple[float, ...], float | N
 
 
 def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
-    """Draw the motions of the target and of bodies that move beside it. Raises Failure:
-    no_motion."""
+    """Draw the motions of all moving bodies. Raises Failure: no_motion."""
     task, clear = scene.task, Clearance(scene, dry)
     at = {n: relative(scene, n) for n, model in task.movers.items() if model == CARRIED}
     clear_of = {name: beside(scene, dry, name, {}) for name in at}

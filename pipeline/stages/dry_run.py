@@ -1,5 +1,4 @@
-"""Stage 1: run the task's expert on a still target, and measure when it meets it (paper, appendix
-D.3)."""
+"""Stage 1: the expert meets a still target (paper, appendix D.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -119,8 +119,9 @@ def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
 
 
 def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[Floats, Floats]:
-    """Commands (M,A) of the dry run and their velocities; a hand that tracks moves along. Raises
-    PlanFailure."""
+    """Commands (M,A) of the dry run and velocities; a tracking hand moves along. Raises
+    PlanFailure.
+    """
     tracking = next((run for run in dry.runs if run.skill == TRACK), None)
     if tracking is None or not motion.level:
         return dry.commands, dry.velocities
@@ -129,7 +130,7 @@ def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[Floats, F
 
 
 def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
-    """Finish the script live and judge the episode. Raises PlanFailure and Failure of `stage`."""
+    """Finish the script live and judge it. Raises PlanFailure and Failure of `stage`."""
     actor.half = "finish"
     # named: an error in a skill is reported at the line that yielded it
     script = scene.task.finish(actor)

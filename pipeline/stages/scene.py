@@ -132,8 +132,7 @@ class Scene:
         return ImperfectDrives(self.rules.drive, self.embodiment, self.spec.rng(stream))
 
     def sees(self, points: Floats, camera: str = "D435") -> NDArray[np.bool_]:
-        """Which world points (...,3) the head camera has in its image, with a margin and no
-        distractor before them."""
+        """Which world points (...,3) the head camera sees, with a margin."""
         head = cameras_of(self.embodiment, camera)[0]
         blockers = [self.bodies[name] for name in self.clutter]
         in_view = visible(head.type, head.pose, points, FRAME_MARGIN)
@@ -176,8 +175,7 @@ class Scene:
 
 
 def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
-    """Lay out the scene of a spec; a pure function of it and the rules. Raises
-    Failure("layout")."""
+    """Lay out a spec's scene: a pure function. Raises Failure("layout")."""
     task = TASKS[spec.task]
     embodiment = embodiment_of(spec, rules.layout, stance_of(spec))
     head = cameras_of(embodiment)[0]
@@ -205,8 +203,7 @@ def success_time(scene: Scene, log: StateLog) -> float | None:
 
 
 def rest(actor: Actor, task: Task, seconds: float = 0.4) -> None:
-    """Hold still after a script, so that released bodies, and a target on its motion, come to
-    rest."""
+    """Hold still after a script, so that bodies come to rest."""
     actor.simulation.release()
     actor.wait(seconds)
     actor.wait((-actor.simulation.steps % (PHYSICS_HZ // actor.recorder.fps)) / PHYSICS_HZ)

@@ -140,7 +140,7 @@ def _free(body: Body, bodies: dict[str, Body], found: dict[str, Body], links: Fl
 
 
 def _distance(point: Floats, box: Floats) -> float:
-    """Distance (m) of a point (2,) from a rectangle (2,2) of lower and upper corner, 0 inside."""
+    """Distance (m) of a point (2,) from a rectangle (2,2), 0 inside."""
     return float(np.linalg.norm(np.maximum(np.maximum(box[0] - point, point - box[1]), 0.0)))
 
 

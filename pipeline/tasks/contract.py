@@ -148,8 +148,7 @@ class Task(ABC):
 
     @abstractmethod
     def layout(self, draw: Draw) -> Bodies:
-        """The bodies of the scene, in the order they are placed, the target at its manipulation
-        pose."""
+        """Bodies in the order of placement, the target at its manipulation pose."""
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         """Roles of the arms: by default one `arm`, on the side of the manipulated body."""
@@ -163,8 +162,7 @@ class Task(ABC):
 
     @abstractmethod
     def meet(self, a: Actor) -> Skills:
-        """Planned once in the still scene; the meeting is the first touch of the target, inside its
-        last skill."""
+        """Planned in the still scene; its last skill must touch the target."""
 
     def finish(self, a: Actor) -> Skills:
         """Planned live from wherever things are after the meeting."""
@@ -216,8 +214,7 @@ def suites() -> dict[str, tuple[str, ...]]:
 
 
 def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
-    """Tasks by name, with names of suites replaced by their tasks; none, or `all`, are those of the
-    suite `domino`."""
+    """Tasks of names and suites; none, or `all`, are those of `domino`."""
     known, requested = suites(), tuple(names) or ("all",)
     return tuple(
         dict.fromkeys(
@@ -290,7 +287,6 @@ def family_of(instance: Family) -> str:
 
 
 def drawn_kind(family: str, rules: Rules, rng: np.random.Generator) -> type[Family]:
-    """What a layout gets where it asks for a family: the family, or one of the objects that stand
-    for it."""
+    """The family that a layout asked for, or one of its replacements."""
     names = rules.standing_for(family)
     return FAMILIES[names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]]

@@ -60,7 +60,7 @@ def bodies_of(task: Task) -> set[str]:
 
 
 def goals_of(task: Task) -> set[str]:
-    """The bodies, of which a scene has some, that are neither target nor handled nor in another."""
+    """Bodies that are neither target nor handled nor in another."""
     return {
         placement.name
         for seed in range(NAMED)

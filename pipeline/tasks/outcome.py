@@ -84,8 +84,7 @@ class Outcome:
         return a[:3] - b[:3]
 
     def _began(self, name: str) -> int:
-        """The frame from which a body's rise and turn count: the first, for the target the last one
-        before the meeting."""
+        """The first frame; for the target the last one before the meeting."""
         met = self.log.time_of("meeting") if name == self.target else None
         return (
             0 if met is None else max(0, int(np.searchsorted(self.log.times, met, side="left")) - 1)

@@ -1,4 +1,4 @@
-"""The reactive expert in one running simulation: looks, plans, follows the target, tries again."""
+"""The reactive expert in one running simulation."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress

@@ -31,8 +31,7 @@ class Adviser:
         self._row, self.off = 0.0, 0.0
 
     def action(self) -> Floats:
-        """The expert's command (A,) for the control period that begins, within its limits of
-        speed."""
+        """The expert's command (A,) for the next control period."""
         time, command = self._actor.simulation.time, self._actor.simulation.command
         self._row = self._nearest(time)
         seconds = self._period / PHYSICS_HZ

@@ -1,5 +1,4 @@
-"""The reactive expert as a controller: a plan for a still target, carried along with a moving
-one."""
+"""The reactive expert: a plan for a still target, carried along with a moving one."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -196,8 +195,7 @@ class ReactiveExpert:
 
 
 def part_of(start: Pose, end: Pose, share: float) -> Pose:
-    """The displacement (7,), in the world, by `share` of the way from `start` (7,) to `end`
-    (7,)."""
+    """The world displacement (7,) by `share` of the way from start to end."""
     turn = quat_multiply(end[3:], quat_conjugate(start[3:]))
     turn = turn if turn[0] >= 0 else -turn
     sine = float(np.linalg.norm(turn[1:]))

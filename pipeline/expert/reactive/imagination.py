@@ -1,4 +1,4 @@
-"""A script planned in a still copy of what is seen, whose arms are where they are commanded."""
+"""A script planned in a still copy of what is seen."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

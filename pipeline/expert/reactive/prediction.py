@@ -1,5 +1,4 @@
-"""Where a target is and will be, from what was seen: a Kalman filter of constant velocity; turning
-by difference."""
+"""Prediction of a target: a Kalman filter of constant velocity; turning by difference."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -79,7 +79,7 @@ def _tipping(over: Floats, down: Floats, pair: int) -> Floats:
 
 
 def _swayed(arm: ArmPlanner, hold: Pose, path: Floats) -> float:
-    """Largest distance (m) of the held body's origin along joint rows (K,n) from the nearer end."""
+    """Largest distance (m) of the held body along rows (K,n) from the nearer end."""
     at = np.stack([compose(arm.fk(row), inverse(hold))[:3] for row in path])
     ends = [np.linalg.norm(at - end, axis=1) for end in (at[0], at[-1])]
     return float(np.minimum(*ends).max())

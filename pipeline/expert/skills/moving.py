@@ -34,8 +34,9 @@ def carry(a: Actor, side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Step
 
 
 def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTrajectory:
-    """A free motion to the first tcp pose of (N,7) that can be had. Raises PlanFailure:
-    pose_unreachable, path_blocked."""
+    """A free motion to the first feasible pose. Raises PlanFailure: pose_unreachable,
+    path_blocked.
+    """
     q, ok = arm.solve(poses)
     if not ok.any():
         why = f"none of {len(poses)} poses is in reach of the {arm.side} arm"

@@ -1,4 +1,4 @@
-"""Several skills as one: alternatives, one after another, two arms at once, after a target."""
+"""Several skills as one."""
 
 from collections.abc import Iterator
 
@@ -95,8 +95,7 @@ def _end_of(t: ArmTrajectory) -> ArmTrajectory:
 
 
 def stretched(t: ArmTrajectory, rows: int, q0: Floats, value: float) -> ArmTrajectory:
-    """The trajectory from joints q0 (n,) and gripper `value`, slower, in `rows` steps; jaw motions
-    keep their pace."""
+    """The trajectory slowed to `rows` steps; jaw motions keep their pace."""
     n = len(t.q)
     if n == rows:
         return t

@@ -28,8 +28,7 @@ class Approach(NamedTuple):
 
 
 def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> Floats:
-    """Poses (N,7) of a body whose frame `local` is at `goal`, turned by each of `yaws` about its z
-    axis."""
+    """Poses (N,7) of a body with its frame `local` at `goal`, turned by `yaws`."""
     turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
     return compose(turned, inverse(local)[None])
 
@@ -116,8 +115,7 @@ def place(
         )
 
     def down_to_table(approach: Approach) -> Floats | None:
-        """The line, up to where fingers come near to the table if that is less than PLACE.drop m
-        over the goal."""
+        """The line, cut off near the table if less than PLACE.drop m over the goal."""
         least = (approach.height - PLACE.drop) / (approach.height + press)
         ends = (ending_clear(approach.line, clear_of_table, least) for clear_of_table in table)
         return next((line for line in ends if line is not None), None)

@@ -112,8 +112,7 @@ def _swung(a: Actor, side: str, swing: _Swing, times: int, speed_scale: float) -
 
 
 def _shake_axes(hand: Pose, angle: float) -> Iterator[Floats]:
-    """World axes (3,), level ones first, about which a swing of `angle` rad tilts the hand
-    enough."""
+    """World axes (3,), level ones first, whose swing tilts the hand enough."""
     x, y = quat_rotate(hand[3:], [1.0, 0, 0])[:2]
     for slope, turns in product(SWING.slopes, SWING.quarter_turns):
         if 2 * np.arcsin(np.sin(angle / 2) * np.cos(slope)) >= SWING.least_angle:

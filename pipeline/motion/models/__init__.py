@@ -1,5 +1,4 @@
-"""Models of target motions by name, motions of several bodies, and the motion that brings a target
-to its meeting."""
+"""Models of target motions by name, and motions to a meeting."""
 
 import json
 import sys
@@ -136,8 +135,7 @@ def level_of(name: str, level: int) -> Level:
 
 
 def level_name(name: str, level: int) -> str:
-    """A level in tables and plots: its number, after the name of a model that is not the
-    paper's."""
+    """A level's number, after the model's name unless it is the paper's."""
     return f"level {level}" if name == PLANAR or level == 0 else f"{name} level {level}"
 
 

@@ -1,5 +1,4 @@
-"""The target flies: a carrier drops it, or a plate tosses it up, and it meets the robot above the
-table."""
+"""The target flies, dropped or tossed, and is met above the table."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -116,7 +115,7 @@ class Drop(Ballistic):
 
 @dataclass(frozen=True)
 class Toss(Ballistic):
-    """A plate flings it up with the acceleration 2 g; it meets at the top of its flight: w = 0."""
+    """A plate accelerates it by 2 g; it meets at the top of its flight."""
 
     kind: ClassVar[str] = "toss"
 
@@ -139,8 +138,7 @@ class Toss(Ballistic):
 
 
 class BallisticModel[M: Ballistic](ClosedFormModel[M]):
-    """One height of fall or rise, which keeps the plate over the floor, one heading after
-    another."""
+    """One height that keeps the plate over the floor, then headings in turn."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
         rng, z = streams.shape, float(np.asarray(asked.end_pose, float)[2])
@@ -160,8 +158,7 @@ class BallisticModel[M: Ballistic](ClosedFormModel[M]):
 
 
 def _slowed(pace: Pace, flight: float) -> Pace:
-    """The pace with its mean speed kept over a further `flight` (s) at its last speed, where that
-    is faster."""
+    """The pace with its mean speed kept over a further `flight` (s)."""
     spans, last = (
         np.diff([pace.start, *pace.edges]),
         abs(float(pace.rate(np.array(pace.edges[-1])))),

@@ -22,7 +22,7 @@ DARK, GREEN, RED = (0.20, 0.21, 0.23), (0.20, 0.95, 0.30), (0.98, 0.15, 0.12)
 
 @dataclass(frozen=True)
 class Flash(Conveyor):
-    """Straight on like `conveyor`, on a plate of `width` m that is lit from `on` s for LASTS s."""
+    """As `conveyor`, on a plate of `width` m that is lit from `on` s for LASTS s."""
 
     kind: ClassVar[str] = "flash"
     colour: ClassVar[tuple[float, float, float]] = GREEN

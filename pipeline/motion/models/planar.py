@@ -74,8 +74,7 @@ def judge_shapes(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]
 
 
 def judge_places(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]:
-    """First reason (N,) against each path where it lies, "" for none: workspace, tail, visibility,
-    asked last."""
+    """First reason (N,) against each path where it lies, "" for none."""
     points = _samples(paths)
     last = asked.end[:2] + _speeds(paths, asked.total).end_velocity * asked.tail
     checks = {

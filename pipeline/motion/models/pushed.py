@@ -1,4 +1,4 @@
-"""The target is pushed and left to friction and cushions: a sliding disc, simulated forward."""
+"""A sliding disc, pushed, then left to friction and cushions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -35,8 +35,7 @@ class Ramp(Along):
     length: float
 
     def _bend(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """The pitch (rad), and the way back from the foot (m) along the bend and along the
-        straight, at advances s."""
+        """The pitch (rad), and the way back (m) along bend and straight."""
         back = np.maximum(-np.asarray(s) - self.foot, 0.0)
         pitch = np.minimum(back / FILLET, self.slope_angle)
         return pitch, FILLET * pitch, back - FILLET * pitch

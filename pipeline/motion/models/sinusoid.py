@@ -18,8 +18,9 @@ AMPLITUDE, WAVELENGTH = (0.015, 0.04), (0.10, 0.20)  # m
 
 @dataclass(frozen=True)
 class Sinusoid(Along):
-    """By the advance s along `heading` (rad), and aside by amplitude (sin(2 pi s / wavelength +
-    phase) - sin(phase))."""
+    """By s along `heading` (rad), aside by amplitude (sin(2 pi s / wavelength + phase) -
+    sin(phase)).
+    """
 
     kind: ClassVar[str] = "sinusoid"
     heading: float

@@ -1,4 +1,4 @@
-"""The target stands on a visible disc that turns, and turns along; a ball may roll under it."""
+"""The target turns on a visible disc; a ball may roll under it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -85,7 +85,7 @@ class Turntable(Along):
 
 
 class TurntableModel(ClosedFormModel[Turntable]):
-    """The axis lies in one direction after another from the meeting place, or amid the company."""
+    """The axis is tried in one direction after another, or amid the company."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Turntable]:
         pace, radius = draw_pace(asked, streams.shape), streams.shape.uniform(*RADIUS)
@@ -109,8 +109,7 @@ register(TurntableModel(Turntable))
 
 @dataclass(frozen=True)
 class Shuffle(Turntable):
-    """As `turntable`. A ball leaves the middle of the disc at the start, and is under the target
-    from `covered` s on."""
+    """As `turntable`; a ball rolls under the target and is there from `covered` s on."""
 
     kind: ClassVar[str] = "shuffle"
     covered: float

@@ -1,5 +1,4 @@
-"""Images from a state log: a pure function of it, what bodies look like, cameras, visuals and
-sensors."""
+"""Images as a pure function of state log, appearance and sensors."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -49,9 +48,7 @@ SURFACE = "surface_"  # how asset names of the room's textures begin
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """What images are drawn from, besides poses. `bodies` are in the order of `StateLog.bodies`
-    without the table.
-    """
+    """What images are drawn from, besides poses; `bodies` as in `StateLog.bodies`, no table."""
 
     bodies: Mapping[str, Parts]
     furniture: Parts
@@ -160,7 +157,7 @@ def keep_images(images: Mapping[str, Rgba], store: AssetStore) -> dict[str, str]
 def stored_appearance(
     episode: Episode, store: AssetStore, load: Callable[[AssetStore, str], Parts] = load_parts
 ) -> Appearance:
-    """What a stored episode was drawn from; `load` brings an asset's parts. Raises AssetError."""
+    """What a stored episode was drawn from. Raises AssetError."""
     drawing = episode.meta.drawing
     if not drawing.assets:
         raise AssetError("the episode names no assets, so it cannot be drawn again")

@@ -1,4 +1,4 @@
-"""What the simulator knows of a stored episode in one camera: meshes, masses, surfaces, boxes."""
+"""Ground truth of a stored episode in one camera."""
 
 from pathlib import Path
 

@@ -1,5 +1,4 @@
-"""What is wrong with templates and with the sentences made from them, for tests and
-`check-task`."""
+"""Faults of templates and sentences, for tests and `check-task`."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -80,8 +79,7 @@ def check_templates(
     arms: Collection[str],
     choices: Collection[str] = (),
 ) -> None:
-    """Raise ValueError, listing everything that is wrong with the templates of a task, whose slots
-    are of these names."""
+    """Raise ValueError, listing every fault of the templates."""
     wrong = [
         f"no {split} templates"
         for split, templates in (("seen", seen), ("unseen", unseen))
@@ -146,8 +144,7 @@ def _find_names(text: str, wording: Wording) -> list[str]:
 
 
 def _repeats(text: str, wording: Wording) -> bool:
-    """Whether a noun of the scene, or an arm, is named twice; "bread" in "bread basket" only
-    qualifies."""
+    """Whether a noun or arm is named twice; "bread" in "bread basket" does not count."""
     known = {noun for d in _find_names(text, wording) for noun in nouns(d)} | {
         "button",
         "handle",

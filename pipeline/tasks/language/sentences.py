@@ -133,8 +133,7 @@ def sentence(text: str) -> str:
 
 @lru_cache(maxsize=4096)
 def nouns(phrase: str) -> frozenset[str]:
-    """The nouns of a description without article, in the singular: "bell" and "base" of "red bell
-    with a black base"."""
+    """Nouns in the singular: "bell" and "base" of "red bell with a black base"."""
     return frozenset(
         singular(part.split()[-1]) for part in _PART.split(phrase.lower()) if part.strip()
     )
@@ -174,8 +173,7 @@ def _fillings(
     arms: Mapping[str, str],
     choices: Mapping[str, str],
 ) -> list[_Filling]:
-    """Every way to fill a template; if there are others, none that names a thing twice or is
-    crowded."""
+    """Fillings of a template, without repeated or crowded ones if others exist."""
     template = template.removeprefix(MOVING)
     names = [name for name in slots(template) if name not in choices]
     for name in names:
@@ -215,7 +213,7 @@ def _fillings(
 
 
 def crowded(text: str) -> bool:
-    """Whether a clause has two phrases "with ...", or one before "on it", "in it" or "of the"."""
+    """Whether a clause has two phrases "with ...", or one before "on it" or the like."""
     return any(_CROWDED.search(clause) for clause in CLAUSE.split(text))
 
 
