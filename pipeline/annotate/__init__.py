@@ -1,2 +1,1 @@
-"""Annotations of a dataset: optical flow, object masks, object features; keyed by content and
-computed once."""
+"""Optical flow, object masks and features, keyed by content and computed once."""

@@ -27,7 +27,7 @@ class _Thread(threading.local):
 
 @dataclass
 class _Process:
-    """How many threads are inside `bit_stable`, and what was set before the first came."""
+    """Threads inside `bit_stable`, and the earlier settings."""
 
     inside: int = 0
     before: tuple[bool, int] = (True, 1)
@@ -66,7 +66,7 @@ def bit_stable() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Farneback:
-    """Parameters of cv2.calcOpticalFlowFarneback, in its order, with the values of the original."""
+    """Parameters of cv2.calcOpticalFlowFarneback, with the original's values."""
 
     pyr_scale: float = 0.5
     levels: int = 3
@@ -100,8 +100,7 @@ def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
 
 
 def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """(H,W,3) uint8 RGB -> (h,w) uint8 grey at `size` = (width, height): area average, then BT.601
-    luma."""
+    """(H,W,3) uint8 RGB -> (h,w) uint8 BT.601 luma, by area average; `size` = (width, height)."""
     with bit_stable():
         if rgb.shape[1::-1] != size:
             rgb = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -111,8 +110,7 @@ def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uin
 def farneback(
     before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback
 ) -> NDArray[np.float32]:
-    """Flow (h,w,2) in px (x right, y down) from grey image `before` to `after` (h,w) uint8, at the
-    pixels of `before`."""
+    """Flow (h,w,2) px, x right and y down, between grey images (h,w) uint8."""
     flow = np.zeros((*before.shape, 2), np.float32)
     with bit_stable():
         made = cv2.calcOpticalFlowFarneback(before, after, flow, **vars(options), flags=0)
@@ -162,8 +160,7 @@ def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[n
 
 
 def _percentile(values: NDArray[np.float32], percentile: float) -> float:
-    """np.percentile's default (linear) method by partial sort, which is ten times faster on small
-    maps."""
+    """np.percentile by partial sort, ten times faster on small maps."""
     flat = values.ravel()
     place = percentile / 100 * (flat.size - 1)
     low = min(int(place), flat.size - 1)

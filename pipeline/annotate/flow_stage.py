@@ -36,8 +36,7 @@ UNIT = "px at map resolution, x right, y down, at the pixels of the previous fra
 
 @dataclass(frozen=True)
 class FlowStage:
-    """See stage.Stage. `render` is used by source "sim" for episodes that store no depth and
-    segmentation."""
+    """See stage.Stage. `render` serves source "sim" without stored depth."""
 
     options: FlowOptions
     camera: str = HEAD
@@ -68,7 +67,7 @@ class FlowStage:
         return self.compute
 
     def compute(self, data: Any) -> StageResult:
-        """Result from grey frames (T,h,w) (farneback) or a SimView and body poses (T,B,7) (sim)."""
+        """Result from grey frames (T,h,w), or a SimView and body poses (T,B,7)."""
         o = self.options
         if o.source == "sim":
             view: SimView = data[0]
@@ -127,8 +126,7 @@ def exact_flow(
 
 
 def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """(H,W,2) px -> (h,w,2) at `size` = (width, height): area average, displacements in px of the
-    small image."""
+    """(H,W,2) px -> (h,w,2) px of the small image, by area average; `size` = (width, height)."""
     height, width = flow.shape[:2]
     if (width, height) == size:
         return flow

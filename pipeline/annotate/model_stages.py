@@ -57,8 +57,7 @@ class Prompts:
 
 
 def parse_instruction(text: str) -> str:
-    """Object phrase of an instruction: after "target:", "object is", ...; else the longest quoted
-    text; else all of it."""
+    """Object phrase: after "target:", "object is", ...; else the longest quoted text; else all."""
     if labelled := _LABELLED.search(text):
         return labelled[1].strip()
     quoted = [next(g for g in m.groups() if g).strip() for m in _QUOTED.finditer(text)]

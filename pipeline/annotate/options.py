@@ -59,7 +59,7 @@ class MaskOptions:
 
 @dataclass(frozen=True)
 class FeatureOptions:
-    """Frozen patch encoder; images are squashed to `size` px square, a multiple of its patch."""
+    """Frozen encoder; `size` px square is a multiple of its patch."""
 
     encoder: str = "dinov2-base"
     size: int = 224

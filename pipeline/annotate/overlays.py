@@ -1,4 +1,4 @@
-"""Annotations as images: masks drawn over frames, flow beside them; for reports and for looking."""
+"""Annotations as images."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is to be annotated: how each stage is made from options, and the episodes of a `where`."""
+"""Which stages and episodes are to be annotated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,8 +72,9 @@ def build_stages(
 
 
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:
-    """Episodes that a `where` selects, and files that cannot be read. Raises WhereError, and
-    AnnotateError for none."""
+    """Episodes that `where` selects, and unreadable files. Raises WhereError, AnnotateError for
+    none.
+    """
     paths = episode_paths(dataset)
     if where is None:
         return paths

@@ -26,22 +26,19 @@ Truth = Callable[[Path, str], WorldTruth]
 
 @dataclass(frozen=True)
 class Redraw:
-    """How stored episodes are drawn again, and what the simulator knows of them; None where that is
-    not possible."""
+    """Draws stored episodes again and states simulator truth; None if impossible."""
 
     render: Render | None = None
     truth: Truth | None = None
 
 
 class NotReady(Exception):
-    """This stage's input for one episode is not there yet (features before masks); the message
-    names what is missing."""
+    """An episode's input is missing (features before masks); the message names it."""
 
 
 @dataclass(eq=False)
 class Reading:
-    """Plain `inputs` for the key, and `decode`, called only if it must be computed, while the file
-    is open."""
+    """Plain `inputs` for the key, and `decode`, called while the file is open."""
 
     inputs: Mapping[str, Any]
     decode: Callable[[], Any]
@@ -115,8 +112,9 @@ def decode_frames(frames: list[bytes]) -> NDArray[np.uint8]:
 
 @dataclass(eq=False)
 class SimView:
-    """One camera's segmentation (T,H,W) of body index + 1, depth (T,H,W) mm or None, world poses
-    (T,7), K (3,3)."""
+    """Segmentation (T,H,W) of body index + 1, depth (T,H,W) mm or None, world poses (T,7), K
+    (3,3).
+    """
 
     segmentation: NDArray[np.uint8]
     depth: NDArray[np.uint16] | None

@@ -41,7 +41,7 @@ def write_entry(
     attributes: Mapping[str, Any],
     compressed: Collection[str] = (),
 ) -> Entry:
-    """Write one annotation atomically; `compressed` arrays with gzip in chunks of whole frames."""
+    """Write one annotation atomically, `compressed` arrays with gzip."""
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         f.attrs["key"] = key
@@ -81,7 +81,7 @@ def check_entry(path: Path, key: str) -> str:
 
 
 def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -> None:
-    """Write stage.json (name, version, parameters) of a stage's directory, unless it is there."""
+    """Write a stage's stage.json unless it is there."""
     path = Path(dataset) / "annotations" / directory / "stage.json"
     text = json.dumps(dict(description), indent=2, sort_keys=True) + "\n"
     if not path.is_file() or path.read_text() != text:

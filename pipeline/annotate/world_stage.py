@@ -115,8 +115,7 @@ class WorldStage:
 
 
 def sample_points(body: BodyFacts, count: int, seed: int) -> tuple[Floats, Floats]:
-    """Points (N,3) spread evenly by area over a body's surface, in its frame, and the normals (N,3)
-    there."""
+    """Points (N,3) spread by area over a body, in its frame, and their normals (N,3)."""
     rng = np.random.default_rng(seed)
     corners = body.vertices[body.triangles].astype(float)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -128,8 +127,7 @@ def sample_points(body: BodyFacts, count: int, seed: int) -> tuple[Floats, Float
 
 
 def project_points(kind: CameraType, points: Floats) -> Floats:
-    """Pixels (...,2) of points (...,3) in the camera frame; zeros for those that are not in front
-    of it."""
+    """Pixels (...,2) of points (...,3) in the camera frame; zeros behind it."""
     k, front = intrinsics(kind), points[..., 2:] > 1e-6
     uv = points[..., :2] / np.where(front, points[..., 2:], 1.0) * k[0, 0] + k[:2, 2]
     return np.where(front, uv, 0.0)
@@ -165,7 +163,7 @@ def point_tracks(
 
 
 def _unoccluded(surfaces: Surfaces, xyz: Floats, xy: Floats) -> NDArray[np.bool_]:
-    """Which points (T,N) are in the image and not behind the plane that their pixel shows."""
+    """Which points (T,N) are in the image and not hidden."""
     kind, k = surfaces.camera.type, intrinsics(surfaces.camera.type)
     column, row = np.floor(xy[..., 0]).astype(int), np.floor(xy[..., 1]).astype(int)
     inside = (xyz[..., 2] > 1e-6) & (column >= 0) & (row >= 0)

@@ -1,4 +1,4 @@
-"""annotate: flow maps, masks and object features, computed once per frame and kept by key."""
+"""annotate: flow, masks and features."""
 
 import re
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""build, plan, render: make a dataset, estimate one, or draw its episodes again; demo."""
+"""build, plan, render and demo."""
 
 import json
 import sys

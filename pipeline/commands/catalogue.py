@@ -1,4 +1,4 @@
-"""tasks, motions, embodiments and the checks: what there is, and whether it keeps its contracts."""
+"""tasks, motions, embodiments and their checks."""
 
 import shutil
 import sys

@@ -1,4 +1,4 @@
-"""compare, check-result, paper-table, results: policies against each other and the paper."""
+"""compare, check-result, paper-table, results."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal

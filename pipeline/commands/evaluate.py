@@ -258,7 +258,7 @@ def named_policy(
 
 @contextmanager
 def _name_file(prints: Path | None) -> Iterator[None]:
-    """Name the file of what a policy printed at the end of the block, if it printed anything."""
+    """Name the file of a policy's output, if any."""
     try:
         yield
     finally:
@@ -267,8 +267,7 @@ def _name_file(prints: Path | None) -> Iterator[None]:
 
 
 def _images_setup(given: Given, recipe: Recipe) -> Setup:
-    """The setup of an evaluation: images only with named cameras, textures of training only on
-    demand."""
+    """The setup of an evaluation: images only with named cameras."""
     from pipeline.evaluate.scenes.case import blind
 
     if given.values.get("cameras") == [] or not (given.from_file or "cameras" in given.values):

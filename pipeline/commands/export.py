@@ -1,4 +1,4 @@
-"""export and publish: the episodes of a dataset in another format, which has options of its own."""
+"""export and publish."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,5 +1,4 @@
-"""The options that name keys of a recipe, made from its model, the same for every verb; what the
-shell completes."""
+"""The options that name recipe keys, made from its model, with completions."""
 
 import inspect
 import json
@@ -70,7 +69,7 @@ def complete_recipe(incomplete: str) -> list[str]:
 
 
 def _last(incomplete: str, complete: Callable[[str], list[str]]) -> list[str]:
-    """Completions of the last name of a list that commas separate, after the names before it."""
+    """Completions of the last name of a comma-separated list."""
     before, comma, last = incomplete.rpartition(",")
     return [f"{before}{comma}{name}" for name in complete(last)]
 

@@ -1,4 +1,4 @@
-"""serve-policy, freeze: a policy on a WebSocket, and the scenes of an evaluation as one file."""
+"""serve-policy and freeze."""
 
 import sys
 from functools import partial

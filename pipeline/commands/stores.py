@@ -1,5 +1,4 @@
-"""URLs of object stores in place of dataset directories: which verbs take them where; pull,
-push."""
+"""URLs of object stores in place of dataset directories."""
 
 from collections.abc import Callable
 from contextlib import ExitStack

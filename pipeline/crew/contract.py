@@ -32,8 +32,7 @@ DominoError."""
 
 
 class CrewError(DominoError):
-    """The crew cannot work: no worker starts, no cluster answers, or worker after worker is
-    lost."""
+    """No worker starts, no cluster answers, or too many workers are lost."""
 
 
 @dataclass(frozen=True)

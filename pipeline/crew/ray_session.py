@@ -1,4 +1,4 @@
-"""Ray for one run: started on this machine, on loopback and with a token, or a cluster joined."""
+"""Ray for one run: on loopback with a token, or a joined cluster."""
 
 import logging
 import os
@@ -94,8 +94,7 @@ def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
 
 
 def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) -> None:
-    """Start or join Ray, which replaces the handler of SIGTERM meanwhile. Workers import from
-    `folder`."""
+    """Start or join Ray, which replaces SIGTERM's handler. Workers import from `folder`."""
     import ray
 
     with hold_signals(), chdir(folder):
@@ -106,7 +105,7 @@ def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) ->
 
 
 def _check_cluster(address: str) -> None:
-    """Raise CrewError if no Ray cluster at `address` lets us in: Ray would end this process."""
+    """Raise CrewError if no cluster answers: Ray would end this process."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535 or "//" in host:
         raise CrewError(
@@ -141,8 +140,7 @@ def one_line(error: object) -> str:
 
 @contextmanager
 def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Environment variables for the processes of Ray only; Ray itself turns RAY_AUTH_MODE on
-    meanwhile."""
+    """Environment variables for Ray's processes only."""
     before = {name: os.environ.get(name) for name in [*values, "RAY_AUTH_MODE"]}
     os.environ.update(values)
     try:
@@ -156,5 +154,5 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 @cache
 def _token() -> str:
-    """The token of this process's own Ray; that of Ray would be in a file that others can read."""
+    """The token of this process's Ray; Ray's own would be readable by others."""
     return secrets.token_hex(32)

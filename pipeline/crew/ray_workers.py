@@ -1,4 +1,4 @@
-"""Ray actors that work on jobs: hired, watched, and replaced when lost or after their share."""
+"""Ray actors that work on jobs: hired, watched and replaced."""
 
 import ctypes
 import gc
@@ -79,7 +79,7 @@ class LostJob[J]:
 
 @dataclass(eq=False)
 class _Hired[J]:
-    """The driver's view of a worker: its task (None while it starts or waits) and its last sign."""
+    """The driver's view of a worker: its task (None if idle) and its last sign."""
 
     actor: Any
     node: str = ""

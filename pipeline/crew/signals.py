@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: a clean stop. Off the main thread, where Python has no handlers, nothing."""
+"""SIGINT and SIGTERM: a clean stop, from the main thread only."""
 
 import signal
 import threading
@@ -18,7 +18,7 @@ class Stopped(KeyboardInterrupt):
 
 @contextmanager
 def stop_on_signal() -> Iterator[None]:
-    """Within, SIGINT and SIGTERM raise Stopped. For ten seconds after one, others are ignored."""
+    """SIGINT and SIGTERM raise Stopped; further ones are ignored for ten seconds."""
     last = float("-inf")
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
@@ -37,8 +37,7 @@ def stop_on_signal() -> Iterator[None]:
 
 @contextmanager
 def hold_signals() -> Iterator[None]:
-    """Signals that arrive within take effect at its end; handlers that the block replaces are put
-    back."""
+    """Delay signals to the block's end; restores replaced handlers."""
     arrived: list[int] = []
     try:
         with _handled_by(lambda number, _: arrived.append(number)):

@@ -113,8 +113,7 @@ JOINTS = Representation()
 
 @dataclass(frozen=True, eq=False)
 class ActionCodec:
-    """Conversions for a robot with joint vectors `vector_names` (A,); tool poses need its `arms` by
-    side."""
+    """Conversions for joint vectors (A,); tool poses need `arms` by side."""
 
     representation: Representation
     vector_names: tuple[str, ...]
@@ -154,8 +153,9 @@ class ActionCodec:
         return self._written(poses, grippers)
 
     def decode_joints(self, actions: Floats, state: Floats, before: Floats) -> Floats:
-        """Joint targets (H,A) of a chunk (H,A); `state` (A,) was measured and `before` (A,)
-        commanded when it was asked for."""
+        """Joint targets (H,A) of a chunk (H,A), given the measured `state` and commanded
+        `before` (A,).
+        """
         reference = self.representation.reference
         if reference == "absolute":
             return actions
@@ -223,8 +223,7 @@ def pad_arms(
 
 
 def rotations_of(q: ArrayLike, rotation: str) -> Floats:
-    """Unit quaternions wxyz (...,4) in one of ROTATIONS; rotation vectors go the short way
-    round."""
+    """Unit quaternions wxyz (...,4) in one of ROTATIONS; rotation vectors take the short way."""
     q = np.asarray(q, float)
     if rotation == "quaternion":
         return q
@@ -239,8 +238,7 @@ def rotations_of(q: ArrayLike, rotation: str) -> Floats:
 
 
 def quaternions_of(values: ArrayLike, rotation: str) -> Floats:
-    """Inverse of `rotations_of`; values need not be normalised. Raises ValueError for a rotation
-    without direction."""
+    """Inverse of `rotations_of`, normalising. Raises ValueError for a zero rotation."""
     values = np.asarray(values, float)
     if rotation == "axis-angle":
         angle = np.linalg.norm(values, axis=-1, keepdims=True)
@@ -254,8 +252,7 @@ def quaternions_of(values: ArrayLike, rotation: str) -> Floats:
 
 
 def continuous_signs(q: Floats, along_time: bool = True) -> Floats:
-    """Quaternions (T,...,4) with w >= 0; along time only the first, others on the side of the one
-    before."""
+    """Quaternions (T,...,4), the first with w >= 0, others on the side of the one before."""
     q = np.where(q[..., :1] < 0, -q, q)
     if not along_time or len(q) < 2:
         return q

@@ -78,7 +78,7 @@ def remove(path: Path) -> None:
 
 
 def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
-    """Delete temporary files and directories that dead processes of this host left; how many."""
+    """Delete temporary files of dead local processes; returns how many."""
     host, gone = socket.gethostname(), 0
     for left in sorted(directory.glob(pattern)):
         name, _, process = left.name.removesuffix(".tmp").rpartition(".")

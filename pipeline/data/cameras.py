@@ -1,4 +1,4 @@
-"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL), and what one captured."""
+"""Cameras as data: types, mounts, matrices (OpenCV and OpenGL)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -87,14 +87,14 @@ def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
 def _matrices(
     camera: CameraType, world_pose: bytes
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Extrinsics and intrinsics, remembered: an evaluation asks at every control period."""
+    """Remembered extrinsics and intrinsics: evaluations ask every control period."""
     return extrinsics_cv(np.frombuffer(world_pose)), intrinsics(camera)
 
 
 def project(
     camera: CameraType, world_pose: ArrayLike, points: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels (...,2) of world points (...,3), and their depth (...) along the viewing axis (m)."""
+    """Pixels (...,2) of world points (...,3), and depth (...) m along the viewing axis."""
     e, k = _matrices(camera, np.asarray(world_pose, float).tobytes())
     p = np.asarray(points, float) @ e[:3, :3].T + e[:3, 3]
     uv = p @ k.T
@@ -104,7 +104,7 @@ def project(
 def visible(
     camera: CameraType, world_pose: ArrayLike, points: ArrayLike, margin: float = 0.0
 ) -> NDArray[np.bool_]:
-    """Which world points (...,3) are before the camera and `margin` pixels inside its image."""
+    """Which world points (...,3) are at least `margin` px inside the image."""
     uv, depth = project(camera, world_pose, points)
     if uv.ndim == 1:  # arrays of two numbers cost ten times as much
         u, v = uv.tolist()

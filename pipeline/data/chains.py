@@ -1,4 +1,4 @@
-"""Where an arm's tool is for given joints, from robot.urdf and robot.toml, without a simulator."""
+"""Where an arm's tool is for given joints, without a simulator."""
 
 import os
 import tomllib

@@ -46,8 +46,7 @@ class Dataset(Paths):
     _is_plain = False
 
     def create(self, recipe: Recipe) -> None:
-        """Freeze the recipe; a directory that holds a part of it grows. Raises DatasetError if it
-        holds another, or more."""
+        """Freeze the recipe; a smaller dataset of it grows. Raises DatasetError for any other."""
         self.check_folders()
         if self.manifest.exists():
             self.check_seal()
@@ -129,8 +128,7 @@ class Dataset(Paths):
         return ask_index(self, self.recipe, question)
 
     def rows(self, recipe: Recipe, *more: str) -> Rows:
-        """The finished slots of a recipe, with more columns, whether their files are there or
-        not."""
+        """The finished slots of a recipe, with more columns; files are not checked."""
         return self.ask(lambda index: index.rows(recipe, *more))
 
     def present(self, recipe: Recipe, *more: str) -> Rows:
@@ -159,8 +157,7 @@ class Dataset(Paths):
         return [self.episode(slot) for slot in rows.where(rows.accepted & ~there).slots]
 
     def made_by(self) -> dict[str, Any]:
-        """What provenance.json holds, {} if there is none. Raises DatasetError for an unreadable
-        one."""
+        """Content of provenance.json, {} without it. Raises DatasetError."""
         try:
             values = parse_json(read_regular(self.provenance))
         except FileNotFoundError:

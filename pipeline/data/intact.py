@@ -1,4 +1,4 @@
-"""What of a dataset is whole: files with the bytes that its index names, and paired scenes."""
+"""Files with the bytes of the index, and paired scenes."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -52,8 +52,7 @@ def check_bytes(dataset: Dataset, episode: Path) -> None:
 
 
 def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
-    """The slot of an episode's path, from anywhere above or below `episodes/`. Raises
-    DatasetError."""
+    """The slot of an episode's path, relative to anything. Raises DatasetError."""
     path = Path(episode.removesuffix(".hdf5"))
     if path.is_absolute() and path.is_relative_to(dataset.episodes.resolve()):
         path = path.relative_to(dataset.episodes.resolve())
@@ -96,8 +95,7 @@ def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path
 
 
 def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
-    """The files of `kept_failures`, read. Raises DatasetError for one that is missing or
-    changed."""
+    """The kept failures, each read. Raises DatasetError for a missing or changed one."""
     found = list(kept_failures(dataset, recipe))
     for _, path, sha256 in found:
         try:

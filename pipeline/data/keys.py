@@ -37,7 +37,7 @@ def frames_digest(encoded: Iterable[bytes]) -> str:
 
 
 def arrays_digest(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """sha256 of arrays: by sorted name its name, type, shape, bytes (C order, little endian)."""
+    """sha256 of arrays by name: name, type, shape, bytes (C order, little endian)."""
     h = hashlib.sha256()
     for name in sorted(arrays):
         a = np.ascontiguousarray(arrays[name])

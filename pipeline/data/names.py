@@ -42,7 +42,7 @@ RETIRED = "robot_meshes"
 
 
 def is_name(text: object) -> bool:
-    """Whether it is letters, digits, single underscores or hyphens inside: safe in a path."""
+    """Letters, digits, single underscores or hyphens inside: safe in a path."""
     return isinstance(text, str) and len(text) <= LONGEST and _NAME.fullmatch(text) is not None
 
 

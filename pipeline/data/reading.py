@@ -34,8 +34,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def read_regular(path: Path, most: int = LARGEST) -> bytes:
-    """The bytes of a regular file. Raises OSError for what is none, or has more than `most`
-    bytes."""
+    """A regular file's bytes. Raises OSError for any other, or above `most` bytes."""
     with open_regular(path) as file:
         if os.fstat(file.fileno()).st_size > most:
             raise OSError(errno.E2BIG, f"has more than {most} bytes", str(path))
@@ -51,8 +50,7 @@ def check_tree(root: Path) -> None:
 
 
 def check_plain(directory: str | Path) -> list[str]:
-    """The directories in a directory. Raises OSError for what is neither plain file nor
-    directory."""
+    """The directories in one. Raises OSError for special files."""
     found = list[str]()
     with os.scandir(directory) as entries:
         for entry in entries:

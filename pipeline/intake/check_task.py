@@ -1,4 +1,4 @@
-"""`domino-data check-task NAME`: does a task keep the contract of pipeline/tasks/contract.py?"""
+"""`domino-data check-task NAME`: does a task keep its contract?"""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -47,8 +47,7 @@ class FetchedObject(NamedTuple):
 
 
 class Wheel(NamedTuple):
-    """A release on the package index; `content` is the digest of the used files, `textures` a
-    directory."""
+    """A release on the package index; `content` is the used files' digest."""
 
     package: str
     version: str
@@ -269,7 +268,7 @@ def download_dataset(
 
 
 def _check_file(path: Path, stated: Any, what: str) -> str:
-    """The SHA-256 of a file. The hub states it for large files, git's SHA-1 for others."""
+    """A file's SHA-256; small files are checked by git's SHA-1."""
     with path.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
     if stated.lfs is not None:

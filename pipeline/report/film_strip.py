@@ -30,8 +30,7 @@ type Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame (H,W,3) uint8 RGB with the path drawn in, at a time in s, which may be the
-    meeting."""
+    """One frame (H,W,3) uint8 RGB with the path, at a time in s."""
 
     rgb: Pixels
     time: float

@@ -46,8 +46,7 @@ class Figure(NamedTuple):
 
 
 def failed_folder(dataset: Path, cell: str) -> Path:
-    """Where pictures of the failed attempts of a cell are kept, files
-    STAGE-REASON-SLOT-ATTEMPT.jpg."""
+    """Where pictures of a cell's failures are kept: STAGE-REASON-SLOT-ATTEMPT.jpg."""
     return dataset / "report" / "failed" / cell
 
 
@@ -76,7 +75,7 @@ def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
 
 
 def _observe(dataset: Dataset, rows: Rows, fps: int) -> Mapping[Cell, list[EpisodeFacts]]:
-    """The accepted episodes. Variants, which have no attempts of their own, are opened."""
+    """The accepted episodes; variants are opened."""
     of, tried = dataset.ask(lambda index: index.attempts(rows, "average_speed", "maximum_speed"))
     speeds = dict(zip(of.tolist(), tried, strict=True))  # the last attempt is the accepted one
     seen = defaultdict[Cell, list[EpisodeFacts]](list)
@@ -92,7 +91,7 @@ def _observe(dataset: Dataset, rows: Rows, fps: int) -> Mapping[Cell, list[Episo
 
 
 def _key(dataset: Dataset, rows: Rows, task: str) -> str:
-    """What the page of a task is made of: its episodes, and the pictures of its failed attempts."""
+    """The key of a task's page: its episodes and failure pictures."""
     mine = rows.where(np.array([cell.task == task for cell in rows.cells], bool)[rows.ranks])
     failed = sorted(p.name for p in failed_folder(dataset.root, task).rglob("*.jpg"))
     hashes = [sha256.hex() for sha256 in mine.more["sha256"]]
@@ -134,7 +133,7 @@ def _write(
     films: int,
     **more: Any,
 ) -> Path:
-    """Write a page with `films` films of every cell; with none, links to the pages of the tasks."""
+    """Write a page with `films` films a cell, or links to the tasks' pages."""
     values: dict[str, Any] = {"sheets": (), "key": "", "cards": {}, "links": [], "columns": COLUMNS}
     for task, mine in tasks.items():
         title = task.replace("_", " ")
@@ -152,7 +151,7 @@ def _write(
 
 
 def _card(dataset: Path, group: Group, films: int) -> dict[str, Any]:
-    """A cell: its numbers, frames of episodes, the film of the first, frames of failed attempts."""
+    """A cell: numbers, frames, first film, failures."""
     strips, unseen, failed = list[list[Figure]](), list[str](), list[Figure]()
     for episode in group.episodes[:films]:
         try:

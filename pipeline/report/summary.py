@@ -34,7 +34,7 @@ class EpisodeFacts(NamedTuple):
 
 @dataclass(frozen=True)
 class Group:
-    """A cell with its accepted episodes, and its attempts as a table with the columns ATTEMPTS."""
+    """A cell, its accepted episodes, and its attempts (columns ATTEMPTS)."""
 
     cell: Cell
     episodes: Sequence[EpisodeFacts] = ()
@@ -57,7 +57,7 @@ class Law:
 
 
 def law(rows: Sequence[Row]) -> Law | None:
-    """The means of a group of attempts (columns of data.records.ATTEMPTS); None for no attempts."""
+    """Means of attempts (columns ATTEMPTS); None for none."""
     if not rows:
         return None
     speed, end, moved, alpha = (np.array([float(r[k]) for r in rows]) for k in MOTION)
@@ -79,8 +79,7 @@ def drawn_and_accepted(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
 
 
 def summarise(groups: Sequence[Group]) -> dict[str, Any]:
-    """What report.html shows of some cells. Attempts are unpacked cell by cell: there may be too
-    many to hold at once."""
+    """What report.html shows of some cells, unpacked cell by cell to bound memory."""
     steps, spent, lost = 0, 0.0, Counter[str]()
     moves = defaultdict[tuple[int, float], tuple[list[Row], list[Row]]](lambda: ([], []))
     speeds = defaultdict[tuple[int, float], list[EpisodeFacts]](list)

@@ -1,4 +1,4 @@
-"""`domino-data annotate`: which stages, which episodes, on which workers, and what was done."""
+"""`domino-data annotate`."""
 
 import time
 from collections import Counter, deque
@@ -158,7 +158,7 @@ def outcomes(
 
 
 def _annotate(worker: StageWorker, lease: Lease) -> Steps[list[StageOutcome]]:
-    """The outcomes of a lease; yields the number of each episode before it is annotated."""
+    """A lease's outcomes; yields each episode's number first."""
     done = list[StageOutcome]()
     yield 0
     for outcome in worker.run([Path(e) for e in lease]):

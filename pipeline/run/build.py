@@ -85,7 +85,7 @@ def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
 def _build(
     dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: Kind
 ) -> tuple[dict[Slot, SlotState], int]:
-    """Index, missing, work, record. Returns the slots that were missing, and the workers lost."""
+    """Returns the slots that were missing, and the workers lost."""
     with IndexWriter(dataset, recipe) as index:
         todo = missing(dataset, recipe, index)
         jobs = slot_jobs(dataset, recipe, todo)

@@ -1,4 +1,4 @@
-"""check-result: whether results are whole, and hold when recorded actions are carried out again."""
+"""check-result: whether results are whole and reproducible."""
 
 import hashlib
 import json
@@ -43,7 +43,7 @@ type Cases = Mapping[tuple[str, str], Case]
 
 @dataclass
 class CheckedBundle:
-    """`faults` name what was edited, dropped or exchanged; `exact`: every number was compared."""
+    """`faults` name what was changed; `exact`: every number was compared."""
 
     episodes: int = 0
     again: int = 0
@@ -116,7 +116,7 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 def _cases(result: RecordedResult, manifests: Path, benchmark: Benchmark | None) -> Cases:
-    """The cases that the evaluation wanted. Raises BenchmarkError for another benchmark."""
+    """The evaluation's cases. Raises BenchmarkError."""
     cells = result.read_cells()
     if result.benchmark:
         name, digest = result.benchmark.name, result.benchmark.sha256

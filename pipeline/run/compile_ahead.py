@@ -29,7 +29,7 @@ def is_compiled() -> bool:
 
 @contextmanager
 def compiling_ahead() -> Iterator[None]:
-    """While inside, a process compiles what drawing will call, if a second core can run it."""
+    """Within, a process compiles drawing's kernels if a second core can run it."""
     if usable_cores() < 2 or is_compiled():
         yield
         return
@@ -43,7 +43,7 @@ def compiling_ahead() -> Iterator[None]:
 
 
 def compile_drawing() -> None:
-    """Call each kernel that draws an episode of default looks, in the order of their first use."""
+    """Call each kernel of an episode of default looks, in order."""
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
     parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]

@@ -1,5 +1,4 @@
-"""`domino-data export`: the intact episodes of a dataset, or its kept failures, in another
-format."""
+"""`domino-data export`: intact episodes, or kept failures, in another format."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -118,7 +117,7 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
 
 
 def _check_join(request: Request, recipes: Sequence[Recipe]) -> None:
-    """Raise ExportError for datasets that the request cannot join, or the format cannot hold."""
+    """Raise ExportError for datasets that cannot be joined."""
     if request.also and request.format not in JOINED:
         raise ExportError(
             f"--format {request.format} holds one dataset: several need {', '.join(JOINED)}"
@@ -150,7 +149,7 @@ def differences(source: Dataset, place: Path) -> list[str]:
 
 
 def stale_warning(source: Dataset, recipe: Recipe) -> str:
-    """How many episodes another version of the core or of the packages made; "" for none."""
+    """How many episodes older code made; "" for none."""
     rows, now = source.present(recipe), shared_physics(package_root()).items()
     stale = [
         number
@@ -166,7 +165,7 @@ def stale_warning(source: Dataset, recipe: Recipe) -> str:
 
 
 def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> str:
-    """Which of the episodes' sensors a format did not write, and the options that write them."""
+    """The sensors a format did not write, and the options that do."""
     flags = {f.name: flag_name(f) for f in fields(options) if f.name in left}
     none = [name for name in left if name not in flags]
     parts = [f"has no place for the episodes' {', '.join(none)}"] if none else []
@@ -175,8 +174,7 @@ def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> s
 
 
 def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
-    """The episodes, or the failed attempts that are kept, each read. Raises ExportError for
-    none."""
+    """Episodes or kept failures, each read. Raises ExportError for none."""
     if found := (intact_failures if failures else intact_episodes)(source, recipe):
         return found
     if failures:
@@ -190,7 +188,7 @@ def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
 
 
 def _robots(wanted: Sequence[str], recipe: Recipe) -> list[str]:
-    """The robots of the recipe that are wanted. Raises ExportError for one it does not name."""
+    """The wanted robots. Raises ExportError for an unknown one."""
     robots = [name if name in recipe.embodiments else _name_of_alias(name) for name in wanted]
     if missing := [name for name in robots if name not in recipe.embodiments]:
         raise ExportError(

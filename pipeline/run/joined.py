@@ -1,5 +1,4 @@
-"""What an export reads of several datasets or at another rate: episodes in a directory of its
-own."""
+"""Episodes of several datasets, or at another rate, in a directory for an export."""
 
 import os
 import shutil
@@ -94,7 +93,7 @@ def _link(path: Path, place: Path) -> None:
 
 
 def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
-    """Write an episode at `fps`: its own images where they fall on its frames, else drawn again."""
+    """Write an episode at `fps`; images off its frames are drawn again."""
     # the renderer, which an export at the dataset's own rate does without
     from pipeline.stages.drawing.render import capture, stored_appearance
 

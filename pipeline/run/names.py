@@ -72,7 +72,7 @@ def resolve(
 
 
 def check_known(kind: str, names: Iterable[str], known: Collection[str], where: str = "") -> None:
-    """Raise RecipeError for an unknown task or family, with the names that are close to it."""
+    """Raise RecipeError for an unknown task or family, with close names."""
     for name in names:
         if name not in known:
             near = ", ".join(get_close_matches(name, known, 3))
@@ -95,8 +95,7 @@ class Untrusted(DatasetError):
 
 
 def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str) -> None:
-    """Raise Untrusted for `corrections` whose policy is none of ours, but of who made the
-    dataset."""
+    """Raise Untrusted for `corrections` by another's policy."""
     if corrections is None:
         return
     from pipeline.evaluate.names import is_ours  # policies take a second to import
@@ -114,7 +113,7 @@ def check_trust(corrections: Corrections | Mapping[str, Any] | None, source: str
 
 
 def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
-    """Raise RecipeError for what the expert or corrections need and the recipe does not have."""
+    """Raise RecipeError for what expert or corrections need."""
     for key in ("perturb", "takeover"):
         if recipe.corrections is None and getattr(recipe, key) != Recipe.model_fields[key].default:
             raise RecipeError(f"{where(key)} needs a policy to correct: add corrections")
@@ -123,7 +122,7 @@ def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
 
 
 def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
-    """Raise RecipeError for an unknown model of motions, or a level that a task's does not have."""
+    """Raise RecipeError for an unknown motion model or a level it does not have."""
     if recipe.motion is not None and recipe.motion not in MODELS:
         known = ", ".join(MODELS)
         raise RecipeError(
@@ -256,7 +255,7 @@ def _frames(family: str) -> set[str]:
 
 
 def _instances(name: str, family: str, where: str) -> list[str]:
-    """The objects from files of a name. Raises RecipeError if there are none of this family."""
+    """The objects from files of a name. Raises RecipeError for none."""
     numbered = re.compile(rf"{re.escape(name)}(_[0-9]+)?")
     families = {each: of for each in FAMILIES if (of := stands_for(FAMILIES[each]))}
     known = [each for each in families if numbered.fullmatch(each)]
@@ -274,7 +273,7 @@ def _instances(name: str, family: str, where: str) -> list[str]:
 
 
 def _check_links(recipe: Recipe, source: str) -> None:
-    """Raise RecipeError for a camera on a link that is no robot's and no body of every task."""
+    """Raise RecipeError for a camera on an unknown link."""
     links = [
         [
             f"{side}_{link.name}"

@@ -1,4 +1,4 @@
-"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs."""
+"""`domino-data plan`: what exists, and what the rest costs."""
 
 import os
 from collections import Counter
@@ -33,8 +33,7 @@ UNSURE = 1.7  # factor within which the estimates of time lie
 
 @dataclass(frozen=True)
 class EpisodeCost:
-    """What an episode takes (s, bytes), failed attempts included, and the `source` of the
-    figures."""
+    """What an episode takes (s, bytes), failed attempts included."""
 
     seconds: float
     size: float
@@ -46,7 +45,7 @@ class EpisodeCost:
         return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
 
     def hours(self, episodes: int, workers: int) -> tuple[float, float]:
-        """Hours: undisturbed, and at most. Few workers share the cores with this machine's load."""
+        """Hours: undisturbed, and at most."""
         hours, cores = episodes * self.seconds / workers / 3600, os.cpu_count() or 1
         shared = max(1.0, (os.getloadavg()[0] + workers) / cores) if workers <= cores else 1.0
         return hours, UNSURE * shared * hours
@@ -66,7 +65,7 @@ class EpisodeCost:
 
 
 def mean_frames(recipe: Recipe) -> float:
-    """Recorded frames of an episode of a recipe: a fifth of its task's step limit, and the lead."""
+    """Recorded frames: a fifth of the step limit, and the lead."""
     counts = recipe.counts()
     seconds = [
         TASKS[cell.task].step_limit / 5 / DEFAULT_FPS
@@ -111,7 +110,7 @@ def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
 
 
 def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
-    """What the finished episodes of a dataset took, by at most 2000 of them, or `typical`."""
+    """Means of at most 2000 finished episodes, or `typical`."""
     if dataset is None or not dataset.manifest.exists():
         return typical(recipe)
     rows = dataset.present(recipe, "size", "seconds", "core_seconds")
@@ -131,8 +130,7 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
 
 
 def measure(recipe: Recipe) -> EpisodeCost:
-    """Make a few episodes of some cells in a temporary directory, and measure. Raises
-    NoRenderer."""
+    """Measure a few episodes in a temporary directory. Raises NoRenderer."""
     ensure_renderer()
     recipe = recipe.model_copy(update={"variants": 1})
     cells = [cell for cell, count in recipe.counts().items() if count]
@@ -160,7 +158,7 @@ BOUNDS = ("tasks", "levels", "episodes", "total")
 
 
 class Unbounded(DominoError):
-    """A build without a bound; the message names what it would make and the options that choose."""
+    """A build without a bound; the message names the options."""
 
 
 def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, workers: int) -> None:

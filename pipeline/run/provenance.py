@@ -22,7 +22,7 @@ _PACKAGES = (
 
 
 def write_provenance(dataset: Dataset, renderer: str, recipe: Recipe, **more: Any) -> None:
-    """Write what made the dataset: hash of the code, licences, machine and renderer. No clock."""
+    """Write what made the dataset: code hash, licences, machine, renderer; no clock."""
     values = {"code_version": code_version(), "licences": licences_of(recipe)}
     values |= machine() | {"renderer": renderer} | more
     write_atomic(dataset.provenance, seal(values))

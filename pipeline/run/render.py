@@ -1,5 +1,4 @@
-"""`domino-data render`: new images of stored episodes, in a dataset of their own; and the other
-variants of a build."""
+"""`domino-data render`: new images of stored episodes, and further variants."""
 
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping
@@ -191,7 +190,7 @@ def draw_all(
 def draw_variants(
     dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool
 ) -> None:
-    """Draw the other looks of a recipe's episodes from the first ones. Raises DatasetError."""
+    """Draw other looks from the first ones. Raises DatasetError."""
     if recipe.variants > 1:
         others = (slot for slot in recipe.slots() if slot.variant)
         work = work_of(dataset, dataset, recipe, others, writer.catch_up())

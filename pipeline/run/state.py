@@ -1,4 +1,4 @@
-"""What of a slot is done, what a build would make again and why; `domino-data status`."""
+"""What of a slot is done or must be made again; `domino-data status`."""
 
 import json
 from collections import Counter
@@ -55,7 +55,7 @@ def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.
 
 
 def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState:
-    """The state of a slot whose file is there. `keeps`: failed attempts are files, too."""
+    """The state of a slot whose file is there."""
     try:
         held = unpack_keys(slot, text)
     except (ValueError, TypeError, AttributeError, KeyError):
@@ -114,7 +114,7 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
 
 
 def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
-    """The slots of which an asset is missing; `names` are those of all assets by number."""
+    """The slots with a missing asset."""
     there = AssetStore(dataset.bodies).keys()
     absent = {str(number) for number, name in names.items() if name not in there}
     if not absent:

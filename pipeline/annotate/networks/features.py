@@ -1,4 +1,4 @@
-"""Object features: a frozen encoder's patch tokens, averaged under a mask by covered area."""
+"""Object features: patch tokens averaged under a mask."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +13,9 @@ from .models import ModelFiles, image_settings, inference, load_model, pixels
 
 @dataclass(eq=False)
 class Encoder:
-    """DINOv2 or DINOv3 on one device: `grid` x `grid` patches of a image `size` px square; `prefix`
-    tokens come first."""
+    """DINOv2 or DINOv3: `grid` x `grid` patches of an image `size` px square, after `prefix`
+    tokens.
+    """
 
     model: Any
     settings: dict[str, Any]
@@ -26,8 +27,7 @@ class Encoder:
 
 
 def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> Encoder:
-    """Raises AnnotateError for files that are no such encoder or a size that its patches do not
-    divide."""
+    """Raises AnnotateError for other files, or a size its patches do not divide."""
     from transformers import AutoModel
 
     model = load_model(AutoModel, files, device)
@@ -43,8 +43,7 @@ def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> E
 
 
 def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3), squashed to the encoder's
-    size."""
+    """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3)."""
     with inference(encoder.device, encoder.precision):
         x = pixels(frames, (encoder.size, encoder.size), encoder.settings, encoder.device)
         tokens = encoder.model(pixel_values=x).last_hidden_state[:, encoder.prefix :].float()
@@ -52,16 +51,14 @@ def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.floa
 
 
 def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
-    """Matrix (patches, pixels): the length of each patch's interval that each pixel covers, in
-    patches; rows sum to 1."""
+    """Matrix (patches, pixels): covered length in patches; rows sum to 1."""
     edges = np.arange(pixels_along + 1) * patches / pixels_along
     low, high, place = edges[:-1], edges[1:], np.arange(patches)[:, None]
     return np.clip(np.minimum(high, place + 1) - np.maximum(low, place), 0, None).astype(np.float32)
 
 
 def area_weights(mask: NDArray[np.bool_], grid: tuple[int, int]) -> NDArray[np.float32]:
-    """Covered fraction of each patch (..., rows, columns) of a grid for masks (...,H,W); exact for
-    any image size."""
+    """Covered fraction of each patch (..., rows, columns) for masks (...,H,W), exactly."""
     rows, columns = overlap(mask.shape[-2], grid[0]), overlap(mask.shape[-1], grid[1])
     return np.asarray(rows @ mask.astype(np.float32) @ columns.T, np.float32)
 

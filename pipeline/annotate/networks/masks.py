@@ -32,7 +32,7 @@ class Masks:
 
 @dataclass(eq=False)
 class Detector:
-    """GroundingDINO on one device; `short` and `long` bound the sides of the image it sees, px."""
+    """GroundingDINO; `short` and `long` bound its image's sides, px."""
 
     model: Any
     tokenizer: Any
@@ -189,7 +189,8 @@ def exact_masks(
 
 def tight_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Smallest boxes (...,4) px x0 y0 x1 y1 around masks (...,H,W), upper ends exclusive; zeros
-    where a mask is empty."""
+    if empty.
+    """
     height, width = mask.shape[-2:]
     box = np.zeros((*mask.shape[:-2], 4), np.float32)
     for axis, (i, size) in enumerate(((0, width), (1, height))):

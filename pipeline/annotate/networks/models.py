@@ -1,5 +1,4 @@
-"""Where networks come from: a short name, a hub id, or a local directory; what they are is the hash
-of their files."""
+"""Networks by short name, hub id or directory, identified by the hash of their files."""
 
 import contextlib
 import hashlib
@@ -93,8 +92,7 @@ def _hash(path: str, size: int, mtime_ns: int) -> str:
 
 
 def pick_device(device: str) -> str:
-    """ "cuda" where there is one, for "auto"; else what was asked for. Raises AnnotateError without
-    torch."""
+    """The device asked for; "auto" prefers "cuda". Raises AnnotateError without torch."""
     try:
         import torch
     except ImportError as error:
@@ -104,7 +102,7 @@ def pick_device(device: str) -> str:
 
 
 def load_model(cls: type, files: ModelFiles, device: str) -> Any:
-    """Frozen model in evaluation mode. Raises AnnotateError for files that `cls` cannot read."""
+    """Frozen model in evaluation mode. Raises AnnotateError."""
     from transformers.utils import logging
 
     logging.disable_progress_bar()
@@ -136,7 +134,7 @@ def inference(device: str, precision: str) -> Iterator[None]:
 
 
 def image_settings(files: ModelFiles) -> dict[str, Any]:
-    """`size`, `image_mean`, `image_std` of a model's image processor, by default ImageNet's."""
+    """`size`, `image_mean`, `image_std` of a model, by default ImageNet's."""
     settings: dict[str, Any] = {}
     for name in ("processor_config.json", "preprocessor_config.json"):
         path = Path(files.path) / name

@@ -269,7 +269,7 @@ class Span(NamedTuple):
     end: float
 
     def holds(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """At which times (T,) it has happened and not ended; a frame at its start is before it."""
+        """When (T,) it has happened and not ended; a frame at its start is before."""
         return (times > self.start + 1e-9) & (times <= self.end + 1e-9)
 
 

@@ -124,8 +124,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         return h5py.Group(found)
 
     def _get(self, key: str) -> object:
-        """The identifier of a dataset or group, or None: h5py's objects are several times
-        slower."""
+        """The identifier of an HDF5 object, or None: faster than h5py's objects."""
         with self._reading(f"{key} cannot be read"), suppress(KeyError):
             return h5o.open(self._file.id, key.encode())
 
@@ -185,8 +184,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             yield decode_frame(bytes(data))
 
     def names(self, group: str, attribute: str) -> tuple[str, ...]:
-        """The names in an attribute of a group: "bodies" and "joints" of state, "names" of
-        joint_state."""
+        """The names in a group's attribute, such as "bodies" and "joints" of state."""
         attributes = self._group(group).attrs
         with self._reading(f"group {group} has no attribute {attribute}"):
             return tuple(map(str, np.asarray(attributes[attribute]).tolist()))
@@ -222,8 +220,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         return found
 
     def damaged(self) -> list[str]:
-        """Names of datasets that changed since they were written, are missing or unexpected; HEADER
-        for attributes."""
+        """Names of changed, missing or unexpected datasets; HEADER for attributes."""
         with self._reading("its content cannot be read"):
             written = dict(parse_json(str(self._file.attrs[HASHES])))
             return differing(written, self.contents())

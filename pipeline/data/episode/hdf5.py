@@ -1,4 +1,4 @@
-"""HDF5 files: opened so that nothing outside them is read, written so that no full disk crashes."""
+"""HDF5 files, opened safely and written without crashes on a full disk."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -48,7 +48,7 @@ def _find_problem(file: h5py.File) -> str | None:
 
 
 def check_dataset(dataset: h5d.DatasetID) -> None:
-    """Raise OSError for values that are not in the file as chunks or one block, plain or gzip's."""
+    """Raise OSError unless values are chunks or one block in the file, plain or gzip."""
     made = dataset.get_create_plist()
     if made.get_layout() not in (h5d.CHUNKED, h5d.CONTIGUOUS) or made.get_external_count():
         raise OSError("its values are not stored in this file as chunks or one block")

@@ -169,7 +169,7 @@ class Drawing(_Record):
     def _without_the_first_look(
         self, visuals: Visuals, handler: SerializerFunctionWrapHandler
     ) -> Any:
-        """Episodes were stored before looks had a number: drawn again, their bytes stay."""
+        """Keeps the bytes of episodes stored before looks had a number."""
         values = handler(visuals)
         if visuals.look == FIRST_LOOK:
             del values["look"]

@@ -13,7 +13,7 @@ OPTIONS = {"crf": "27", "preset": "veryfast", "threads": "1", "x264-params": "aq
 def encode_mp4(
     frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str, str] | None = None
 ) -> bytes:
-    """Frames (H,W,3) RGB, H and W even, as an mp4, b"" without frames; `more` options of x264."""
+    """Frames (H,W,3) RGB, H and W even, as mp4; b"" without frames."""
     import av  # a tenth of a second
 
     buffer, stream = io.BytesIO(), None

@@ -1,4 +1,4 @@
-"""What the simulator knows of an episode's bodies: twists, contact forces, meshes in a camera."""
+"""Simulator truth of an episode's bodies: twists, contact forces, meshes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

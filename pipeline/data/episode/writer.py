@@ -1,4 +1,4 @@
-"""Writes an episode file: fixed order, no clock, so that the same episode gives the same bytes."""
+"""Writes an episode file: the same episode gives the same bytes."""
 
 import json
 from collections.abc import Sequence
@@ -103,7 +103,7 @@ def _write_log(f: h5py.File, e: Episode) -> None:
 
 
 def _write_touches(group: h5py.Group, e: Episode) -> None:
-    """Rows left and right; an arm that did not touch the target has step -1 and zeros."""
+    """Rows left and right; an arm without touch has step -1."""
     by_side = {touch.side: touch for touch in e.log.touches}
     blank = {side: Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7) for side in SIDES}
     rows = list((blank | by_side).values())

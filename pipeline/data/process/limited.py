@@ -31,8 +31,7 @@ class LimitError(DominoError):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child may take: bytes of memory beyond its imports, s of processor and wall time,
-    bytes of a file."""
+    """A child's limits: bytes beyond its imports, s of processor and wall time, bytes a file."""
 
     memory: int = 3 << 30
     processor: int = 600

@@ -14,8 +14,7 @@ def usable_cores() -> int:
 
 
 def user_cache(name: str) -> Path | None:
-    """$DOMINO_DATA_CACHE/<name>, else domino-data/<name> in the user's cache; None without a
-    home."""
+    """$DOMINO_DATA_CACHE/<name> or domino-data/<name> in the user's cache; None without a home."""
     if chosen := os.environ.get(CACHE):
         return Path(chosen).absolute() / name
     try:

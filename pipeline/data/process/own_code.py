@@ -1,4 +1,4 @@
-"""Code of a user's: where it is, where in it an error comes from, how long it may take."""
+"""A user's code: its place, errors and time limit."""
 
 import inspect
 import os
@@ -100,8 +100,7 @@ class Finding:
 def catch_errors(
     name: str, author: type, check: Callable[[], Iterable[Finding]]
 ) -> Iterator[Finding]:
-    """The findings of a check of what class `author` makes; an error is one, with the author's line
-    that led to it."""
+    """Findings of a check; an error is one, with the author's line."""
     try:
         yield from check()
     except DominoError as error:

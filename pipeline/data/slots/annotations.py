@@ -35,8 +35,7 @@ class Entry:
 
 
 def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
-    """File of one episode in a directory such as "flow@0a1b2c3d". Raises ValueError for no plain
-    name."""
+    """An episode's file in a directory such as "flow@0a1b2c3d". Raises ValueError."""
     if "/" in directory or directory.startswith("."):
         raise ValueError(f"{directory[:80]!r} is no directory of annotations")
     return Path(dataset) / "annotations" / directory / episode.with_suffix(".h5")

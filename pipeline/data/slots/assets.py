@@ -1,4 +1,4 @@
-"""A store of what images were drawn from: named arrays and attributes, each once, by hash."""
+"""A store of what images were drawn from, each once, by hash."""
 
 import io
 import json
@@ -47,8 +47,7 @@ class AssetStore:
         return found
 
     def put(self, arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:
-        """Keep arrays and attributes (JSON data), unless they are there; their hash. Raises
-        OSError."""
+        """Keep arrays and JSON attributes once; returns their hash. Raises OSError."""
         key = _hash(arrays, attributes)
         path = self.path(key)
         if not path.exists():
@@ -56,8 +55,7 @@ class AssetStore:
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
-        """Take an asset over from another store, unless it is here. Raises as `get`, and
-        OSError."""
+        """Copy an asset from another store. Raises as `get`, and OSError."""
         path = self.path(key)
         if not path.exists():
             source.get(key)

@@ -1,4 +1,4 @@
-"""The files of a dataset: their paths, and which of those that an index names are there."""
+"""The files of a dataset, and which indexed ones exist."""
 
 import json
 import os
@@ -127,8 +127,7 @@ class Listing:
         return np.array([name in self._files[rank] for rank, name in rows.names], bool)
 
     def states(self, rows: Rows) -> NDArray[np.int64]:
-        """Size (bytes) and time of change (ns, 0 on a store) of every row's file (N,2), -1 if it is
-        missing. Raises OSError."""
+        """Size (bytes) and change time (ns) of rows' files (N,2), -1 if missing. Raises OSError."""
         found = np.full((len(rows), 2), -1, np.int64)
         for number, (rank, name) in enumerate(rows.names):
             file = self._files[rank].get(name)

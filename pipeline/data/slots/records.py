@@ -89,7 +89,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Attempts as a slot's file holds them: without what a clock measured or the slot states."""
+    """Attempts without clock times or what the slot states."""
     return [
         {name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))}
         for row in attempts

@@ -1,4 +1,4 @@
-"""The index read from the files of the slots: all of it, or what another process has written."""
+"""The index, read from the slots' files."""
 
 import errno
 import time
@@ -123,8 +123,7 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
             self._put_at = ended + PUT
 
     def catch_up(self) -> set[Slot]:
-        """Add rows for whole files without one; the slots whose file has other bytes than its row.
-        Raises OSError."""
+        """Add rows for whole files; returns slots whose bytes changed. Raises OSError."""
         self.flush()
         read_unknown(self._dataset, self._recipe, self.index)
         rows = self.index.rows(self._recipe, "size", "changed", "sha256")
@@ -188,7 +187,7 @@ def _read_episode(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) -
 
 
 def _keys(meta: EpisodeMeta) -> SlotKeys:
-    """The keys that an episode states. Raises ValueError if they are not those of their parts."""
+    """The keys of an episode. Raises ValueError if they do not match their parts."""
     if not meta.keys:  # of another version
         return SlotKeys(Key({}), Key({}), Key({}))
     keys = SlotKeys.from_json(meta.keys)
@@ -224,7 +223,7 @@ def _measured(dataset: Paths) -> Attempts:
 def _seconds(
     tried: Sequence[Mapping[str, Any]], attempts: Sequence[Mapping[str, Any]]
 ) -> dict[int, float]:
-    """Seconds by number of those attempts that attempts.parquet has with the same seed."""
+    """Seconds by attempt of the same seed in attempts.parquet."""
     seeds = {row["attempt"]: row["seed"] for row in attempts}
     return {
         row["attempt"]: row[TIMED]

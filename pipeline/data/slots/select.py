@@ -94,8 +94,7 @@ def position_of(physics_id: str) -> float:
 
 
 def split_of(physics_id: str, validation: float = VALIDATION) -> str:
-    """ "validation" up to that share of positions, then "test", then "train"; the same for all
-    looks."""
+    """ "validation" up to that share of positions, then "test", then "train"."""
     ends = {"validation": validation, "test": validation + TEST}
     position = position_of(physics_id)
     return next((name for name, end in ends.items() if position < end), "train")
@@ -111,8 +110,7 @@ def attempts_of(attempt_rows: Callable[..., list[dict[str, Any]]]) -> Attempts:
 def columns_of(
     file: EpisodeFile, attempts: Attempts, validation: float = VALIDATION
 ) -> dict[str, Any]:
-    """COLUMNS of an episode, with those of its attempt if it is one of `attempts`; `validation` as
-    in `split_of`."""
+    """COLUMNS of an episode, and of its attempt if it is one."""
     spec, meta = file.spec, file.meta
     place = tuple(getattr(spec, name) for name in (*PLACE, "seed"))
     failure = meta.failure.model_dump() if meta.failure else {}
@@ -175,7 +173,7 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
 
 
 def _as_python(text: str) -> tuple[str, Values]:
-    """The text with `==` for `=`, square brackets after `in`, and placeholders for values."""
+    """`==` for `=`, brackets after `in`, placeholders for values."""
     words: list[str] = []
     values: dict[str, str] = {}
     place, in_list = 0, False

@@ -1,4 +1,4 @@
-"""Objects below a URL that fsspec knows. Every request ends, with its answer or in one line."""
+"""Objects below an fsspec URL. Every request ends."""
 
 import json
 import os
@@ -58,7 +58,7 @@ def url_of(text: str | Path) -> str | None:
 
 @dataclass(frozen=True)
 class Listed:
-    """Length in bytes of an object, and the MD5 of its bytes (hex) if the store states it."""
+    """Length (bytes) of an object, and its MD5 (hex) if stated."""
 
     size: int
     md5: str
@@ -179,7 +179,7 @@ class Store:
     def _do[T](
         self, what: str, name: str, request: Callable[[Any, str], T], seconds: float = ANSWER
     ) -> T:
-        """The result of a request in a thread that nobody waits for when the process ends."""
+        """A request's result, in a thread that does not block exit."""
         fs, root = self._at
         where, answer = f"cannot {what} {f'{self.url}/{name}'.rstrip('/')}", Future[T]()
 

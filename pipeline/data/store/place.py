@@ -145,7 +145,7 @@ def open_place(url: str, pattern: str = SMALL, writes: bool = False) -> Iterator
 
 
 def _new_root(url: str) -> Path:
-    """A directory of this process; what dead processes of this machine left is removed."""
+    """This process's directory; removes those of dead local ones."""
     name, host, folder = quote(url, safe=""), socket.gethostname(), user_cache(FOLDER)
     if folder is None or len(name) > 180:
         raise StoreError(f"{url}: is too long: name a shorter one" if folder else f"set {CACHE}")
@@ -267,7 +267,7 @@ def _get(store: Store, name: str, path: Path, size: int) -> bool:
 
 
 def _is_same(path: Path, there: Listed | None) -> bool:
-    """Whether a file has the length of an object, and its MD5 if the store states it."""
+    """Whether length, and MD5 if stated, are an object's."""
     if there is None or not path.is_file() or path.stat().st_size != there.size:
         return False
     with open(path, "rb") as file:

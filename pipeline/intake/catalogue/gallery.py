@@ -1,4 +1,4 @@
-"""Images of object families with their frames and grasps, drawn as the dataset draws them."""
+"""Images of object families with their frames and grasps."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,7 +88,7 @@ def _draw(name: str, seed: int) -> Family:
 
 
 def write_portrait(name: str, path: Path) -> None:
-    """Write a PNG of the first instance: plain, and with frames and grasps. Raises NoRenderer."""
+    """Write PNGs of the first instance. Raises NoRenderer."""
     one = _draw(name, 0)
     both = np.concatenate([portrait(one, marks) for marks in (False, True)], axis=1)
     write_atomic(path, encode(both, ".png"))

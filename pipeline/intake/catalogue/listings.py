@@ -1,4 +1,4 @@
-"""The lists that `domino-data tasks`, `objects`, `embodiments` and `motions` print, by name."""
+"""The lists that `domino-data` prints by name."""
 
 import io
 from collections import Counter
@@ -49,8 +49,7 @@ def list_tasks() -> list[dict[str, Any]]:
 
 
 def list_objects(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The instance of seed 0 of each family: m, kg, frames x y z qw qx qy qz, and the tasks that
-    draw it."""
+    """Seed 0 of each family: m, kg, frames x y z qw qx qy qz, and tasks."""
     out = {}
     for name in names:
         one = FAMILIES[name].draw(np.random.Generator(np.random.Philox(0)))

@@ -1,4 +1,4 @@
-"""`domino-data check-object NAME`: does an object family keep its contract?"""
+"""`domino-data check-object NAME`."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -34,7 +34,7 @@ type Problems = Callable[[Family, Shape], Iterator[str]]
 
 
 def check_object(name: str) -> list[Finding]:
-    """The findings on one object family, on instances of seeds 0, 1, 2 ... Raises UnknownName."""
+    """The findings on an object family, seeds 0, 1, 2 ... Raises UnknownName."""
     return [*catch_errors("family", FAMILIES[name], lambda: _check(name, FAMILIES[name]))]
 
 
@@ -132,7 +132,7 @@ def _frames(one: Family, shape: Shape) -> Iterator[str]:
 
 
 def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
-    """Before each frame the object must be as hollow as the family that it stands for."""
+    """Before each frame the object must be as hollow as its family."""
     model = first_of(family)
     theirs, own = model.frames().points, one.frames().points
     for label in theirs.keys() & own.keys() - {"base", "top"}:
@@ -146,7 +146,7 @@ def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
 
 
 def free_before(shape: Shape, at: Pose) -> float:
-    """The free way (m) from a frame along its normal to the end of the bounding box, or 0."""
+    """Free way (m) along a frame's normal to the bounding box, or 0."""
     lower, upper = shape.aabb()
     normal = quat_rotate(at[3:], np.array([0.0, 0.0, 1.0]))
     steps = np.arange(OFF, float(np.linalg.norm(upper - lower)), OFF)
@@ -168,7 +168,7 @@ def _grasps(one: Family, shape: Shape) -> Iterator[str]:
 
 
 def _holds(pieces: Sequence[Collider], g: Grasp, ahead: float) -> bool:
-    """Whether along the opening direction material ends, within SLACK, at both pads."""
+    """Whether material ends, within SLACK, at both pads."""
     approach, opening = quat_rotate(g.pose[3:], np.eye(3)[:2])
     offsets = np.arange(-g.width / 2 - AROUND, g.width / 2 + AROUND, STEP)
     points = g.pose[:3] + ahead * approach + offsets[:, None] * opening
@@ -206,7 +206,7 @@ def _rest(name: str, one: Family, _: Shape) -> Iterator[str]:
 
 
 def _settle(body: Body) -> tuple[float, float]:
-    """How far (m) a body on a table moves along it in SECONDS, and its z axis tilts (degrees)."""
+    """A body's slide on the table in SECONDS (m), and its tilt (degrees)."""
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / 240)
     add_table(scene)

@@ -1,4 +1,4 @@
-"""`domino-data objects add`: a mesh file or a directory of RoboTwin-OD becomes objects."""
+"""`domino-data objects add`."""
 
 import sys
 from collections import Counter
@@ -38,7 +38,7 @@ def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
 
 
 def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObject]:
-    """Write drafts of objects by name, and enter them. Raises ObjectError for a taken name."""
+    """Write and add drafts. Raises ObjectError for a taken name."""
     check_free(drafts, to)
     for name, draft in drafts.items():
         write_object(draft, to / "objects" / name)

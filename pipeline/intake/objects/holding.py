@@ -36,7 +36,7 @@ type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
 
 
 def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
-    """Grasps of an object in its standing frame, spread over it; none without a narrow part."""
+    """Grasps in the standing frame; none without a narrow part."""
     halves = np.pi * np.arange(OPENINGS) / OPENINGS
     found = [row for angle in halves for row in _along(pieces, angle, _spans, 0.0)]
     found += [row for angle in 2 * halves for row in _along(pieces, angle, _walls, FROM_ABOVE)]
@@ -50,8 +50,7 @@ def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
 def _along(
     pieces: Sequence[Collider], angle: float, spans: Callable[..., Spans], least: float
 ) -> Iterator[tuple[Floats, Floats, Floats, float]]:
-    """Tcp, approach, opening and width of grasps that open in one direction, pitched down by
-    `least` (rad) or more."""
+    """Grasps that open in one direction, pitched down by at least `least` (rad)."""
     opening = np.array([np.cos(angle), np.sin(angle), 0.0])
     level = np.array([-np.sin(angle), np.cos(angle), 0.0])
     top = float(bounds(pieces)[1, 2])
@@ -130,7 +129,7 @@ def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
 def _through(
     pieces: Sequence[Collider], origins: Floats, direction: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Where lines (N) enter and leave each piece (K,N), and how its sides face there (cosines)."""
+    """Where lines (N) enter and leave each piece (K,N), and its sides' cosines."""
     lower = np.full((len(pieces), len(origins)), np.inf)
     upper = np.full(lower.shape, -np.inf)
     enter, leave = np.zeros(lower.shape), np.zeros(lower.shape)
@@ -172,8 +171,9 @@ def _room(
 
 @cache
 def _hand_at_rest() -> tuple[Floats, Floats]:
-    """The points (N,3) of a closed hand in the tcp's frame, and how they move (N,3) for each metre
-    that a finger opens."""
+    """Points (N,3) of a closed hand in the tcp's frame, and their motion (N,3) per metre of
+    opening.
+    """
     deep, thick = np.linspace(-PALM, TIP, 13), (-0.007, 0.0, 0.007)
     fingers = [
         (x, side * out, t, side) for x, side, out, t in product(deep, (-1, 1), FINGER, thick)
@@ -185,8 +185,7 @@ def _hand_at_rest() -> tuple[Floats, Floats]:
 
 
 def _spread(rows: Floats, box: Floats) -> NDArray[np.int64]:
-    """Rows that are kept: the one nearest to the middle, then always the one most unlike the
-    others."""
+    """Kept rows: the most central, then always the one most unlike the others."""
     size = float(np.linalg.norm(box[1] - box[0]))
     ways = [rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])]
     places = np.concatenate(ways, axis=1)

@@ -73,7 +73,7 @@ class _OriginalInstance:
 
 @dataclass(frozen=True)
 class Found:
-    """The objects by key of a recipe's `objects`, and lines on instances that cannot be used."""
+    """Objects by recipe key, and lines on unusable instances."""
 
     assets: str
     objects: Mapping[str, tuple[str, ...]]
@@ -155,7 +155,7 @@ def _is_made(place: Path) -> bool:
 
 
 def _make(batch: Sequence[tuple[_OriginalInstance, Path]]) -> dict[str, str]:
-    """Make objects in a child process with limits; the line of each that takes too much."""
+    """Make objects in a limited child process."""
     limits = Limits(processor=SECONDS * len(batch), wall=3.0 * SECONDS * len(batch))
     try:
         run_limited(str(batch[0][0].files.visual), _make_here, batch, limits=limits)

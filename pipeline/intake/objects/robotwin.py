@@ -60,8 +60,7 @@ def is_robotwin(directory: Path) -> bool:
 
 
 def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and
-    MeshError."""
+    """An object for every instance, NAME or NAME_0 ... Raises ObjectError, MeshError."""
     numbered = instances(directory)
     if not numbered:
         raise ObjectError(f"{directory}: has no base.glb; articulated objects are not read")
@@ -86,8 +85,7 @@ def instances(directory: Path) -> list[Instance]:
 
 
 def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 1.0) -> ObjectDraft:
-    """The object of an instance; `unscaled` is the scale of files that give none. Raises
-    ObjectError and MeshError."""
+    """The object of an instance; `unscaled` is the default scale. Raises ObjectError, MeshError."""
     data, noun = _read(each.data), first_of(options.family).words().noun
     given = np.asarray(unscaled if data.scale is None else data.scale, float)
     scale = np.broadcast_to(given * options.scale, 3)
@@ -121,7 +119,7 @@ def described_in(each: Instance) -> Path | None:
 
 
 def _read_phrases(each: Instance, noun: str) -> Phrases | None:
-    """The words of an instance's descriptions without their articles; None without any."""
+    """An instance's descriptions without articles, or None."""
     file = described_in(each)
     try:
         texts = {} if file is None else read_json(file)

@@ -31,7 +31,7 @@ def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Colli
 
 
 def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
-    """Directions (3,) that can be up on a flat table, with their probabilities, likeliest first."""
+    """Up directions (3,) on a flat table with probabilities, likeliest first."""
     corners_of = [np.asarray(one.vertices) for one in pieces]
     hull = trimesh.convex.convex_hull(np.concatenate(corners_of))
     volumes = np.array([one.volume() for one in pieces])
@@ -64,7 +64,7 @@ def _in_piece(one: Collider, points: Floats) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=128)
 def planes(one: Collider) -> tuple[Floats, Floats]:
-    """Normals (K,3) and offsets (K,) of a convex piece: inside, normals @ point + offsets <= 0."""
+    """Normals (K,3), offsets (K,) of a convex piece: inside, normals @ point + offsets <= 0."""
     equations = ConvexHull(np.asarray(one.vertices)).equations
     return equations[:, :3], equations[:, 3]
 
@@ -129,7 +129,7 @@ def _turns(up: Floats) -> list[Floats]:
 
 @cache
 def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Bounds (2,3) of the family's first instance, cells of them that it fills, log proportions."""
+    """Bounds (2,3) of the family's first instance, filled cells, log proportions."""
     pieces = first_of(family).shape().collision
     box = bounds(pieces)
     return box, inside(pieces, _cells(box)), _proportions(box)
@@ -140,8 +140,7 @@ def first_of(family: str):
 
 
 def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
-    """Overlap of the turned pieces and the family in a common box, less what their proportions
-    differ by."""
+    """Overlap of turned pieces and family in a common box, less their difference in proportions."""
     _, pattern, proportions = _pattern(family)
     points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
     box = np.stack([points.min(0), points.max(0)])

@@ -1,5 +1,4 @@
-"""`domino-data robots add`: a URDF, an MJCF or an embodiment of RoboTwin becomes a robot's
-directory."""
+"""`domino-data robots add`: writes a robot's directory."""
 
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -81,7 +80,7 @@ def check_name(name: str, directory: Path) -> None:
 
 
 def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
-    """The robot of a file or directory, before it is written. Raises RobotError and UrdfError."""
+    """A robot before it is written. Raises RobotError, UrdfError."""
     for given in (source, options.gripper or source):
         if not (given.is_file() or given.is_dir()):
             raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
@@ -99,7 +98,7 @@ def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
 
 
 def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
-    """The URDF and the hints of a directory with a `config.yml`; of two arms, the first."""
+    """URDF and hints of a `config.yml`; of two arms, the first."""
     path = directory / CONFIG
     try:
         values: dict[str, Any] = read_yaml(path)

@@ -1,4 +1,4 @@
-"""Which joints of a URDF are the arm, which link is the hand, and how its fingers move."""
+"""The arm's joints, its hand, and the motion of its fingers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -47,8 +47,7 @@ class Anatomy:
 
 
 def anatomy(robot: UrdfRobot, hints: Hints = Hints()) -> Anatomy:
-    """The parts of the robot's arm. Raises UrdfError without an arm or a gripper, or for more than
-    two fingers."""
+    """The parts of the arm. Raises UrdfError without arm or gripper, or for over two fingers."""
     base = _base(robot, hints)
     links = robot.below(base)
     joints = [robot.parent_joint[link] for link in links[1:]]
@@ -240,7 +239,7 @@ def _place_parts(
 
 
 def cloud(robot: UrdfRobot, link: str) -> Floats:
-    """At most 4000 points (N,3) m on a link's collision shapes, or on its looks without any."""
+    """At most 4000 points (N,3) m on a link's shapes."""
     shapes = robot.links[link].collisions or robot.links[link].visuals
     points = np.concatenate([np.zeros((0, 3)), *(_points(shape) for shape in shapes)])
     return points[:: 1 + len(points) // 4000]

@@ -1,4 +1,4 @@
-"""`domino-data check-robot NAME`: can a robot do its work? A line for each clause."""
+"""`domino-data check-robot NAME`."""
 
 from collections.abc import Iterator, Sequence
 
@@ -38,7 +38,7 @@ SEEDS = 3  # of a task, until one is accepted at level 0
 
 
 def check_robot(name: str, tasks: Sequence[str]) -> Iterator[Finding]:
-    """Check a robot, and try `tasks` on it at level 0. Raises UnknownEmbodiment and RobotError."""
+    """Check a robot, and `tasks` on it at level 0. Raises UnknownEmbodiment, RobotError."""
     robot = get_embodiment(name)
     if len(robot.sides) < len(SIDES):
         raise RobotError(f"{name}: is one arm of a robot: check the robot, without {NONE!r}")
@@ -97,7 +97,7 @@ def _reach(robot: Embodiment) -> Finding:
 
 
 def _grip(robot: Embodiment) -> Finding:
-    """Closes the jaws on an upright can that nothing else holds: it must stay and stop the jaws."""
+    """Close the jaws on a free can: it must stay and stop the jaws."""
     arm = robot.arms["left"]
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / HZ)

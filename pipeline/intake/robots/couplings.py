@@ -1,4 +1,4 @@
-"""How the joints of a gripper follow each other in MuJoCo: one is moved, the others are watched."""
+"""How a gripper's joints follow each other in MuJoCo: one moves, others are observed."""
 
 from collections.abc import Iterable, Iterator
 from copy import copy
@@ -99,7 +99,7 @@ def _groups(model: Any) -> list[set[int]]:
 
 
 def _tied(model: Any) -> Iterator[set[int]]:
-    """The joints of each constraint: equality, loop that two joined bodies close, fixed tendon."""
+    """The joints of each constraint: equality, closed loop, fixed tendon."""
     connect, weld, joint, tendon = 0, 1, 2, 3  # of mjtEq
     columns = np.stack([model.eq_type, model.eq_obj1id, model.eq_obj2id], 1)
     for kind, a, b in columns.tolist():

@@ -1,4 +1,4 @@
-"""Reads an MJCF as the links, joints and mimic rules of a URDF. MuJoCo itself compiles the file."""
+"""Reads an MJCF, compiled by MuJoCo, as links, joints and mimic rules of a URDF."""
 
 import math
 from collections.abc import Iterator
@@ -123,7 +123,7 @@ class _CompiledModel:
         return Joint(self._name("joint", j), kind, *ends, *moves)
 
     def _effort(self, joint: int) -> float:
-        """The most force (N or N m) of the joint's actuators; 0 if the file does not say."""
+        """The largest force (N or N m) of a joint; 0 if unknown."""
         model, effort = self.model, 0.0
         here = (model.actuator_trnid[:, 0] == joint) & (model.actuator_trntype == 0)
         for a in np.flatnonzero(here):
@@ -195,7 +195,7 @@ class _CompiledModel:
 
 
 def _check_files(path: Path, root: Path) -> None:
-    """Refuse an MJCF that names a file outside of `root`, a file twice, or one not to be opened."""
+    """Refuse files outside `root`, named twice, or not to be opened."""
     pending, seen = [path.resolve()], set[Path]()
     while pending:
         file = pending.pop()

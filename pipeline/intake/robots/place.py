@@ -63,8 +63,7 @@ class Reach:
 
     @property
     def score(self) -> float:
-        """Mean reach at 30-60 degrees, the strip counting half, a tenth for 90 degrees, less what
-        the arm hides."""
+        """Mean reach at 30-60 degrees, less what the arm hides."""
         tilted = self.own[:, :3].mean() + 0.5 * self.mid[:, :3].mean() + 0.1 * self.own[:, 3].mean()
         return float(tilted / 1.6 - 0.15 * self.hidden - 0.15 * self.close)
 
@@ -72,7 +71,7 @@ class Reach:
 def stood(
     arm: Arm, place: tuple[float, float, float], yaw: float, home: Iterable[float]
 ) -> Embodiment:
-    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned by `yaw` rad; no furniture."""
+    """Two of an arm with bases at (-x, y, z) and (x, y, z), turned by `yaw` rad."""
     x, y, z = place
     turn, rest = quat_about((0, 0, 1), yaw), tuple(home)
     bases = {"left": pose((-x, y, z), turn), "right": pose((x, y, z), turn)}
@@ -94,7 +93,7 @@ def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Float
 def solve(
     robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Left arm joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
+    """Left arm joints (N,n) and success (N,) for cells (N,2)."""
     arm = robot.arms["left"]
     chain = chain_of(arm)
     free = CollisionWorld(robot).with_objects(margin=0.0).free("left", robot.arms["right"].home)
@@ -128,7 +127,7 @@ def measure(robot: Embodiment, scan: Scan) -> Reach:
 
 
 def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
-    """Whether links before the hand cover `point` (3,) from the head camera, or come near it."""
+    """Whether links hide `point` (3,) from the head camera, or come near."""
     poses = arm_poses(arm, q)
     eye = HEAD_CAMERA[:3]
     ray = point - eye
@@ -183,7 +182,7 @@ def _forward(tools: Floats) -> float:
 
 
 def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
-    """Share of the cells of the left arm's half above which a sampled tool points down."""
+    """Share of cells above which a sampled tool points down."""
     at = compose(pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)), tools)
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     low = (at[:, 2] > TABLE_TOP + 0.01) & (at[:, 2] < TABLE_TOP + 0.2)
@@ -206,7 +205,7 @@ def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | N
 
 
 def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[Floats]:
-    """Rest configurations of an arm by itself, those farthest from its joint limits first."""
+    """Rest configurations of one arm, farthest from limits first."""
     arm = robot.arms[side]
     chain = chain_of(arm)
     x = float(arm.base[0])
@@ -232,7 +231,7 @@ def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats
 
 
 def overlaps(arm: Arm, samples: int = 40) -> dict[tuple[str, str], float]:
-    """Share of random configurations in which two links that are not joined touch, if above 0."""
+    """Share of random configurations in which unjoined links touch."""
     robot = stood(arm, (FAR, 0.0, 0.0), 0.0, arm.home)
     chain = chain_of(robot.arms["left"])
     rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (samples, chain.dof))

@@ -1,4 +1,4 @@
-"""Convex collision pieces of meshes: few, with few corners, so that planning stays fast."""
+"""Few convex collision pieces with few corners keep planning fast."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,8 +18,7 @@ CORNERS = 32  # of a piece at most
 
 @dataclass(frozen=True)
 class Cut:
-    """How coacd cuts a mesh: a closed one if its hull is `hollow` times larger, with `tidy` an open
-    one, too."""
+    """How coacd cuts a mesh whose hull is `hollow` times larger; with `tidy` open ones, too."""
 
     threshold: float = 0.1
     pieces: int = 4

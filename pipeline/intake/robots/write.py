@@ -113,7 +113,7 @@ def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
 
 
 def mesh_file(link: str, piece: int | None = None) -> str:
-    """Path in a robot's directory of a link's look, or of one of its convex collision pieces."""
+    """Path of a link's look or convex piece."""
     return f"meshes/{link}.glb" if piece is None else f"meshes/{link}_{piece}.stl"
 
 

@@ -1,5 +1,4 @@
-"""The plots of a card: where targets start and how they move, their speeds, lengths of episodes,
-ranges of actions."""
+"""The plots of a card."""
 
 import io
 from collections.abc import Sequence
@@ -23,8 +22,7 @@ WORDS = {
 
 
 def plots(seen: Sequence[SurveyedEpisode]) -> bytes:
-    """A PNG of five plots; of more than PATHS episodes every n-th path is drawn. The same episodes
-    give the same bytes."""
+    """A PNG of five plots with at most PATHS paths; deterministic."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -60,7 +58,7 @@ def plots(seen: Sequence[SurveyedEpisode]) -> bytes:
 
 
 def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[float]:
-    """Edges of 20 bins; values that differ by no more than rounding come into the middle ones."""
+    """Edges of 20 bins; nearly equal values fall into the middle ones."""
     every = np.concatenate([np.asarray(each, float) for each in values])
     low, high = float(every.min()), float(every.max())
     pad = 0.5 * max(abs(high), 1e-3) if high - low <= 1e-6 * abs(high) else 0.0

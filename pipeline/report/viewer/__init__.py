@@ -1,4 +1,3 @@
-"""Looking through a dataset in a browser: an offline page for some episodes, a local server for
-all."""
+"""A dataset in a browser: an offline page or a local server."""
 
 from .page import choose, viewer_server, write_viewer

@@ -1,5 +1,4 @@
-"""What the page shows of a dataset and of one episode, as plain JSON data; all images of an episode
-are one film."""
+"""The page's plain JSON data; all images of an episode are one film."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -96,8 +95,7 @@ def _why(failure: FailureInfo | None) -> str:
 
 
 def _film(tracks: Mapping[str, Pixels], fps: int) -> dict[str, Any]:
-    """All images (T,H,W,3) beside each other in one film: its data URI, and the box (x, y, width,
-    height) of each in it."""
+    """All images (T,H,W,3) in one film: its data URI, and each one's box (x, y, width, height)."""
     boxes, x = dict[str, list[int]](), 0
     for name, images in tracks.items():
         boxes[name] = [x, 0, images.shape[2], images.shape[1]]
@@ -188,8 +186,7 @@ def _policy(meta: EpisodeMeta, log: StateLog) -> list[dict[str, Any]]:
 
 
 def skill_rows(runs: Sequence[SkillRun], hz: int) -> list[dict[str, Any]]:
-    """The skills of the script (s), a row an arm; those within another one of that arm are named
-    with it."""
+    """The script's skills (s), a row an arm; nested ones are named with the outer."""
     rows = list[tuple[SkillRun, dict[str, Any]]]()
     for run in runs:
         about = " ".join(part for part in (run.part.replace("_", " "), run.body) if part)

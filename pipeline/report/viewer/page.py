@@ -37,7 +37,7 @@ WHY = ("stage", "reason", "detail", "conditions")
 
 
 def fixed(name: str, dataset: Path, episodes: Sequence[Path], total: int) -> bytes:
-    """A file of the viewer that belongs to no single episode: PAGE, view.css, view.js or LIST."""
+    """A viewer file of no single episode."""
     if name == LIST:
         return list_script(dataset, episodes, total)
     if name == "view.js":
@@ -103,8 +103,7 @@ def write_viewer(
     total: int,
     progress: Callable[[int], object] = lambda _: None,
 ) -> Path:
-    """Write the viewer of these episodes to the directory `out` and return its page. Raises
-    EpisodeError, Busy, OSError."""
+    """Write the viewer to `out` and return its page. Raises EpisodeError, Busy, OSError."""
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
         for old in (*out.glob("episode_*.js"), *out.glob("thumb_*.jpg")):
@@ -191,13 +190,13 @@ def viewer_server(dataset: Path, episodes: Sequence[Path], port: int) -> Threadi
 
 
 def _is_local(host: str | None, origin: str | None) -> bool:
-    """Whether a request names this machine and is not made by a page of another site."""
+    """Whether a request is to this machine and from no other site."""
     named = urlsplit(f"//{host or ''}").hostname
     return named in NAMES and (origin is None or urlsplit(origin).hostname in NAMES)
 
 
 class _Server(ThreadingHTTPServer):
-    """A server with a bounded number of threads, on which a client that leaves is no error."""
+    """A server with bounded threads that tolerates leaving clients."""
 
     daemon_threads = True
 

@@ -1,4 +1,4 @@
-"""`domino-data doctor`: whether this machine has what a build, an export and an annotation need."""
+"""`domino-data doctor`: whether this machine has what is needed."""
 
 import json
 import platform
@@ -17,8 +17,7 @@ from pipeline.run.provenance import installed_version
 
 @dataclass(frozen=True)
 class CheckResult:
-    """`verdict` FAIL: nothing can be built; WARN: something does not work that not everybody
-    needs."""
+    """`verdict` FAIL: nothing can be built; WARN: an optional part does not work."""
 
     name: str
     verdict: Literal["PASS", "WARN", "FAIL"]
@@ -72,8 +71,7 @@ with av.open(io.BytesIO(data)) as film:
 
 
 def diagnose(place: Path) -> Iterator[CheckResult]:
-    """Examine this machine for datasets at `place`, in about 15 s; nothing is written or
-    downloaded."""
+    """Examine this machine for datasets at `place` (about 15 s), writing nothing."""
     yield check_python()
     yield from judge_frame(attempt(FRAME), gpus())
     yield check_cv2(metadata.packages_distributions().get("cv2", ()))
@@ -136,7 +134,7 @@ def judge_ray(answer: Mapping[str, Any] | str) -> CheckResult:
 
 
 def judge_video(answer: Mapping[str, Any] | str) -> CheckResult:
-    """Whether a video was written with the encoder of the default export, and read again."""
+    """Whether a video was written with the default encoder and read again."""
     if isinstance(answer, str) or answer["frames"] != 2:
         fix = "uv pip install --reinstall av"
         return CheckResult("video", "FAIL", f"no H.264 video can be written ({answer})", fix)
@@ -146,7 +144,7 @@ def judge_video(answer: Mapping[str, Any] | str) -> CheckResult:
 def check_python(
     version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()
 ) -> CheckResult:
-    """The Python that the lock file is for, on a processor for which SAPIEN has packages."""
+    """Whether the lock file's Python and processor are here."""
     text = f"Python {'.'.join(map(str, version))} on {platform.system()} {machine}"
     if version[:2] != (3, 12):
         fix = "install Python 3.12, then `make setup`"
@@ -171,7 +169,7 @@ def check_disk(place: Path) -> CheckResult:
 def available_memory(
     meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")
 ) -> float:
-    """Bytes that new processes may use: what the kernel has, or less in a limited control group."""
+    """Bytes new processes may use, within the control group."""
     fields = dict(line.split(":", 1) for line in meminfo.read_text().splitlines() if ":" in line)
     free = float(fields["MemAvailable"].split()[0]) * 1024
     limit, used = group / "memory.max", group / "memory.current"

@@ -1,4 +1,4 @@
-"""Whether a file of a dataset is what was written: its own hash, its key, and that it decodes."""
+"""Whether a file is what was written: hash, key, decoding."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -64,7 +64,7 @@ def judge(job: FileJob) -> list[str]:
 
 
 def _check_episode(path: Path) -> Iterator[str]:
-    """An accepted episode, a failed attempt that is kept, or the note that a slot was given up."""
+    """An accepted episode, a kept failure, or a given-up note."""
     if path.name.endswith(GIVEN_UP):
         read_given_up(path, "/".join(path.parts[-5:]).removesuffix(GIVEN_UP))
         return

@@ -1,4 +1,4 @@
-"""One episode made again from its recipe and compared byte by byte: `domino-data verify`."""
+"""One episode made again and compared byte by byte."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -66,8 +66,7 @@ def _make(
 
 
 def other_device(dataset: Dataset) -> str:
-    """The device that drew the images of a dataset, if it is not the one here: two do not give the
-    same pixels."""
+    """The device that drew a dataset, if not this one: pixels differ between devices."""
     try:
         made = dataset.made_by()
     except DatasetError:

@@ -1,4 +1,4 @@
-"""`domino-data verify`: every file of a dataset judged alone, and some episodes made again."""
+"""`domino-data verify`: checks every file, and makes some episodes again."""
 
 import os
 import re
@@ -101,7 +101,7 @@ def verify(
 
 
 def _files_of(dataset: Dataset) -> Iterator[str]:
-    """The files of a dataset that a check exists for, and the directory of every export."""
+    """Checkable files of a dataset, and export directories."""
     root, exports = dataset.root, dataset.root / "exports"
     if place := place_of(root):
         names = (place.name(path) for path in place.files(CHECKED))
@@ -180,8 +180,7 @@ def _differ(job: FileJob) -> list[str]:
 def _each(
     work: Callable[[FileJob], list[str]], jobs: Sequence[FileJob], crew: Crew, bar: "tqdm[Any]"
 ) -> dict[str, list[str]]:
-    """What the work found, by path in the order of the jobs; a file that costs two workers is a
-    problem."""
+    """Findings by path in job order; a file that costs two workers is a problem."""
     found = {job.path: list[str]() for job in jobs}
     bar.reset(len(jobs))
     with closing(run(lambda: work, deque(jobs), crew, SECONDS)) as ends:

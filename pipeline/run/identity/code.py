@@ -71,8 +71,7 @@ def code_version(root: Path) -> str:
 
 @cache
 def cell_code(root: Path, task: str, robots: str, randomized: bool, motion: str | None) -> CellCode:
-    """What decides the slots of a cell; `motion` is None for the task's own model. Raises
-    UnknownName."""
+    """What decides a cell's slots; `motion` None: the task's own. Raises UnknownName."""
     this = TASKS[task]
     named = sorted(families_of(this))
     placed = sorted({*named, *(CLUTTER_FAMILIES if randomized else ())})
@@ -95,7 +94,7 @@ def cell_code(root: Path, task: str, robots: str, randomized: bool, motion: str 
 
 @cache
 def drawing_code(root: Path) -> dict[str, str]:
-    """What draws any episode from what it was stored with: the same for all tasks and robots."""
+    """What draws any episode: equal for all tasks and robots."""
     return {
         "renderer": hash_files(root, DRAWING, SHADERS),
         "shaders": hash_files(root, SHADERS),
@@ -135,7 +134,7 @@ def object_contents(task: str, randomized: bool, rules: Rules) -> dict[str, str]
 
 
 def object_content(name: str) -> dict[str, str]:
-    """As of a robot's directory, of an object. Raises UnknownName for one that does not exist."""
+    """Hashes of an object. Raises UnknownName."""
     files = directory_of(FAMILIES[name])
     return {"physics": name, "looks": name} if files is None else content_key(files.path)
 
@@ -167,7 +166,7 @@ def _is_ours(module: str) -> bool:
 
 
 def _hash_phrases(root: Path, item: object, name: str) -> str:
-    """A hash of the phrases of a task or a family: beside its module or, of a plugin, in it."""
+    """A hash of a task's or family's phrases."""
     module = str(item.__module__)
     if _is_ours(module):
         return hash_files(root, ("/".join([*module.split(".")[1:-1], "phrases", f"{name}.txt"]),))

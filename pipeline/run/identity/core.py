@@ -1,4 +1,4 @@
-"""Hashes of files of the package, and which decide every episode. It imports no simulator."""
+"""Hashes of the package's files; imports no simulator."""
 
 import ast
 import hashlib
@@ -40,7 +40,7 @@ def shared_physics(root: Path) -> dict[str, str]:
 
 @cache
 def hash_files(root: Path, where: tuple[str, ...], without: tuple[str, ...] = ()) -> str:
-    """One hash of all files at or below some paths of the package, but those of `without`."""
+    """One hash of all files below some paths, but `without`."""
     found = {path for each in where for path in files_below(root / each)}
     found -= {path for each in without for path in files_below(root / each)}
     return digest([[path.relative_to(root).as_posix(), hash_file(path)] for path in sorted(found)])

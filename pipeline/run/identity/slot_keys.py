@@ -14,7 +14,7 @@ from . import code, core
 
 
 class RecipeKeys:
-    """The keys that the slots of a recipe have with the code and the packages as they are now."""
+    """The keys of a recipe's slots with the present code and packages."""
 
     def __init__(self, recipe: Recipe) -> None:
         self._recipe, self._root = recipe, core.package_root()
@@ -61,7 +61,7 @@ class RecipeKeys:
         return SlotKeys(source.physics, self._render(slot, source.physics, looks), source.language)
 
     def _objects(self, task: str, randomized: bool) -> dict[str, str]:
-        """What the objects from files that may stand for families of a task hold; empty if none."""
+        """Contents of the objects from files for a task; may be empty."""
         if not self._recipe.objects:
             return {}
         if (task, randomized) not in self._placed:
@@ -91,5 +91,5 @@ def code_version() -> str:
 
 
 def policy_version() -> str:
-    """A hash of the code by which policies act and are corrected, without that of the policies."""
+    """A hash of the code by which policies act, without the policies."""
     return code.evaluation_code(core.package_root())

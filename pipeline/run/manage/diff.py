@@ -1,4 +1,4 @@
-"""`domino-data diff A B`: which slots of two datasets differ, and why, by both indices."""
+"""`domino-data diff A B`: which slots differ, and why."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ BYTES = "other bytes, same keys"  # of another state log, or by a damaged instal
 
 @dataclass(frozen=True)
 class Difference:
-    """A slot that differs: what it is in each dataset, and the parts of its keys that differ."""
+    """A slot that differs, and the differing parts of its keys."""
 
     slot: str
     a: str

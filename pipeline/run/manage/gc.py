@@ -1,4 +1,4 @@
-"""`domino-data gc`: removes what belongs to nothing any more, of what the factory itself writes."""
+"""`domino-data gc`: removes orphaned files."""
 
 import re
 from collections.abc import Iterator

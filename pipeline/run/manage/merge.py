@@ -30,7 +30,7 @@ SHARED = (("physics", "core"), ("render", "renderer"), ("render", "shaders"))
 
 @dataclass(frozen=True)
 class Merged:
-    """Slots wanted, accepted and given up in the result, and how many came from each dataset."""
+    """Slots wanted, accepted and given up, and counts by dataset."""
 
     slots: int
     accepted: int
@@ -172,8 +172,7 @@ def _take_annotations(source: Dataset, out: Dataset) -> None:
 
 
 def _link(path: Path, to: Path) -> None:
-    """Make `to` a hard link of `path`, or an atomic copy with its time; another file there is
-    replaced."""
+    """Make `to` a hard link of `path`, or an atomic copy with its time."""
     if to.exists() and (os.path.samefile(path, to) or _state(path) == _state(to)):
         return
     with atomic_path(to) as temporary:

@@ -1,4 +1,4 @@
-"""Failed attempts: files below failures/, and for the report a picture of each way a cell fails."""
+"""Failed attempts: files below failures/, and pictures for the report."""
 
 from dataclasses import dataclass, replace
 
@@ -30,8 +30,7 @@ KEPT = {"none": (), "rendered": (REPLAY, REACT), "all": (DRY_RUN, REPLAY, REACT)
 
 @dataclass(frozen=True)
 class Failed:
-    """An attempt at a slot that failed: its number and why, the slot's keys, and who
-    demonstrated."""
+    """A failed attempt: number, reason, keys, demonstrator."""
 
     slot: Slot
     number: int
@@ -41,7 +40,7 @@ class Failed:
 
 
 def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phases) -> str:
-    """Draw and write a failed attempt if the recipe keeps it; the sha256 of its file, else ""."""
+    """Draw and write a failure that the recipe keeps; its sha256, else ""."""
     failure, log = failed.failure, failed.failure.log
     if failure.stage not in KEPT[recipe.keep_failures] or log is None:
         return ""

@@ -1,4 +1,4 @@
-"""One slot, whole: attempts until an episode is accepted, its images, its file."""
+"""One slot: attempts until one is accepted, images, file."""
 
 import os
 import time
@@ -58,8 +58,7 @@ class FillJob:
     lost: tuple[LostAttempt, ...] = ()
 
     def without(self, died: Died["FillJob"]) -> "FillJob":
-        """The job without the attempt that two workers died of. Raises CrewError if none is left to
-        blame."""
+        """The job without the fatal attempt. Raises CrewError if none is left to blame."""
         attempt = died.trying
         if not isinstance(attempt, int):
             # they died before they began: on the first attempt that they would have made
@@ -72,7 +71,7 @@ class FillJob:
 
 @dataclass(frozen=True)
 class NodeCheck:
-    """A check of a worker's machine: whether it reaches the dataset, and runs this code version."""
+    """Whether a worker's machine reaches the dataset and runs this code."""
 
     root: str
     code: str
@@ -119,7 +118,7 @@ def slot_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
 
 
 def fill_logged(job: FillJob) -> Steps[SlotRecord]:
-    """As `fill_in_steps`; its prints are kept in logs/ if the slot fails or lost workers."""
+    """As `fill_in_steps`; keeps logs/ of failed slots."""
     dataset = Dataset(Path(job.root))
     with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")

@@ -1,4 +1,4 @@
-"""From an accepted rollout, or from an episode file, to one with new images or sentences."""
+"""From a rollout or episode file to new images or sentences."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -158,7 +158,7 @@ def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
 
 
 def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
-    """What is known of a slot's episode file. Raises EpisodeError for one that cannot be read."""
+    """Facts of a slot's episode file. Raises EpisodeError."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
         assets = list(file.meta.drawing.assets.values())

@@ -1,4 +1,4 @@
-"""One slot drawn again from a stored episode's state log and assets. No physics is run."""
+"""One slot drawn again from stored state; no physics is run."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What a process prints while it works on one slot, in a file that is kept if the slot fails."""
+"""A process's output for one slot, kept if the slot fails."""
 
 import faulthandler
 import os
