@@ -19,7 +19,7 @@ NORMALISATIONS = ("per_map", "shared", "fixed")
 
 
 class _Thread(threading.local):
-    """How deep a thread is inside `bit_stable`, and whether it used IPP before."""
+    """A thread's depth in `bit_stable`, and its IPP setting."""
 
     depth = 0
     ipp = True

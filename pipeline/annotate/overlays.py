@@ -19,7 +19,7 @@ COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
 
 
 def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """A frame (H,W,3) with masks (K,H,W) tinted and outlined, one colour an object."""
+    """A frame (H,W,3) with masks (K,H,W) tinted and outlined."""
     tinted = rgb.copy()
     for mask, colour in zip(masks, COLOURS * (1 + len(masks) // len(COLOURS)), strict=False):
         tinted[mask] = (0.55 * tinted[mask] + 0.45 * np.array(colour)).astype(np.uint8)

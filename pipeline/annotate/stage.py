@@ -46,7 +46,7 @@ class Reading:
 
 @dataclass(eq=False)
 class StageResult:
-    """Arrays by absolute frame, plain attributes, and which arrays to store compressed."""
+    """Arrays by absolute frame, attributes, and which arrays to compress."""
 
     arrays: Mapping[str, NDArray[Any]]
     attributes: Mapping[str, Any]
@@ -71,7 +71,7 @@ class Stage(Protocol):
     def uses_models(self) -> bool: ...
 
     def parameters(self) -> dict[str, Any]:
-        """All that decides the result besides the inputs, models' digests included, as JSON."""
+        """All that decides the result besides the inputs, as JSON."""
         ...
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
@@ -79,7 +79,7 @@ class Stage(Protocol):
         ...
 
     def start(self) -> Callable[[Any], StageResult]:
-        """Load models, once per worker; the callable turns what `decode` gave into a result."""
+        """Load models, once per worker; returns the computation."""
         ...
 
 
@@ -89,13 +89,13 @@ def directory_of(stage: Stage) -> str:
 
 
 def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
-    """JPEG bytes of all frames of a camera. Raises AnnotateError as `check_camera`."""
+    """JPEG bytes of a camera's frames. Raises AnnotateError."""
     check_camera(episode, camera)
     return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
 
 
 def check_camera(episode: EpisodeFile, camera: str) -> None:
-    """Raise AnnotateError for a camera that an episode has not, naming those that it has."""
+    """Raise AnnotateError for a missing camera, naming the existing ones."""
     if camera not in episode.cameras:
         known = ", ".join(episode.cameras)
         raise AnnotateError(f"{episode.path} has no camera {camera}: it has {known}")

@@ -1,4 +1,4 @@
-"""Keys: sha256 of the canonical JSON of what an annotation was made from and with."""
+"""Keys of annotations: sha256 of canonical JSON."""
 
 import hashlib
 from collections.abc import Mapping
@@ -33,5 +33,5 @@ def annotation_key(
 
 
 def stage_key(stage: str, version: int, parameters: Mapping[str, Any]) -> str:
-    """The first 8 hex digits that name a stage's directory: the key without its inputs."""
+    """The first 8 hex digits of the key without its inputs."""
     return digest({"stage": stage, "version": version, "parameters": dict(parameters)})[:8]

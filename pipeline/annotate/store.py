@@ -1,4 +1,4 @@
-"""Writes and checks the files of annotations (data/slots/annotations.py)."""
+"""Writes and checks annotation files."""
 
 import json
 from collections.abc import Collection, Mapping

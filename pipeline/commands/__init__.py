@@ -1,1 +1,1 @@
-"""The verbs of `domino-data`, one module per kind of work."""
+"""The verbs of `domino-data`."""

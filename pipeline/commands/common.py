@@ -1,4 +1,4 @@
-"""What the verbs share: options, printing, and the crew that options describe."""
+"""Shared options, printing, and the crew of the options."""
 
 import json
 import os

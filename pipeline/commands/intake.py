@@ -1,4 +1,4 @@
-"""objects, robots: the object families, and what is made of files of others."""
+"""objects and robots."""
 
 from collections.abc import Sequence
 from pathlib import Path

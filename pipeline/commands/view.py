@@ -1,4 +1,4 @@
-"""view: a dataset, or one episode of it, to look at in a browser."""
+"""view: a dataset or episode in a browser."""
 
 import sys
 import webbrowser
@@ -103,7 +103,7 @@ def view(
 
 
 def _check_place(place: Path, dataset: Path) -> None:
-    """Raise UsageError for a directory that is no place for pages of this command."""
+    """Raise UsageError for a directory unfit for this command's pages."""
     from pipeline.report.viewer.page import OURS
 
     inside, outside = place.resolve(), dataset.resolve()

@@ -1,4 +1,4 @@
-"""Workers, jobs and their work, and the two ways in which a job ends."""
+"""Workers, jobs, and the two ways a job ends."""
 
 from collections import Counter
 from collections.abc import Callable, Generator, Hashable, Mapping

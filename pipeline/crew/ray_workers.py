@@ -198,7 +198,7 @@ class Workers[J, R]:
 
 
 def _share(crew: Crew) -> float:
-    """The GPUs of each worker. Raises CrewError if the cluster has fewer."""
+    """The GPUs of each worker. Raises CrewError for too few."""
     there = float(ray.cluster_resources().get("GPU", 0))
     if not crew.gpus:
         return min(1.0, there / crew.workers) if crew.share_gpus else 0.0

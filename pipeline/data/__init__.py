@@ -1,1 +1,1 @@
-"""What is stored: recipes, datasets, episodes. No simulator is imported."""
+"""Stored data: recipes, datasets, episodes; no simulator."""

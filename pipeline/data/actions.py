@@ -268,7 +268,7 @@ def _unit(values: NDArray[Any]) -> Floats:
 
 
 def _quaternions(m: NDArray[Any]) -> Floats:
-    """Quaternions wxyz (...,4), w >= 0, of matrices (...,3,3), by Shepperd's method."""
+    """Quaternions wxyz (...,4), w >= 0, of matrices (...,3,3) (Shepperd)."""
     a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     turned = np.swapaxes(m, -1, -2)
     skew, even = m - turned, m + turned

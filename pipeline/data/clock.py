@@ -1,4 +1,4 @@
-"""Rates of the clock that physics, recording and control share."""
+"""Clock rates of physics, recording and control."""
 
 PHYSICS_HZ = 240  # steps a second; the recording rate divides it: every frame falls on a step
 DEFAULT_FPS = 15  # recorded frames, and control periods, a second of simulated time

@@ -1,4 +1,4 @@
-"""A dataset directory: its recipe, and which of its slots are finished."""
+"""A dataset directory and its finished slots."""
 
 import json
 import os
@@ -198,7 +198,7 @@ class Dataset(Paths):
 
 
 def attempts_table(index: Index, rows: Rows) -> pa.Table:
-    """All attempts at the slots of some rows, in their order, with the columns ATTEMPTS."""
+    """Attempts at the slots of some rows, with the columns ATTEMPTS."""
     of, found = index.attempts(rows, *OF_ATTEMPT)
     values = zip(*found, strict=True) if found else [()] * len(OF_ATTEMPT)
     columns: dict[str, Any] = dict(zip(OF_ATTEMPT, values, strict=True))
@@ -218,7 +218,7 @@ FORBIDDING = re.compile(
 
 
 def licences_in(made_by: Any) -> dict[str, str]:
-    """Licences by robot or object in a provenance, and in those that it was made from."""
+    """Licences by robot or object, sources included."""
     found = dict[str, str]()
     for value in made_by if isinstance(made_by, list) else ():
         found |= licences_in(value)

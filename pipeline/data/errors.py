@@ -1,4 +1,4 @@
-"""Errors that a user can cause or a system makes, in one line."""
+"""Errors of users and systems, in one line."""
 
 import errno
 import os
@@ -37,7 +37,7 @@ def refusal(error: OSError) -> str:
 
 
 def check_directory(path: Path) -> None:
-    """Raise OSError if a path cannot become a directory, as a file is at it or above it."""
+    """Raise OSError if a file is at the path or above it."""
     there = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
         raise OSError(errno.ENOTDIR, "is no directory; name another path", str(there))

@@ -86,7 +86,7 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
 
 
 def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path, str]]:
-    """The failed attempts that are kept, in the recipe's order, with file and sha256."""
+    """Kept failures in the recipe's order, with file and sha256."""
     rows = dataset.rows(recipe)
     of, found = dataset.ask(lambda index: index.attempts(rows, "attempt", "kept"))
     for row, (attempt, kept) in zip(of.tolist(), found, strict=True):

@@ -1,4 +1,4 @@
-"""Keys: what an artifact was made from, as named hashes."""
+"""Keys: what made an artifact, as named hashes."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Names that become parts of paths, and the fixed names of sides and cameras."""
+"""Names in paths, and of sides and cameras."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Reads numbers, JSON and YAML that people write."""
+"""Reads numbers, JSON and YAML."""
 
 import json
 import reprlib

@@ -1,4 +1,4 @@
-"""Reads files of a dataset directory, where anything may stand in place of a file."""
+"""Reads files of a dataset directory, safely."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""One attempt at an episode: the values that, with the code, decide its physics."""
+"""One attempt at an episode."""
 
 import hashlib
 import json

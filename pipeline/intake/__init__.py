@@ -1,1 +1,1 @@
-"""Files of others become robots, objects and tasks of ours."""
+"""Others' files become robots, objects and tasks."""

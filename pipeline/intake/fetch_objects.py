@@ -36,7 +36,7 @@ CLIENT_OPTIONS = (
 
 
 class FetchedObject(NamedTuple):
-    """An object of a source: its mesh there, and how it is added (scale in m per unit)."""
+    """An object of a source: its mesh, and scale in m per unit."""
 
     name: str
     family: str
@@ -187,7 +187,7 @@ def _check_member(member: ZipInfo, archive: Path) -> None:
 
 
 def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], bool]:
-    """Whether a member of a wheel is a mesh, texture or licence of these objects."""
+    """Whether a wheel's member is a used mesh, texture or licence."""
     meshes = {each.file for each in wanted}
     folders = {str(PurePosixPath(file).parent) for file in meshes} | {textures}
 

@@ -1,4 +1,4 @@
-"""Checks that a task from outside the package declares what a build needs."""
+"""Checks tasks from outside the package."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated

@@ -188,6 +188,6 @@ def draw_path(
 
 @cache
 def _plasma() -> Pixels:
-    """RGB (256,3) of the color map, kept because OpenCV takes milliseconds to make it."""
+    """RGB (256,3) of the color map, cached: OpenCV takes milliseconds."""
     ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA)
     return np.asarray(ramp, np.uint8)[:, 0, ::-1]

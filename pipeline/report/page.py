@@ -38,7 +38,7 @@ BROKEN = (EpisodeError, KeyError, OSError, ValueError)
 
 
 class Figure(NamedTuple):
-    """An image (JPEG bytes) with its caption, and whether it is the frame of the meeting."""
+    """A JPEG with its caption, and whether it shows the meeting."""
 
     jpeg: bytes
     caption: str

@@ -1,4 +1,4 @@
-"""The numbers of a report: of some cells, their episodes and their attempts."""
+"""The numbers of a report."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence

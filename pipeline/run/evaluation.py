@@ -1,4 +1,4 @@
-"""Evaluation on the crew: every job ends once, whatever happens to workers."""
+"""Evaluation on the crew: every job ends once."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence

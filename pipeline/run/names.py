@@ -1,4 +1,4 @@
-"""From the names in a recipe to tasks, robots, motions and objects that exist."""
+"""Finds the tasks, robots, motions and objects that a recipe names."""
 
 import re
 import sys
@@ -29,7 +29,7 @@ from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 def recipe_from(
     values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None
 ) -> Recipe:
-    """A checked and resolved recipe from the keys of a file or of options (`flags`)."""
+    """A checked and resolved recipe from keys or options (`flags`)."""
     return resolve(parse_recipe(values, source, flags), source, flags)
 
 
@@ -136,7 +136,7 @@ def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
 
 
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
-    """The object families that layouts draw, by task; "" for those of distractors."""
+    """The object families of layouts by task; "" for distractors."""
     families = {task: families_of(TASKS[task]) for task in recipe.tasks}
     return families | ({"": frozenset(CLUTTER_FAMILIES)} if "randomized" in recipe.domains else {})
 

@@ -162,7 +162,7 @@ class Unbounded(DominoError):
 
 
 def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, workers: int) -> None:
-    """Raise Unbounded for a new dataset of a recipe of whose BOUNDS none is `given`."""
+    """Raise Unbounded for a new dataset with no BOUNDS `given`."""
     if any(key in given for key in BOUNDS) or dataset.manifest.exists():
         return
     values = plan(recipe, None, workers)

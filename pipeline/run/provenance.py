@@ -29,7 +29,7 @@ def write_provenance(dataset: Dataset, renderer: str, recipe: Recipe, **more: An
 
 
 def machine() -> dict[str, Any]:
-    """What the numbers of physics depend on beside the code: packages, Python, processor."""
+    """What physics depends on beside the code: packages, Python, processor."""
     return {
         "packages": {name: installed_version(name) or "missing" for name in _PACKAGES},
         "python": platform.python_version(),

@@ -100,7 +100,7 @@ def _provenance(source: Dataset) -> dict[str, Any]:
 
 
 def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
-    """Try the wanted cameras on the first episode of every task and robot."""
+    """Try the cameras on each task's and robot's first episode."""
     seen = set()
     for slot, record in source.records(held):
         kind = slot.cell.task, slot.cell.embodiment
@@ -161,7 +161,7 @@ def work_of(
 def draw_all(
     work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False
 ) -> list[str]:
-    """Draw and record all; what could not be drawn, one line each. Raises CrewError."""
+    """Draw and record all; returns a line for each failure. Raises CrewError."""
     problems = list[str]()
     bar = tqdm(
         total=work.done + len(work.jobs),

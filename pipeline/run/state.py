@@ -126,7 +126,7 @@ def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> l
 def redone(
     recipe: Recipe, rows: Rows, there: NDArray[np.bool_]
 ) -> Counter[tuple[str, tuple[str, ...]]]:
-    """How many slots a build would make again, by what of them and why; `there` is (N,)."""
+    """How many slots a build would make again, and why; `there` is (N,)."""
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
         counts = np.bincount(of[there == here], minlength=len(cases)).tolist()

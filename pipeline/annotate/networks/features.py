@@ -78,7 +78,7 @@ def pool(
 def features_of(
     encoder: Encoder, frames: NDArray[np.uint8], mask: NDArray[np.bool_], batch: int
 ) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
-    """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3) under masks (T,K,H,W)."""
+    """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3)."""
     spans = [slice(start, start + batch) for start in range(0, len(frames), batch)]
     parts = [pool(patch_tokens(encoder, frames[span]), mask[span]) for span in spans]
     features, coverage = (np.concatenate(each) for each in zip(*parts, strict=True))

@@ -77,7 +77,7 @@ def _from_hub(repo: str, download: bool) -> Path:
 
 
 def _file_digest(file: Path) -> str:
-    """sha256 of a file; the hub's cache names large files by just that."""
+    """A file's sha256, which the hub's cache uses as a name."""
     real = file.resolve()
     if re.fullmatch(r"[0-9a-f]{64}", real.name):
         return real.name

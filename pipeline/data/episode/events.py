@@ -65,7 +65,7 @@ TRIGGERS = {
 
 
 def _within(low: float, high: float) -> BeforeValidator:
-    """A check for a number, or a pair of them, from `low` to `high`."""
+    """A check for a number or pair within [`low`, `high`]."""
 
     def check(value: Any) -> Any:
         ends = value if isinstance(value, list | tuple) else (value, value)
@@ -81,7 +81,7 @@ def _within(low: float, high: float) -> BeforeValidator:
 
 
 def _known(value: Any) -> Any:
-    """Raise ValueError for neither a kind nor a list of kinds."""
+    """Raise ValueError unless a kind or a list of kinds."""
     kinds = value if isinstance(value, list | tuple) and value else [value]
     if any(kind not in get_args(EventKind) for kind in kinds):
         raise ValueError(f"must be one of {', '.join(get_args(EventKind))}")

@@ -1,4 +1,4 @@
-"""The episode file: one HDF5 per accepted episode (docs/formats.md)."""
+"""The episode file: one HDF5 an episode (docs/formats.md)."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Frames as JPEG bytes, true RGB for any standard reader."""
+"""Frames as standard RGB JPEG."""
 
 import cv2
 import numpy as np
@@ -47,7 +47,7 @@ def stated_size(jpeg: bytes) -> tuple[int, int]:
 
 
 def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
-    """JPEG bytes as (H,W,3) RGB. Raises EpisodeError for what is no image, or too large."""
+    """JPEG bytes as (H,W,3) RGB. Raises EpisodeError."""
     stated_size(jpeg)
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:

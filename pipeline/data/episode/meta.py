@@ -1,4 +1,4 @@
-"""What an episode file states besides its arrays, as JSON."""
+"""JSON metadata of an episode file."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,4 +1,4 @@
-"""Frames as an H.264 mp4 that any browser plays."""
+"""Frames as a browser-playable H.264 mp4."""
 
 import io
 from collections.abc import Iterable, Mapping

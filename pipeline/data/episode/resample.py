@@ -1,4 +1,4 @@
-"""A state log at another rate: what was recorded between two frames lies on a line."""
+"""A state log at another rate, by linear interpolation."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -75,7 +75,7 @@ def _contacts_at(contacts: NDArray[np.void], ratio: Fraction, frames: int) -> ND
 
 
 def _linear(values: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (T,...) at places (N,) in frames; beyond the last frame they stay."""
+    """Values (T,...) at places (N,) in frames, constant beyond the last."""
     at = np.minimum(at, len(values) - 1)
     low = np.floor(at).astype(int)
     share = (at - low).reshape(-1, *[1] * (values.ndim - 1))

@@ -1,4 +1,4 @@
-"""The state log: everything the physics produced, at the recording rate."""
+"""The state log: physics at the recording rate."""
 
 from dataclasses import dataclass, field, replace
 

@@ -1,4 +1,4 @@
-"""The look of an episode's room and lights as data."""
+"""An episode's room and lights as data."""
 
 from dataclasses import dataclass
 

@@ -54,5 +54,5 @@ def twists_of(log: StateLog, target: str) -> Floats:
 
 
 def contact_forces(log: StateLog, physics_hz: int) -> Floats:
-    """The force (N,) in N of each row of the contacts: its impulse over a physics step."""
+    """Force (N,) in N of each contact: its impulse over a physics step."""
     return log.contacts["impulse"].astype(float) * physics_hz

@@ -1,1 +1,1 @@
-"""What of this machine a process may use, and code of others within limits."""
+"""Resource limits, and others' code within them."""

@@ -76,13 +76,13 @@ def _is_own(text: str, root: Path) -> bool:
 
 
 def describe_error(error: BaseException) -> str:
-    """Type and message of an error in one line, with the name that Python proposes."""
+    """Type and message of an error in one line, with Python's suggestion."""
     said = traceback.TracebackException.from_exception(error, lookup_lines=False)
     return " ".join(f"{type(error).__name__}: {said}".split())
 
 
 def raise_own(error: Exception, cls: type, what: str) -> None:
-    """Raise OwnCodeError for an error, but a DominoError, of a class from outside."""
+    """Raise OwnCodeError for an outside class's error, unless a DominoError."""
     if is_outside(cls) and not isinstance(error, DominoError):
         place = line_of_error(error, file_of(cls)) or line_of_class(cls)
         raise OwnCodeError(f"{place}: {what}: {describe_error(error)}") from error

@@ -1,1 +1,1 @@
-"""A recipe: which episodes a dataset is to hold."""
+"""Recipes."""

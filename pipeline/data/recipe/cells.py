@@ -1,4 +1,4 @@
-"""Cells and slots of a recipe, and how episodes are spread over cells."""
+"""Cells and slots of a recipe, and their episodes."""
 
 import itertools
 from collections.abc import Mapping, Sequence

@@ -48,7 +48,7 @@ def checksum(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) 
 
 
 def read_entry(path: Path) -> Entry:
-    """An annotation, whole and checked. Raises FileNotFoundError, CorruptAnnotation."""
+    """A checked annotation. Raises FileNotFoundError, CorruptAnnotation."""
     if not path.is_file():
         raise FileNotFoundError(path)
     try:

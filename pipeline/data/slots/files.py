@@ -161,7 +161,7 @@ def find_slot(recipe: Recipe, path: str) -> Slot | None:
 
 
 def _slot_in(recipe: Recipe, cell: Cell, count: int, name: str) -> Slot | None:
-    """The slot of a cell of `count` whose file has this name, if any."""
+    """The slot of a cell with this file name, if any."""
     if not (found := _FILE.fullmatch(name)):
         return None
     slot = Slot(cell, int(found[1]), int(found[2] or 0))

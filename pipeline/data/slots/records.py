@@ -1,4 +1,4 @@
-"""What is known of a finished slot: its keys, its file, every attempt."""
+"""Records of finished slots."""
 
 import json
 import os
@@ -114,7 +114,7 @@ def slot_part(slot: Slot) -> str:
 
 
 def pack_keys(slot: Slot, keys: SlotKeys) -> str:
-    """Canonical JSON of keys, null for parts that follow from the slot: one text a cell."""
+    """Canonical JSON of keys, null for parts that follow from the slot."""
     values: dict[str, dict[str, str | None]] = {
         kind: {**parts} for kind, parts in keys.to_json().items()
     }

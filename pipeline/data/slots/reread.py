@@ -64,7 +64,7 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
 
 
 def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
-    """Make the index of a dataset again, for the command that writes it. Raises OSError."""
+    """Make a dataset's index again. Raises OSError."""
     with atomic_path(dataset.index) as temporary:
         with Index(temporary, new=True) as index:
             read_unknown(dataset, recipe, index)
@@ -144,7 +144,7 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
 
 
 def _hash(path: Path) -> bytes:
-    """The sha256 of a file, b"" for what is none. Raises PermissionError."""
+    """A file's sha256, b"" without one. Raises PermissionError."""
     try:
         return bytes.fromhex(file_hash(path))
     except PermissionError:
@@ -166,7 +166,7 @@ def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> None:
 
 
 def _read_episode(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
-    """Raises what _NOT_OURS names for what is not the whole episode of the slot."""
+    """Raises one of _NOT_OURS unless the slot's whole episode."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
         meta, spec = file.meta, file.spec
@@ -197,7 +197,7 @@ def _keys(meta: EpisodeMeta) -> SlotKeys:
 
 
 def _read_given_up(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
-    """Raises what _NOT_OURS names for what is no note on the slot."""
+    """Raises one of _NOT_OURS unless a note on the slot."""
     path = dataset.file(slot, False)
     keys, attempts = read_given_up(path, slot.path)
     rows = retimed(slot, attempts, _seconds(tried, attempts))
@@ -205,7 +205,7 @@ def _read_given_up(dataset: Paths, slot: Slot, tried: Sequence[dict[str, Any]]) 
 
 
 def _measured(dataset: Paths) -> Attempts:
-    """The rows of attempts.parquet, none if it is missing or damaged."""
+    """Rows of attempts.parquet, none if missing or damaged."""
     try:
         check_regular(dataset.attempts)
         with pq.ParquetFile(dataset.attempts) as file:

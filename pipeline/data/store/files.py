@@ -202,7 +202,7 @@ def _line(error: BaseException) -> str:
 
 
 def _md5(info: dict[str, Any]) -> str:
-    """S3's ETag or Google's md5Hash, if it is the MD5 of the bytes."""
+    """S3's ETag or Google's md5Hash, if an MD5."""
     text = str(info.get("ETag") or "").strip('"')
     if hashed := info.get("md5Hash"):
         text = b64decode(hashed).hex()

@@ -1,1 +1,1 @@
-"""Pages and lists of the robots and objects that exist."""
+"""Pages and lists of robots and objects."""

@@ -38,7 +38,7 @@ def _axes(frame: Pose, length: float) -> list[Part]:
 
 
 def _jaws(grasp: Grasp) -> list[Part]:
-    """A thin fork: two fingers `width` apart, reaching 12 mm past the tcp along +x."""
+    """Two fingers `width` apart, 12 mm past the tcp along +x."""
     gap, thin = grasp.width / 2 + 0.0015, 0.0012
     fingers = [at(box(0.018, thin, thin), (-0.006, y, 0)) for y in (-gap, gap)]
     palm = at(box(thin, gap, thin), (-0.024, 0, 0)), at(box(0.010, thin, thin), (-0.034, 0, 0))

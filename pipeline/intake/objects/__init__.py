@@ -1,1 +1,1 @@
-"""Objects from mesh files: reading, standing, cutting, grasping and writing them."""
+"""Objects from mesh files."""

@@ -52,7 +52,7 @@ def _draft_with_plugins(source: Path, options: ObjectOptions) -> dict[str, Objec
 
 
 def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    """The objects of a file or directory by name. Raises ObjectError and MeshError."""
+    """Objects by name. Raises ObjectError, MeshError."""
     if is_robotwin(source):
         return drafts_of_directory(source, options)
     if source.is_dir():
@@ -69,7 +69,7 @@ def check_free(names: Iterable[str], to: Path) -> None:
 
 
 def check_names(options: ObjectOptions) -> None:
-    """Raise ObjectError for no name, and for a family that is unknown or kept elsewhere."""
+    """Raise ObjectError for bad names and families."""
     name, family = options.name, options.family
     if not is_name(name) or name != name.lower():
         raise ObjectError(f"--name {name!r}: is no name; use lower case and underscores")

@@ -1,4 +1,4 @@
-"""A mesh file as an object, and the files of its directory."""
+"""A mesh file as an object's directory."""
 
 import json
 import tomllib

@@ -110,7 +110,7 @@ def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Sp
 
 
 def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
-    """As `_spans`, of the first wall of a line that has a hollow behind it."""
+    """As `_spans`, of the first wall before a hollow."""
     lower, upper, enter, leave = _through(pieces, origins, direction)
     n, order = np.arange(len(origins)), lower.argsort(0)
     starts, ends = np.take_along_axis(lower, order, 0), np.take_along_axis(upper, order, 0)

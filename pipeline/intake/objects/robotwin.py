@@ -111,7 +111,7 @@ def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 
 
 
 def described_in(each: Instance) -> Path | None:
-    """The file of an instance's descriptions, if the directory is that of a checkout."""
+    """The file of an instance's descriptions in a checkout."""
     model = each.data.parent.absolute()
     folder = model / "../../../description/objects_description" / model.name
     file = folder / f"base{each.number}.json"

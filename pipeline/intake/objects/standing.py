@@ -161,7 +161,7 @@ def _proportions(box: Floats) -> Floats:
 
 
 def _place(pieces: Sequence[Collider], turn: Floats, family: str) -> Floats:
-    """The turn with the origin at the base, where in its outline the family has it."""
+    """The turn, and the family's origin at the base."""
     points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
     lower, upper = points.min(0), points.max(0)
     box = _pattern(family)[0]

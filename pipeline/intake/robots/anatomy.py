@@ -119,7 +119,7 @@ def _travel(
     mimics: Mapping[str, Mimic],
     hints: Hints,
 ) -> dict[str, tuple[float, float]]:
-    """Position of each joint of the gripper at both ends of its travel."""
+    """Gripper joint positions at both ends."""
     by_name = {j.name: j for j in joints}
     free = [name for name in jaws if name not in mimics]
     slides = all(by_name[name].kind == "prismatic" for name in free)
@@ -154,7 +154,7 @@ def _shift(robot: UrdfRobot, slide: Joint) -> Floats:
 def _grip(
     robot: UrdfRobot, hand: str, links: Sequence[str], travel: dict[str, tuple[float, float]]
 ) -> tuple[tuple[str, str], tuple[Floats, Floats, Floats], float, dict[str, tuple[float, float]]]:
-    """Fingers, tool frame, opening (m) and the travel ordered closed to open."""
+    """Fingers, tool frame, opening (m), travel from closed to open."""
     gripper = [link for link in robot.below(hand)[1:] if link in links]
     clouds = {link: found for link in [hand, *gripper] if len(found := cloud(robot, link))}
     at = [_place_parts(robot, hand, travel, share) for share in (0.0, 0.5, 1.0)]
@@ -186,7 +186,7 @@ def _grip(
     second = max(against or [n for n in clouds if n not in moving], key=end_of, default=hand)
 
     def gap(poses: Mapping[str, Pose]) -> tuple[float, Floats]:
-        """Distance between the pads along `opening`, and the point in the middle of them."""
+        """Distance between the pads along `opening`, and the middle point."""
         tips = []
         for link in (first, second):
             points = transform(poses[link], clouds[link])

@@ -1,4 +1,4 @@
-"""An arm and a gripper from two files as one robot."""
+"""Joins an arm and a gripper into one robot."""
 
 from dataclasses import replace
 

@@ -60,7 +60,7 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
 
 
 class _CompiledModel:
-    """A compiled model; a link's frame is at the anchor of its joint, as in a URDF."""
+    """A compiled model; link frames are at joint anchors, as in a URDF."""
 
     def __init__(self, path: Path, model: Any, scratch: Path) -> None:
         self.path, self.model, self.scratch = path, model, scratch
@@ -136,7 +136,7 @@ class _CompiledModel:
         return effort
 
     def _flanges(self, body: int) -> Iterator[Joint]:
-        """A fixed joint for each site of a body that is there to attach something to."""
+        """A fixed joint for each attachment site."""
         model = self.model
         for site in np.flatnonzero(model.site_bodyid == body):
             name = self._name("site", int(site))
@@ -166,7 +166,7 @@ class _CompiledModel:
         return self.model.mat_rgba[material] if material >= 0 and np.allclose(own, GREY) else own
 
     def _shape(self, geom: int, body: int) -> UrdfShape | None:
-        """A geom as a mesh file in the link's frame; None for planes and height fields."""
+        """A geom as a mesh file; None for planes and height fields."""
         model, size, kind = self.model, self.model.geom_size[geom].tolist(), f"geom_{geom}"
         match int(model.geom_type[geom]):
             case 2:

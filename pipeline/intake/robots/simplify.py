@@ -54,7 +54,7 @@ class ConvexPieces:
 
 
 def corners(points: Floats) -> Floats:
-    """At most CORNERS corners of the points' hull, each the farthest in some direction."""
+    """At most CORNERS corners of the hull, each the farthest in a direction."""
     hull = np.asarray(trimesh.convex.convex_hull(points).vertices, float)
     if len(hull) <= CORNERS:
         return hull
@@ -94,7 +94,7 @@ def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
 
 @cache
 def _directions() -> Floats:
-    """CORNERS directions: the six axes, then points spread over the sphere."""
+    """CORNERS directions: six axes, then spread over the sphere."""
     k = np.arange(CORNERS - 6) + 0.5
     polar, turn = np.arccos(1 - 2 * k / len(k)), np.pi * (1 + 5**0.5) * k
     level = np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar)

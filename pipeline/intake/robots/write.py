@@ -1,4 +1,4 @@
-"""Writes a robot's directory from an arm: `robot.urdf`, `meshes/` and `robot.toml`."""
+"""Writes a robot's directory from an arm."""
 
 import json
 from collections.abc import Iterable
@@ -104,7 +104,7 @@ def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
 
 
 def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
-    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz, roll 0 at the pitch poles."""
+    """URDF roll, pitch, yaw (rad) of a quaternion wxyz; roll 0 at the pitch poles."""
     m = quat_to_matrix(q)
     pitch = float(np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0])))
     if np.hypot(m[0, 0], m[1, 0]) < 1e-9:

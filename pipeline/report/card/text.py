@@ -1,4 +1,4 @@
-"""Writes the card of an export: Markdown, and its images in card/."""
+"""Writes an export's card."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

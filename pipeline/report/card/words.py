@@ -1,4 +1,4 @@
-"""What a card states in words: intended use, limits, and how to cite."""
+"""A card's intended use, limits and citation."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256

@@ -36,7 +36,7 @@ way to any frame."""
 
 
 def thumbnail(path: Path) -> bytes:
-    """The JPEG of an episode at its meeting, THUMBNAIL pixels wide. Raises EpisodeError."""
+    """The JPEG of the meeting, THUMBNAIL px wide. Raises EpisodeError."""
     with open_episode(path) as e:
         camera = HEAD if HEAD in e.cameras else e.cameras[0]
         rgb = e.rgb(camera, min(round(e.meta.meeting_time * e.fps), len(e) - 1))
@@ -44,7 +44,7 @@ def thumbnail(path: Path) -> bytes:
 
 
 def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
-    """Everything that is shown of one episode. Raises EpisodeError if it cannot be read."""
+    """What is shown of one episode. Raises EpisodeError."""
     cameras, images, flows = dict[str, Any](), dict[str, Pixels](), dict[str, Pixels]()
     with open_episode(path) as e:
         episode = e.read()

@@ -83,7 +83,7 @@ def diagnose(place: Path) -> Iterator[CheckResult]:
 
 
 def attempt(code: str) -> dict[str, Any] | str:
-    """What a program prints as JSON on its last line, or one line about why it does not."""
+    """The JSON on a program's last line, or why there is none."""
     command = [sys.executable, "-P", "-c", code]
     try:
         done = subprocess.run(

@@ -1,1 +1,1 @@
-"""Keys: which code and which packages an artifact depends on."""
+"""Keys: the code and packages of an artifact."""

@@ -107,7 +107,7 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
 
 
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
-    """The assets that are named; None if an episode cannot be read."""
+    """The named assets; None if an episode is unreadable."""
     rows, names = dataset.rows(recipe, "assets"), dataset.ask(lambda index: index.assets())
     named = {names[int(number)] for text in rows.more["assets"] for number in text.split()}
     known = {f"{slot.path}.hdf5" for slot in rows.where(rows.accepted).slots}

@@ -1,4 +1,4 @@
-"""`domino-data merge A B --out C`: one dataset of the episodes of two."""
+"""`domino-data merge A B --out C`."""
 
 import os
 import shutil
@@ -124,7 +124,7 @@ def _most(recipes: Sequence[Recipe]) -> Any:
 
 
 def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]]) -> None:
-    """Raise DatasetError for slots that differ, or of another version of the code."""
+    """Raise DatasetError for slots or code versions that differ."""
     first: dict[object, tuple[str, Dataset]] = {}
     for source, records in zip(sources, held, strict=True):
         for slot, record in records.items():

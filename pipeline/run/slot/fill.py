@@ -77,7 +77,7 @@ class NodeCheck:
     code: str
 
     def __call__(self) -> dict[str, str]:
-        """What must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        """Check that all machines agree. Raises DatasetError, StoreError, NoRenderer."""
         manifest = Dataset(Path(self.root)).manifest
         place = place_of(manifest)
         if not (place.store.read(place.name(manifest)) if place else manifest.exists()):
@@ -141,7 +141,7 @@ def fill_slot(job: FillJob) -> SlotRecord:
 
 
 def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
-    """Make what is missing of a slot; yield the number of each attempt when it begins."""
+    """Make what is missing of a slot; yield each attempt's number first."""
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
     path, old = dataset.episode(job.slot), job.renewing
     # what a worker that was killed, on whatever machine, has left half-written

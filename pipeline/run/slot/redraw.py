@@ -64,7 +64,7 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
 def is_drawn(
     record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, assets: Collection[str]
 ) -> bool:
-    """Whether a slot is drawn from just that source with these keys, no asset missing."""
+    """Whether a slot is drawn from that source with these keys."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
     # an episode of version 0.1 may name no physics
@@ -145,5 +145,5 @@ def _load_parts(bodies: Path, key: str) -> Parts:
 
 
 def cached_parts(store: AssetStore, key: str) -> Parts:
-    """The parts of an asset, kept by this process: most bodies are the links of a robot."""
+    """The parts of an asset, kept by this process: bodies share robot links."""
     return _load_parts(store.root, key)
