@@ -20,7 +20,7 @@ OBSERVER_FOVY = 62.0
 
 
 class CameraError(DominoError):
-    """A camera that an episode cannot be drawn from."""
+    """A camera that cannot be drawn from."""
 
 
 def cameras_of(embodiment: "Embodiment", camera_type: str = "D435") -> tuple[Camera, ...]:
@@ -37,7 +37,7 @@ def cameras_of(embodiment: "Embodiment", camera_type: str = "D435") -> tuple[Cam
 
 
 def observer(kind: CameraType) -> Camera:
-    """The third-person camera, with the image size of `kind`."""
+    """The third-person camera, sized as `kind`."""
     return Camera(OBSERVER, replace(kind, fovy=OBSERVER_FOVY), None, OBSERVER_POSE)
 
 
@@ -70,7 +70,7 @@ def wanted_cameras(
 
 
 def check_links(cameras: Sequence[Camera], bodies: Sequence[str]) -> None:
-    """Raise CameraError for a camera on a link that an episode does not have."""
+    """Raise CameraError for a camera on a missing link."""
     for camera in cameras:
         if camera.link is not None and camera.link not in bodies:
             where = f"camera {camera.name} is mounted on {camera.link!r}"

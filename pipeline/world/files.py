@@ -67,11 +67,11 @@ _DIGITS = 9  # of a colour: enough to get back the sRGB value that was picked
 
 
 class GlbError(DominoError):
-    """A GLB file that `write_glb` did not write, or a damaged one."""
+    """A GLB damaged or not by `write_glb`."""
 
 
 def write_glb(parts: Parts) -> bytes:
-    """The binary glTF of parts; equal parts give equal bytes."""
+    """Binary glTF; equal parts give equal bytes."""
     blob, views, accessors, primitives, materials = (
         bytearray(),
         list[Any](),
@@ -157,7 +157,7 @@ def write_glb(parts: Parts) -> bytes:
 
 
 def read_glb(path: Path) -> Parts:
-    """The parts of a file of `write_glb`. Raises GlbError."""
+    """Parts of `write_glb`. Raises GlbError."""
     try:
         data = read_regular(path)
         magic, version, _, length, kind = struct.unpack_from("<5I", data)

@@ -84,7 +84,7 @@ def srgb_of(light: ArrayLike) -> Floats:
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several; where any has uvs, the others get zeros."""
+    """One mesh; if any has uvs, the others get zeros."""
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
     textured = any(m.uvs is not None for m in meshes)
     uvs = [np.zeros((len(m.vertices), 2), np.float32) if m.uvs is None else m.uvs for m in meshes]
@@ -99,7 +99,7 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 
 @dataclass(frozen=True)
 class TextureSource:
-    """A kind of `materials.TEXTURES` and the arguments of its function."""
+    """A kind of `materials.TEXTURES` and its arguments."""
 
     kind: str
     arguments: tuple[str | int | float | tuple[float, ...], ...]
@@ -142,7 +142,7 @@ class Collider:
     measured: float | None = None
 
     def volume(self) -> float:
-        """m^3; of a convex piece that is not measured, that of its bounding box."""
+        """m^3; of an unmeasured convex piece its bounding box's."""
         if self.measured is not None:
             return self.measured
         if self.kind == "box":
@@ -157,7 +157,7 @@ class Collider:
         return float(np.prod(np.ptp(self.vertices, axis=0)))
 
     def support_points(self) -> Floats:
-        """Points (N,3) in the body frame whose hull contains the piece."""
+        """Points (N,3), body frame, whose hull contains the piece."""
         if self.vertices is not None:
             return transform(self.pose, self.vertices)
         half = np.array(self.size)
@@ -190,6 +190,6 @@ class Shape:
         return bounds
 
     def footprint_radius(self) -> float:
-        """Largest horizontal distance (m) of the bounds from the origin."""
+        """Largest horizontal distance (m) from the origin."""
         lower, upper = self.aabb()
         return float(np.hypot(max(-lower[0], upper[0]), max(-lower[1], upper[1])))

@@ -161,7 +161,7 @@ class DrawnScene:
         self._bodies[name][0].set_pose(self._pose(pose))
 
     def show(self, names: Iterable[str]) -> None:
-        """Hide all bodies but these. A change costs about a third of a frame."""
+        """Hide all other bodies. A change costs a third of a frame."""
         shown = frozenset(names)
         for name in shown ^ self._shown:
             self._bodies[name][1].visibility = float(name in shown)

@@ -80,7 +80,7 @@ def known(area: Area, shape: tuple[int, ...]) -> Area:
 
 
 def grown(area: Area, by: int, limits: Area) -> Area:
-    """The area and what is up to `by` texels around it, within limits."""
+    """The area and `by` texels around it, within limits."""
     rows, columns = (
         slice(max(part.start - by, limit.start), min(part.stop + by, limit.stop))
         for part, limit in zip(area, limits, strict=True)
@@ -136,7 +136,7 @@ def _blurred(image: Masks, width: int) -> Masks:
 
 
 def _bordered(light: Masks) -> Masks:
-    """Light with a lit border, which everything outside of the map looks up."""
+    """Light with a lit border, looked up outside of the map."""
     light[:2], light[-2:], light[:, :2], light[:, -2:] = 255, 255, 255, 255
     return light
 

@@ -121,7 +121,7 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """Free the scenes' device memory; the renderer is of no use afterwards."""
+        """Free the device memory."""
         for scene in self._scenes:
             scene.close()
         self._scenes.clear()
@@ -191,7 +191,7 @@ class Renderer:
         return views
 
     def _watch(self, camera: Camera, places: Floats, poses: Mapping[str, Floats]) -> Seen:
-        """What a camera sees from where it is at each frame (F,7)."""
+        """What a camera sees from its places (F,7)."""
         still = np.repeat(IDENTITY[None], len(places), 0)
         placed = [poses[name] if name in self._moving else still for name in self._bounds]
         centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
@@ -232,7 +232,7 @@ class Renderer:
         )
 
     def _places(self, camera: Camera, poses: Mapping[str, Floats], frames: int) -> Floats:
-        """Where a camera is at each frame, (F,7)."""
+        """A camera's poses, (F,7)."""
         mount = np.asarray(camera.pose, float)
         if camera.link is None:
             return np.repeat(mount[None], frames, 0)

@@ -57,7 +57,7 @@ def surface_material(surface: Surface, roughness: float, image: Rgba | None = No
 
 @lru_cache(maxsize=8)
 def _drawn(surface: Surface, roughness: float) -> Material:
-    """Cached from scene to scene: drawing a texture takes 5 ms."""
+    """Cached: drawing a texture takes 5 ms."""
     pixels = texture(surface.pattern, surface.seed, surface.color)
     pixels.flags.writeable = False
     return Material(surface.color, roughness, 0.0, pixels)

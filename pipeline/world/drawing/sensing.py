@@ -107,13 +107,13 @@ class Sensing:
     fps: int
 
     def rng(self, camera: str, purpose: str, number: int) -> Generator:
-        """The random stream of a camera for a purpose at a frame (or knot)."""
+        """The random stream of a purpose at a frame (or knot)."""
         key = hashlib.sha256(f"{self.seed}/{camera}/{purpose}/{number}".encode()).digest()
         return np.random.Generator(np.random.Philox(key=int.from_bytes(key[:16], "little")))
 
     @property
     def shutter(self) -> float:
-        """How long the shutter is open, in frames."""
+        """Exposure time in frames."""
         return self.sensors.motion_blur * self.fps / 1000
 
     def drift(self, camera: str, frame: int) -> NDArray[np.float32]:
@@ -158,5 +158,5 @@ class Sensing:
 
 
 def moved(poses: Mapping[str, Floats], at: ArrayLike) -> dict[str, Floats]:
-    """`between` of the poses (T,7) of every body by name, at times (N,)."""
+    """`between` of every body's poses (T,7), at times (N,)."""
     return {name: between(rows, at) for name, rows in poses.items()}

@@ -115,7 +115,7 @@ class ShadowMap:
         self.textures = {"ShadowMap": self._depths, "ShadowMasks": self._masks}
 
     def follow(self, poses: Mapping[str, Floats]) -> None:
-        """Take the poses (F,7) of the moving bodies at the frames to come."""
+        """Take the moving bodies' poses (F,7)."""
         self._poses = {name: np.rint(poses[name] / POSE_STEP) * POSE_STEP for name in self._bodies}
         frames = max((len(p) for p in self._poses.values()), default=1)
         moving, n = self._poses.items(), SAME_STILL

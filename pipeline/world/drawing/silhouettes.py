@@ -35,7 +35,7 @@ class Solids:
 
 
 def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
-    """All that may be seen or occlude; `fixed` is in the world frame."""
+    """All occluders; `fixed` is in the world frame."""
     vertices: list[NDArray[Any]] = [np.zeros((0, 3))]
     owner: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     triangles: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
@@ -109,7 +109,7 @@ def _middle(solids: Solids, body: int) -> Floats:
 
 
 def _optical(camera_poses: Floats) -> Floats:
-    """World poses (T,7) of a camera with z forward, from those with x forward."""
+    """Camera poses (T,7) with z forward, from x forward."""
     axes = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     return compose(camera_poses, pose((0, 0, 0), quat_from_matrix(axes))[None])
 

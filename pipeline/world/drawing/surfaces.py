@@ -25,7 +25,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Body:
-    """Parts that are equal where their vertices, triangles and normals are."""
+    """Parts equal by vertices, triangles and normals."""
 
     digest: bytes
     parts: Parts = field(compare=False)
@@ -67,7 +67,7 @@ def _shares(body: _Body) -> tuple[NDArray[np.float32], ...]:
 
 
 def sphere(count: int) -> Points:
-    """Directions (count,3) spread evenly: a Fibonacci lattice."""
+    """A Fibonacci lattice of directions (count,3)."""
     k = np.arange(count)
     z = 1 - (2 * k + 1) / count
     turn = k * np.pi * (3 - np.sqrt(5))

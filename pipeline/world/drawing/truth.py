@@ -54,7 +54,7 @@ def _look(
     labels: NDArray[np.uint8],
     out: tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32]],
 ) -> None:
-    """Depth, label of the body and normal of each pixel of one image into `out`."""
+    """Depth, body and normal of each pixel into `out`."""
     vertices, owner, triangles = solids
     depth, body, normals = out
     f, cx, cy, near = lens

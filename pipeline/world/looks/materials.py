@@ -89,7 +89,7 @@ WOODS: dict[str, tuple[float, float, float]] = {
 
 
 def srgb(color: Color) -> tuple[float, float, float]:
-    """The sRGB triple of a colour. Raises KeyError for an unknown name."""
+    """The sRGB triple. Raises KeyError for an unknown name."""
     if not isinstance(color, str):
         r, g, b = color
         return float(r), float(g), float(b)
@@ -133,7 +133,7 @@ def fabric(color: Color, seed: int | None = None) -> Material:
 def wrapped(
     kind: str, color: Color, seed: int, roughness: float, size: int = 128, metallic: float = 0.0
 ) -> Material:
-    """A skin of `skins.SKINS`, for meshes whose uvs fit it."""
+    """A skin of `skins.SKINS`, for uvs that fit it."""
     source = TextureSource("skin", (kind, seed, srgb(color), size))
     return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
 
@@ -144,7 +144,7 @@ def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
 
 
 def printed(source: TextureSource, roughness: float = 0.45) -> Material:
-    """A label or a printed box: the texture over the uv square."""
+    """A printed label or box over the uv square."""
     image = texture_pixels(source)
     r, g, b = (image[..., :3].reshape(-1, 3).mean(0) / 255.0).tolist()
     return Material((r, g, b), roughness=roughness, texture=image, source=source)
@@ -161,7 +161,7 @@ def print_texture(
 
 
 def made_of(material: str, color: Color, seed: int | None = None) -> Material:
-    """A material by its word; wood is grained where a seed is given."""
+    """A material by its word; with a seed wood is grained."""
     if material == "wood":
         return wood(color, seed)
     return {

@@ -186,7 +186,7 @@ def _panel(canvas: np.ndarray, ink: np.ndarray, text: str, rng: Generator) -> No
 
 
 def _pressed(canvas: np.ndarray, ink: np.ndarray, text: str, rng: Generator) -> None:
-    """Words and an oval pressed into the ground: dark above, light below."""
+    """Pressed words and oval: dark above, light below."""
     n, ground = canvas.shape[0], canvas[0, 0].copy()
     for shift, tone in ((n // 90 + 1, np.minimum(ground * 1.15 + 0.04, 1)), (0, ink)):
         stamped = np.zeros((n, n), np.float32)

@@ -14,7 +14,7 @@ STRANDS = 8  # of a tile of wicker, both ways
 
 
 def wicker(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """Plain weave of round strands, each with a tone and fibres of its own."""
+    """Plain weave of round strands."""
     u = (np.arange(size, dtype=np.float32) + 0.5) * (STRANDS / size)
     k, within = np.floor(u).astype(int), u % 1
     tones = rng.uniform(0.80, 1.12, (2, STRANDS)).astype(np.float32)
@@ -32,7 +32,7 @@ def wicker(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def cord(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A strip wound round a tube: slanted turns with shade between them."""
+    """A strip wound round a tube: slanted, shaded turns."""
     u = (np.arange(size, dtype=np.float32) + 0.5) / size
     turn = (u[:, None] * 4 + u[None]) % 1
     tones = rng.uniform(0.86, 1.08, 4).astype(np.float32)[
@@ -46,7 +46,7 @@ def cord(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def crust(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """Baked dough: patches, pores, cracks and a dust of flour."""
+    """Baked dough: patches, pores, cracks, flour."""
     blotches, fine = fractal(rng, size, (3, 3), 4), fractal(rng, size, (20, 20), 3)
     pale, dark = (
         np.minimum(colour * 1.14 + 0.02, 1),
@@ -86,7 +86,7 @@ def shell(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def runner(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A woven mat: ribs, bands near both ends, waves, places where cups stood."""
+    """A woven mat: ribs, bands, waves, cup marks."""
     at = (np.arange(size, dtype=np.float32) + 0.5) / size
     ribs = 0.90 + 0.12 * (np.arange(size) // 2 % 2) * value_noise(rng, size, (size // 2, 12))
     yarn = value_noise(rng, size, (size // 2, 5)) + value_noise(rng, size, (9, size // 2)) - 1
@@ -109,7 +109,7 @@ def runner(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
 
 
 def upper(rng: Generator, size: int, colour: NDArray[np.float32]) -> Field:
-    """A shoe's upper, u round it from flank to flank and v from toe (0) to heel."""
+    """A shoe's upper, u from flank to flank, v from toe (0) to heel."""
     u, v = np.meshgrid((np.arange(size) + 0.5) / size * 12 / 11, (np.arange(size) + 0.5) / size)
     side = np.minimum(np.abs(u), np.abs(1 - u)) * 2  # 0 at the sole, 1 on the ridge
     wave = 0.05 * np.sin(2 * np.pi * v * 2 + rng.uniform(0, 6))

@@ -57,7 +57,7 @@ def _wood(colour: ArrayLike, t: Field) -> Field:
 
 
 def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Worktop laminate: one colour with fine specks of two tones."""
+    """One colour with fine specks of two tones."""
     specks = value_noise(rng, size, (size, size))
     t = 0.25 * np.clip((specks - 0.80) * 5, 0, 1) - 0.14 * np.clip((0.2 - specks) * 5, 0, 1)
     cloud = 0.03 * (fractal(rng, size, (3, 3), 3) - 0.5)
@@ -65,7 +65,7 @@ def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def steel(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Brushed sheet: streaks of one texel along x and a few scratches."""
+    """Brushed sheet: streaks of one texel along x, scratches."""
     streaks = 0.6 * value_noise(rng, size, (size, 4)) + 0.4 * value_noise(
         rng, size, (size // 2, 12)
     )
@@ -85,7 +85,7 @@ def steel(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def linen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Table cloth: threads four texels wide, uneven yarn, soft creases."""
+    """Threads of four texels, uneven yarn, soft creases."""
     threads = size // 4
     u = np.arange(size, dtype=np.float32) / 4
     ridge = np.sin(np.pi * (u % 1))
@@ -97,7 +97,7 @@ def linen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def _folds(rng: Generator, size: int) -> Field:
-    """Shading, about -0.2 to 0.1, of soft folds across a cloth and of creases."""
+    """Shading, about -0.2 to 0.1, of folds and creases."""
     across = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)
     bend, slow = fractal(rng, size, (2, 2), 3) - 0.5, fractal(rng, size, (3, 2), 3) - 0.5
     waves = np.sin(2 * np.pi * (across[None] + 2 * across[:, None] + 1.3 * bend)) * (0.6 + slow)
@@ -108,7 +108,7 @@ def _folds(rng: Generator, size: int) -> Field:
 
 
 def gingham(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Woven squares of two tones and their mean, with folds."""
+    """Woven squares of two tones, with folds."""
     own = np.asarray(colour, np.float32)
     bands = (np.arange(size) * int(rng.choice([16, 24, 32])) // size % 2).astype(np.float32)
     thread = 0.94 + 0.10 * (
@@ -119,7 +119,7 @@ def gingham(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def felt(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Pressed wool: short fibres in all directions, brushed patches, pills."""
+    """Pressed wool: short fibres, brushed patches, pills."""
     fibres = (
         value_noise(rng, size, (size // 6, size)) + value_noise(rng, size, (size, size // 6)) - 1
     )
@@ -129,7 +129,7 @@ def felt(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def fine_terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Ground stone chips of 1 to 8 mm under a polish that wear has clouded."""
+    """Stone chips of 1 to 8 mm under a worn polish."""
     own = np.asarray(colour, np.float32)
     ground = (
         own
@@ -167,7 +167,7 @@ def fine_terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Polished stone: crystals of three tones, 1 to 4 mm."""
+    """Crystals of three tones, 1 to 4 mm."""
     own = np.asarray(colour, np.float32)
     crystals, fine = (
         value_noise(rng, size, (size // 3, size // 3)),
@@ -179,7 +179,7 @@ def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def concrete(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Cast concrete: clouds, fine sand, a few pinholes."""
+    """Clouds, fine sand, a few pinholes."""
     clouds, sand = fractal(rng, size, (3, 3), 4), value_noise(rng, size, (size, size))
     slab = np.asarray(colour, np.float32) * (0.90 + 0.13 * clouds + 0.05 * (sand - 0.5))[..., None]
     slab = np.ascontiguousarray(slab, np.float32)
@@ -190,7 +190,7 @@ def concrete(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def cutting_mat(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """A grid of thin lines, every fifth one stronger, and wear."""
+    """Thin lines, every fifth stronger, and wear."""
     wear = fractal(rng, size, (4, 4), 4)
     mat = np.asarray(colour, np.float32) * (0.90 + 0.16 * wear)[..., None]
     line = np.asarray(colour, np.float32) * 0.5 + 0.5

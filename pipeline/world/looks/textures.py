@@ -71,7 +71,7 @@ def wood(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def planks(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Four boards along x, each with its own tone, dark joints between them."""
+    """Four boards along x with dark joints."""
     board = wood(rng, size, colour)[..., :3].astype(np.float32) / 255
     n, width = 4, size // 4
     out = np.empty_like(board)
@@ -87,7 +87,7 @@ def planks(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def marble(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Veined stone: thin dark ridges of a warped noise on a light ground."""
+    """Thin dark ridges of a warped noise on a light ground."""
     body = fractal(rng, size, (3, 3), 4)
     vein = 1 - np.abs(2 * fractal(rng, size, (2, 3), 5) - 1)
     t = np.clip(vein**14 * 0.8 + 0.22 * body, 0, 1)
@@ -102,7 +102,7 @@ def stone(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def fabric(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Plain weave: over-and-under threads with uneven yarn."""
+    """Plain weave with uneven yarn."""
     threads = int(rng.choice([16, 24, 32]))
     u = np.arange(size, dtype=np.float32) * (threads / size)
     ridge = np.sin(np.pi * (u % 1)) ** 0.7
@@ -114,7 +114,7 @@ def fabric(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Stone chips of four tones in a plain ground; chips wrap around the border."""
+    """Chips of four tones; they wrap around the border."""
     canvas = np.tile(np.asarray(colour, np.float32), (size, size, 1))
     tones = np.asarray(colour, np.float32) * rng.uniform(0.45, 1.25, (4, 1)) + rng.uniform(
         -0.12, 0.12, (4, 3)
@@ -133,7 +133,7 @@ def terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def bricks(rng: Generator, size: int, colour: ArrayLike, rows: int = 8, columns: int = 4) -> Rgba:
-    """Running bond with light mortar; every brick has its own tone."""
+    """Running bond with light mortar."""
     return _courses(
         rng, size, colour, rows, columns, offset=0.5, gap=0.06, joint=np.array([0.78, 0.76, 0.72])
     )
@@ -178,7 +178,7 @@ def _courses(
 
 
 def paint(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Rolled wall paint: faint clouds and stipple."""
+    """Faint clouds and stipple."""
     t = 0.6 * fractal(rng, size, (3, 3), 3) + 0.4 * value_noise(rng, size, (size // 3, size // 3))
     return rgba(mix(shade(colour, 1.05), shade(colour, 0.92), t))
 
@@ -200,7 +200,7 @@ def brushed(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def stripes(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Parallel bands of two tones and a thin third."""
+    """Bands of two tones and a thin third."""
     n = int(rng.choice([4, 6, 8, 10]))
     u = (np.arange(size, dtype=np.float32) * (n / size)) % 1
     t = np.broadcast_to(
@@ -215,7 +215,7 @@ def noise(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def plain(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """One colour with a trace of paper grain."""
+    """One colour with a trace of grain."""
     return rgba(
         mix(
             shade(colour, 1.02), shade(colour, 0.98), value_noise(rng, size, (size // 2, size // 2))

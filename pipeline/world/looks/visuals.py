@@ -162,6 +162,6 @@ def _directions(height: int, width: int) -> tuple[Floats, Floats]:
 
 
 def _color(light: Floats) -> Triple:
-    """Rounded, so that images do not depend on the last bit of a sum."""
+    """Rounded, so that images ignore a sum's last bit."""
     r, g, b = light.round(6).tolist()
     return r, g, b

@@ -45,7 +45,7 @@ class Wall:
     def shadow(
         self, left: float, low: float, width: float, height: float, share: float = 0.25
     ) -> None:
-        """A soft shadow: strongest at the top of the rectangle, gone at its foot."""
+        """A soft shadow that fades from top to foot."""
         x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
         self.canvas[y0:y1, x0:x1] *= (
             1 - np.linspace(0, share, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
@@ -54,7 +54,7 @@ class Wall:
     def shelf(
         self, left: float, low: float, width: float, things: Callable[[float, float, float], None]
     ) -> None:
-        """A board with a shadow below it, and `things` (left, low, width) on it."""
+        """A board, its shadow, and `things` (left, low, width)."""
         self.shadow(left, low - 0.16, width, 0.16)
         self.block(left, low - 0.03, width, 0.03, OAK)
         things(left, low, width)
@@ -128,14 +128,14 @@ def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
 
 
 def distant(pattern: str) -> Callable[[Generator, int, ArrayLike], Rgba]:
-    """A pattern of `textures` as it looks behind the table."""
+    """A pattern of `textures`, seen behind the table."""
     return lambda rng, size, colour: _out_of_focus(
         np.asarray(BASIC[pattern](rng, size, colour)[..., :3] / 255, np.float32), 1.0
     )
 
 
 def workshop(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """A perforated board with tools, a shelf of boxes and a window."""
+    """Perforated board with tools, shelf of boxes, window."""
     wall = _plaster(rng, size, colour)
     wall.cupboards(0.62, 0.5, MUTED[rng.integers(len(MUTED))], 3)
     wall.row(0.1, 0.66, 2.8, (0.10, 0.30), (0.06, 0.14))
@@ -161,7 +161,7 @@ def workshop(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def kitchen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Tiles to a height of 1.5 m, a rail, a shelf of jars, cupboards above."""
+    """Tiles up to 1.5 m, rail, shelf of jars, cupboards."""
     wall = _plaster(rng, size, colour)
     width, height = (0.15, 0.075) if rng.random() < 0.5 else (0.1, 0.1)
     for j in range(int(1.5 / height)):
@@ -188,7 +188,7 @@ def kitchen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def laboratory(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """A trunking with sockets, a whiteboard, a steel rack of instruments."""
+    """Sockets, whiteboard, steel rack of instruments."""
     wall = _plaster(rng, size, colour)
     wall.shadow(0, 0.80, SPAN, 0.06)
     wall.block(0, 0.86, SPAN, 0.12, (0.88, 0.88, 0.87), 0.12)
@@ -214,7 +214,7 @@ def laboratory(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def office(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Two shelves of books, a picture and a window with its sill."""
+    """Two shelves of books, a picture, a window."""
     wall = _plaster(rng, size, colour)
     left = 1.3 * rng.random()
     for low in (1.0, 1.4):

@@ -26,7 +26,7 @@ TEXTURE = 512  # pixels of a kept texture's longer edge at most
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of a file. Raises MeshError, also for a pointer of Git LFS."""
+    """Raises MeshError, also for a Git LFS pointer."""
     try:
         if (size := path.stat().st_size) > MAX_BYTES:
             raise MeshError(f"{path}: has {size} bytes; a file has at most {MAX_BYTES}")
@@ -93,7 +93,7 @@ def parse_xml(data: bytes) -> Any:
 
 
 def pixels(data: bytes) -> NDArray[np.uint8]:
-    """An image file as (H,W,4) sRGB, at most TEXTURE long. Raises MeshError."""
+    """Image (H,W,4) sRGB, at most TEXTURE long. Raises MeshError."""
     from PIL import Image  # takes longer than a robot without textures
 
     try:

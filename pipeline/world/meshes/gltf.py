@@ -85,7 +85,7 @@ class _Document:
         return read_bytes(find_file(name, self.file.parent, self.within))
 
     def _view(self, number: int) -> tuple[bytes, int]:
-        """The bytes of a buffer view, and its stride."""
+        """A buffer view's bytes and stride."""
         view = self.document["bufferViews"][number]
         _refuse_packed(view.get("extensions", {}))
         which, start, length = view["buffer"], view.get("byteOffset", 0), view["byteLength"]
@@ -135,7 +135,7 @@ class _Document:
             yield from (part.moved(at) for part in read[mesh])
 
     def _placed(self) -> Iterator[tuple[int, Floats]]:
-        """Mesh and matrix (4,4) of every node of the scene that has a mesh."""
+        """Mesh and matrix (4,4) of every node with a mesh."""
         nodes, scenes = self.document.get("nodes", []), self.document.get("scenes", [])
         if len(nodes) > MAX_NODES:
             raise MeshError(f"has {len(nodes)} nodes; {MAX_NODES} at most, join them first")
@@ -200,7 +200,7 @@ class _Document:
         return Part(part.points, part.faces, MeshLook(None if number is None else (r, g, b)))
 
     def _uv(self, info: dict[str, Any], at: dict[str, int], count: int) -> Floats | None:
-        """Coordinates (P,2) of a texture, transformed; None where the mesh has none."""
+        """Transformed coordinates (P,2); None without any."""
         change = info.get("extensions", {}).get("KHR_texture_transform", {})
         name = f"TEXCOORD_{change.get('texCoord', info.get('texCoord', 0))}"
         if name not in at:
@@ -221,7 +221,7 @@ class _Document:
         return uv
 
     def _texture(self, number: int) -> np.ndarray | None:
-        """The pixels (H,W,4); None for a format that is not read."""
+        """Pixels (H,W,4); None for an unknown format."""
         texture = self.document["textures"][number]
         webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
         source = webp.get("source", texture.get("source"))

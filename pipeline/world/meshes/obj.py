@@ -19,7 +19,7 @@ SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 
 @dataclass(frozen=True)
 class _Material:
-    """Kd (sRGB), the texture's file, and how its coordinates are changed."""
+    """Kd (sRGB), texture file, change of coordinates."""
 
     kd: Color | None = None
     texture: str = ""
@@ -136,7 +136,7 @@ def _looked(
 
 
 def _texture(name: str, file: Path, within: Path, notes: list[str]):
-    """The pixels (H,W,4); None, and a note, for a missing file."""
+    """Pixels (H,W,4); for a missing file None and a note."""
     try:
         return pixels(read_bytes(find_file(name, file.parent, within)))
     except MeshError as error:
@@ -156,7 +156,7 @@ def _guess(name: str, file: Path, within: Path) -> Path | None:
 
 
 def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict[str, _Material]:
-    """The materials of an MTL file; none, and a note, if it is missing."""
+    """Materials of an MTL; if missing none, and a note."""
     try:
         path = find_file(name, file.parent, within)
     except MeshError as error:

@@ -55,7 +55,7 @@ class MeshFile(NamedTuple):
 
 
 def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
-    """Parts of one look as one part, in the order of their first."""
+    """Parts of one look joined, in order."""
     groups: dict[tuple[Color | None, int, bool], list[Part]] = {}
     for part in parts:
         key = part.look.color, id(part.look.texture), part.uv is None
@@ -108,7 +108,7 @@ def srgb(light: Floats) -> Floats:
 
 
 def tinted(image: NDArray[np.uint8], color: Floats) -> NDArray[np.uint8]:
-    """A texture (H,W,4) times an sRGB color (3,), in linear light."""
+    """A texture (H,W,4) times sRGB (3,), in linear light."""
     if np.allclose(color, 1):
         return image
     out = image.copy()

@@ -58,7 +58,7 @@ def _carry_over(old: Floats, uv: Floats, corners: Floats) -> Floats:
 
 
 def welded(parts: Sequence[Part]) -> tuple[Floats, Ints]:
-    """Points (P,3) and faces (M,3) of all parts as one mesh, its seams closed."""
+    """All parts as one mesh, points (P,3), faces (M,3), without seams."""
     mesh = trimesh.Trimesh(*stacked(parts), process=False)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
@@ -86,7 +86,7 @@ def thinned(points: Floats, faces: Ints, budget: int) -> tuple[Floats, Ints]:
 
 
 def area_vectors(points: Floats, faces: Ints) -> Floats:
-    """Outward normals (M,3) with the length of twice the face's area."""
+    """Outward normals (M,3), twice the face's area long."""
     a, b, c = points[faces].transpose(1, 0, 2)
     return np.cross(b - a, c - a)
 

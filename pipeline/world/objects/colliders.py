@@ -101,12 +101,12 @@ def ring_of_boxes(
 
 
 def vessel(foot: float, wall: float, height: float, n: int, rim: float | None = None) -> Colliders:
-    """A round hollow thing that stands at z = 0."""
+    """A round hollow thing standing at z = 0."""
     return disc(foot, wall) + ring_of_boxes(foot, wall, height, n, top=rim)
 
 
 def tray(hx: float, hy: float, wall: float, height: float) -> Colliders:
-    """An open box of outer half extents that stands at z = 0."""
+    """An open box (outer half extents) standing at z = 0."""
     h, w = height / 2, wall / 2
     return (
         *slab(hx, hy, wall),

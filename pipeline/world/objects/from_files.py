@@ -27,7 +27,7 @@ MOST_PIECES, MOST_CORNERS = 64, 64
 
 
 class ObjectError(DominoError):
-    """A directory or mesh of an object that cannot be used."""
+    """An object's directory or mesh is unusable."""
 
 
 def _unit(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -78,7 +78,7 @@ class Directory:
 
 @dataclass(frozen=True)
 class FileObject(Family):
-    """The family of one object: every draw is that object."""
+    """Every draw is this one object."""
 
     directory: ClassVar[Directory]
 
@@ -146,7 +146,7 @@ def read_settings(path: Path) -> ObjectToml:
 
 
 def read_solid(file: Path) -> tuple[Collider, ...]:
-    """The convex pieces of an OBJ file, an `o` line each. Raises ObjectError."""
+    """Convex pieces, an `o` line each. Raises ObjectError."""
     groups: list[list[list[float]]] = []
     try:
         if file.stat().st_size > LARGEST_FILE:
@@ -167,7 +167,7 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
 
 
 def piece(points: NDArray[np.float64]) -> Collider:
-    """The convex hull of points (N,3) m. Raises ValueError and QhullError."""
+    """Hull of points (N,3) m. Raises ValueError and QhullError."""
     if not np.isfinite(points).all():
         raise ValueError("a corner is not finite")
     return Collider("convex", (), IDENTITY, points, measured=float(ConvexHull(points).volume))

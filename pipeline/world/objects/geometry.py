@@ -15,7 +15,7 @@ from .surface import box_uv, finish
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
-    """The mesh turned by `quaternion` (4,) wxyz, then moved to `position` (3,) m."""
+    """Turn by `quaternion` (4,) wxyz, then move to `position` (3,) m."""
     return mesh.moved(pose(position, quaternion))
 
 
@@ -51,7 +51,7 @@ def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[Floats
 
 
 def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> tuple[Mesh, Mesh]:
-    """Outside, with its rim, and inside of a hollow cone."""
+    """Outside, rim and inside of a hollow cone."""
     edge = (rim - wall, height)
     outside = revolve([(0, 0), (foot, 0), (rim, height), edge], sides)
     return outside, revolve([edge, (foot - wall, wall), (0, wall)], sides)
@@ -59,7 +59,7 @@ def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> 
 
 @deferred
 def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
-    """A label round a cylinder: `prints` images, the middle of one facing -y."""
+    """A label round a cylinder: `prints` images, one faces -y."""
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     rings = [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
@@ -77,7 +77,7 @@ def decal(
     position: ArrayLike = (0, 0, 0),
     quaternion: ArrayLike = (1, 0, 0, 0),
 ) -> Mesh:
-    """A rectangle in the local xy plane facing +z, the image upright along +y."""
+    """A rectangle in local xy facing +z, image upright along +y."""
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [width / 2, height / 2, 1]
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
@@ -106,7 +106,7 @@ def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
 
 
 def hull_faces(points: NDArray) -> NDArray[np.integer]:
-    """Outward triangles (M,3) of the convex hull of `points` (N,3)."""
+    """Outward hull triangles (M,3) of `points` (N,3)."""
     hull = ConvexHull(points)
     faces = hull.simplices.copy()
     a, b, c = points[faces].transpose(1, 0, 2)
@@ -126,7 +126,7 @@ def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) 
 def arc(
     centre: Sequence[float], radius: float, start: float, end: float, n: int
 ) -> list[tuple[float, float]]:
-    """`n` + 1 points of a circle between two angles in degrees."""
+    """`n` + 1 points between two angles in degrees."""
     angle = np.radians(np.linspace(start, end, n + 1))
     x, y = centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)
     return list(zip(x.tolist(), y.tolist(), strict=True))
@@ -138,7 +138,7 @@ def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
 
 @deferred
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
-    """Along z: a cylinder of half length `half` with round ends."""
+    """Cylinder of half length `half` along z with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     z = radius * np.sin(angle) + half * np.sign(np.round(angle, 9))
     profile = np.column_stack([radius * np.cos(angle), z])
@@ -259,7 +259,7 @@ def side_prism(outline: ArrayLike, half: float, bevel: float = 0.0, crease: floa
 
 
 def stacked(outline: ArrayLike, levels: ArrayLike) -> Floats:
-    """Rings (L,K,3): the outline (K,2) at each level (z, scale x, scale y)."""
+    """Rings (L,K,3): outline (K,2) by level (z, scale x, scale y)."""
     outline, levels = np.asarray(outline, float), np.asarray(levels, float)
     rings = outline[None] * levels[:, None, 1:]
     z = np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))

@@ -47,7 +47,7 @@ def _low_enough(height: float, pitch: float, top: float) -> bool:
 
 
 def _tilts(pitches: Sequence[float]) -> Iterator[tuple[float, int]]:
-    """Every pitch (rad) to both sides (1, -1); straight down once."""
+    """Pitches (rad) to both sides (1, -1); straight down once."""
     for pitch in pitches:
         for side in (1, -1) if pitch < 90 else (1,):
             yield np.radians(pitch), side

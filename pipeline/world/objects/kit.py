@@ -68,14 +68,14 @@ def hollow(height: float, wall: float, grasps: Sequence[Grasp] = (), **points: P
 
 
 def lean(out: float, up: float) -> float:
-    """Degrees from the vertical of a wall that goes `out` over a height `up`."""
+    """Degrees from vertical of a wall going `out` over `up`."""
     return float(np.degrees(np.arctan2(out, up)))
 
 
 def size_word(
     value: float, bounds: Range, words: tuple[str, str, str] = ("small", "medium-sized", "large")
 ) -> str:
-    """Which third of a range a value lies in, as a word."""
+    """The third of a range, as a word."""
     share = (value - bounds[0]) / (bounds[1] - bounds[0])
     return words[min(2, max(0, int(3 * share)))]
 
@@ -87,7 +87,7 @@ WIDE = ("narrow", "medium-sized", "wide")
 
 
 def drawn(how: Callable[[Generator, Any], Any], **notes: Any) -> Any:
-    """A parameter that `how` draws from a generator and the parameters before it."""
+    """A parameter that `how` draws, given those before it."""
     return field(metadata={"draw": how, "also": "", **notes})
 
 
@@ -140,7 +140,7 @@ class Parametric(Family):
         return cls(**vars(so_far))
 
     def facts(self) -> dict[str, str]:
-        """What phrases may state: the parameters that are text, and the size."""
+        """For phrases: parameters that are text, and the size."""
         facts = {name: value for name, value in vars(self).items() if isinstance(value, str)}
         if material := facts.get("material"):
             wooden = material == "wood"

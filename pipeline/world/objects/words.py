@@ -16,7 +16,7 @@ SEEN, UNSEEN = 12, 3
 
 
 class LanguageError(DominoError, ValueError):
-    """Phrases of a family or templates of a task that make no sentence."""
+    """Phrases or templates that make no sentence."""
 
 
 def describe(family: str, noun: str, **facts: str) -> Words:
@@ -35,7 +35,7 @@ def describe(family: str, noun: str, **facts: str) -> Words:
 
 @cache
 def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Seen and unseen phrases of a family. Raises LanguageError."""
+    """Seen and unseen phrases. Raises LanguageError."""
     where = f"phrases/{family}.txt"
     try:
         module = Path(str(sys.modules[FAMILIES[family].__module__].__file__))
@@ -59,5 +59,5 @@ def facts_of(phrase: str) -> set[str]:
 
 
 def english(phrase: str) -> str:
-    """The phrase with single spaces and "an" before a vowel."""
+    """Single spaces, "an" before a vowel."""
     return re.sub(r"\ba (?=[aeiou])", "an ", " ".join(phrase.split()))

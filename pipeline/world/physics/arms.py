@@ -160,13 +160,13 @@ class BuiltArm:
         self.robot.set_qf(self.robot.compute_passive_force())
 
     def jaw_positions(self) -> Floats:
-        """Measured positions (J,) of the jaws, m or rad."""
+        """Measured jaw positions (J,), m or rad."""
         by_name = {joint.name: q for joint, q in zip(self.active, self.robot.qpos, strict=True)}
         return np.array([by_name[joint.name] for joint in self.jaws], float)
 
 
 def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
-    """An arm at its base, at home, its gripper open, with its drives set."""
+    """An arm at its base and home, gripper open, drives set."""
     builder = arm_builder(arm, side)
     builder.set_scene(scene)
     robot = builder.build()
@@ -200,7 +200,7 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
 
 
 def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
-    """Give links their convex pieces, which no builder takes from memory."""
+    """Give links convex pieces, which no builder takes from memory."""
     hulls = {link.name: [c for c in link.collision if c.kind == "convex"] for link in arm.links}
     surface = material()
     for link in robot.links:

@@ -111,12 +111,12 @@ def _corners(outline: Outline) -> Floats:
 
 
 def parts_of(prop: Prop) -> Parts:
-    """What a prop of a motion's scenery looks like, in its own frame."""
+    """A prop's look in its own frame."""
     return tuple((_mesh(piece), Material(piece.colour, 0.7)) for piece in prop.pieces)
 
 
 def colliders_of(prop: Prop) -> tuple[Collider, ...]:
-    """The collision pieces of a prop, in its own frame."""
+    """A prop's collision pieces in its own frame."""
     return tuple(
         Collider(piece.kind, piece.size, np.asarray(piece.at, float)) for piece in prop.pieces
     )

@@ -34,7 +34,7 @@ class Contacts:
         self.pairs: list[tuple[Any, Any]] = [tuple(contact.bodies) for contact in found]
 
     def pushing(self, k: int) -> list[Push]:
-        """The points of contact `k` that have an impulse."""
+        """The points of contact `k` with an impulse."""
         known = self._pushing.get(k)
         if known is None:
             points = self._found[k].points
@@ -70,7 +70,7 @@ class Contacts:
         return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
 
     def touching(self, index: Mapping[Any, int]) -> list[Pair]:
-        """Pairs of the components of `index` that push each other, sorted."""
+        """Pairs of `index` that push each other, sorted."""
         # The strongest of the pieces of a pair is its contact. Numpy takes five times as long.
         found: dict[tuple[int, int], tuple[float, list[list[Push]]]] = {}
         for k, (first, second) in enumerate(self.pairs):
@@ -91,7 +91,7 @@ class Contacts:
 
 
 def _mean_point(pushing: Sequence[Push]) -> tuple[tuple[float, ...], int]:
-    """Mean position (3,) and number of the points of one contact."""
+    """Mean position (3,) and number of a contact's points."""
     at = [p.position.tolist() for _, p in pushing]
     return tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True)), len(at)
 
@@ -132,7 +132,7 @@ class Overload(NamedTuple):
 
 
 class ContactKinds:
-    """Which field of `Forces` bounds the contact of two parts, by name."""
+    """Which field of `Forces` bounds a contact, by name."""
 
     def __init__(self, embodiment: Embodiment) -> None:
         arms = embodiment.arms.items()
@@ -141,7 +141,7 @@ class ContactKinds:
         self._hands = self._fingers | {f"{side}_{arm.hand}" for side, arm in arms}
 
     def of(self, one: str, other: str) -> str:
-        """The field's name; "" for parts that may touch with any force."""
+        """The field's name; "" for unbounded force."""
         link, body = (one, other) if one in self._side else (other, one)
         if link not in self._side:
             return ""

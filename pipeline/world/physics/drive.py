@@ -31,7 +31,7 @@ Twist = Floats
 
 @dataclass(frozen=True)
 class Hold:
-    """At least one of `grips`, of which every part, a set of links or bodies, must touch."""
+    """At least one of `grips`; of every part, a set of links or bodies, one must touch."""
 
     grips: tuple[tuple[frozenset[str], ...], ...]
 
@@ -121,7 +121,7 @@ class ImperfectDrives:
         self._phases = rng.uniform(0, 2 * np.pi, shape)
 
     def apply(self, command: Floats, velocity: Floats, time: float) -> tuple[Floats, Floats]:
-        """Positions and velocities (A,) for the drives in the step after `time` (s)."""
+        """Drive positions and velocities (A,) after `time` (s)."""
         self._late.append((command, velocity))
         position, speed = self._late[0]
         before, half = self._held, self._errors.backlash / 2
@@ -133,7 +133,7 @@ class ImperfectDrives:
         return self._held + noise, speed + rate
 
     def _noise(self, time: float) -> tuple[Floats, Floats]:
-        """Noise (A,) in rad and its rate in rad/s at a time."""
+        """Noise (A,) in rad and its rate in rad/s."""
         size = self._errors.noise * np.sqrt(2 / WAVES) * self._is_arm
         angles = self._rates * time + self._phases
         waves, slopes = np.sin(angles).sum(1), (self._rates * np.cos(angles)).sum(1)

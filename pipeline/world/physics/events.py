@@ -39,7 +39,7 @@ MOVED = 0.3
 
 
 class EventfulWorld(Protocol):
-    """What events see of a simulation, and change in it (simulation.py)."""
+    """What events see and change of a simulation."""
 
     embodiment: Embodiment
     events: list[Event]
@@ -73,7 +73,7 @@ class RunningEvent:
         return not self.withheld and self.fired <= time < self.ended
 
     def at(self, t: ArrayLike) -> Floats:
-        """The pose (...,7) of the scenery of this event."""
+        """The pose (...,7) of this event's scenery."""
         return self.board(t) if self.drawn.kind == "occluder" else self._box(t)
 
     def _box(self, t: ArrayLike) -> Floats:
@@ -111,7 +111,7 @@ class EventScript:
 
     @property
     def props(self) -> tuple[Prop, ...]:
-        """The scenery of the events, which waits unseen until they fire."""
+        """The events' scenery, unseen until they fire."""
         return tuple(
             Prop(f"{PROP}{drawn.name}", _pieces(drawn), event.at, solid=drawn.kind == "second")
             for event in self.events
@@ -126,7 +126,7 @@ class EventScript:
         return min(fired, key=lambda event: event.fired, default=None)
 
     def hides(self, point: Floats, time: float) -> bool:
-        """Whether an occluder stands between the camera and a world point (3,)."""
+        """Whether an occluder hides a world point (3,)."""
         for event in self.events:
             if event.withheld or event.drawn.kind != "occluder":
                 continue
@@ -140,7 +140,7 @@ class EventScript:
         return False
 
     def before_step(self, simulation: EventfulWorld) -> None:
-        """Fire what is due at this moment, and end what has lasted."""
+        """Fire what is due; end what has lasted."""
         before = -np.inf
         for event in self.events:
             if event.fired == np.inf and self._is_due(event.drawn, before, simulation):
@@ -170,7 +170,7 @@ class EventScript:
         return slipped
 
     def active(self, kind: str, time: float) -> float:
-        """The amounts of the active events of a kind added up."""
+        """The sum of a kind's active amounts."""
         return sum(
             event.drawn.amount
             for event in self.events
@@ -232,13 +232,13 @@ _ORDER = {"approach": 0, "near": 1, "after": 2}
 
 
 def distance(s: EventfulWorld) -> float:
-    """The least distance (m) of a tool from the target."""
+    """Least distance (m) of a tool from the target."""
     at = s.pose(s.target)[:3]
     return min(float(np.linalg.norm(s.tcp(side)[:3] - at)) for side in s.embodiment.sides)
 
 
 def phase_of(s: EventfulWorld) -> Phase:
-    """Whether the target was met, a tool is within NEAR of it, or neither."""
+    """Whether the target was met, a tool is NEAR, or neither."""
     if s.touched_by:
         return "after"
     return "near" if distance(s) <= NEAR else "approach"

@@ -30,7 +30,7 @@ class _Rows:
 
     @property
     def rows(self) -> NDArray[Any]:
-        """The rows so far (N,...), a view that later rows do not change."""
+        """The rows so far (N,...), a stable view."""
         return self._held[: self._count]
 
 
@@ -57,7 +57,7 @@ class Recorder:
         self._capture()
 
     def after_step(self) -> None:
-        """Note contacts and, at the end of an interval, the frame."""
+        """Note contacts and, at an interval's end, the frame."""
         s = self.simulation
         if s.steps % CONTACT_EVERY == 0 or s.steps == s.touched_at:
             for a, b, impulse, point, points in s.contacts():
@@ -93,7 +93,7 @@ class Recorder:
 
     @property
     def state(self) -> Floats:
-        """Measured vector (A,) of this moment."""
+        """Measured vector (A,) of now."""
         s = self.simulation
         if s.steps == self._captured:
             return self._columns[3].rows[-1]

@@ -34,7 +34,7 @@ _X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])
 
 
 def add_table(scene: sapien.Scene) -> PhysxRigidBaseComponent:
-    """Table top and floor; the table top's component."""
+    """Returns the table top's component."""
     material = PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
     builder = scene.create_actor_builder()
     builder.add_box_collision(to_sapien(TABLE_COLLISION.pose), TABLE_COLLISION.size, material)
@@ -46,7 +46,7 @@ def add_table(scene: sapien.Scene) -> PhysxRigidBaseComponent:
 
 
 def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
-    """A body at a world pose (7,): static where it is fixed, dynamic otherwise."""
+    """A body at a world pose (7,): static if fixed, else dynamic."""
     shape = body.instance.shape()
     material = PhysxMaterial(shape.friction, shape.friction, 0.0)
     component = (
@@ -65,7 +65,7 @@ def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
 
 
 def add_solid(scene: sapien.Scene, prop: Prop) -> sapien.Entity:
-    """A prop as a kinematic body, which `move_solid` moves."""
+    """A kinematic prop, moved by `move_solid`."""
     component = PhysxRigidDynamicComponent()
     material = PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
     for piece in _pieces(colliders_of(prop), material, 1.0):
@@ -91,7 +91,7 @@ def move_solid(entity: sapien.Entity, to: Pose) -> None:
 def add_slide(
     body: Body, parent: Body, entity: sapien.Entity, parent_entity: sapien.Entity
 ) -> None:
-    """Make a body with a slide run in its parent, from where it stands."""
+    """Let a body with a slide run in its parent."""
     assert body.slide is not None
     x = np.asarray(body.slide.axis, float)
     y = np.array([0.0, 0.0, 1.0])
@@ -113,12 +113,12 @@ def add_slide(
 
 
 def rigid_of(entity: sapien.Entity) -> PhysxRigidDynamicComponent | None:
-    """The component of a body that moves, None for a fixed one."""
+    """The moving component, None for a fixed body."""
     return entity.find_component_by_type(PhysxRigidDynamicComponent)
 
 
 def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
-    """The component that collides; SAPIEN gives the same object every time."""
+    """The colliding component; SAPIEN always gives the same object."""
     component = entity.components[0]
     if not isinstance(component, PhysxRigidBaseComponent):
         raise TypeError(f"{entity.name} has no physics component")
@@ -128,7 +128,7 @@ def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
 def _pieces(
     pieces: Sequence[Collider], material: PhysxMaterial, mass: float
 ) -> list[PhysxCollisionShape]:
-    """Collision shapes with densities that add up to `mass` (kg)."""
+    """Collision shapes whose densities sum to `mass` (kg)."""
     density = mass / sum(c.weight * c.volume() for c in pieces)
     shapes = []
     for c in pieces:
@@ -155,7 +155,7 @@ def _pieces(
 
 
 def as_pose(p: sapien.Pose) -> Pose:
-    """Ours (7,) of SAPIEN's pose; several times faster than reading p and q."""
+    """SAPIEN's pose as ours (7,); faster than reading p and q."""
     return np.array(p.__getstate__())
 
 
@@ -225,11 +225,11 @@ class PhysicsScene:
 
     @property
     def grippers(self) -> tuple[int, ...]:
-        """The entries of the grippers in a command."""
+        """A command's gripper entries."""
         return tuple(place for place, *_ in self._jaws)
 
     def home_vector(self) -> Floats:
-        """The command with all arms at home and grippers open."""
+        """The command of home with open grippers."""
         return np.concatenate([[*arm.home, 1.0] for arm in self.embodiment.arms.values()])
 
     @property
@@ -266,7 +266,7 @@ class PhysicsScene:
         return [robot.qpos for robot in self._robots]
 
     def state_vector(self, qpos: Floats) -> Floats:
-        """Measured vector (A,) in the layout of the command, from `qpos` (J,)."""
+        """Measured vector (A,) in command layout, from `qpos` (J,)."""
         out = qpos[self._vector_from]
         for place, joints, closed, travel in self._jaws:
             # numpy's mean costs twice its sum
@@ -285,5 +285,5 @@ class PhysicsScene:
         return self._read
 
     def contacts(self) -> list[Pair]:
-        """Touching pairs now, without the floor, in the order of `names`."""
+        """Touching pairs without the floor, in the order of `names`."""
         return self.touches.touching(self._index)

@@ -147,7 +147,7 @@ class Simulation(PhysicsScene):
         return self._upcoming[step - self._upcoming_from]
 
     def change(self, change: Change) -> None:
-        """Change the target's own motion from now on, and the scenery with it."""
+        """Change the target's motion and scenery from now on."""
         self.motion = changed(cast(TargetMotion, self.motion), change)
         others = others_of(self.motion)
         self._beside = {name: others[name] for name in self._beside}
@@ -219,7 +219,7 @@ class Simulation(PhysicsScene):
                 self._drive = Drive(self._moved, self._after_touch)
 
     def release(self) -> None:
-        """End the target's own motion, if it has one still."""
+        """End the target's own motion, if any."""
         if self.released:
             return
         self.events.append(Event("release", self.time))

@@ -61,7 +61,7 @@ class Gripper:
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """A camera on a link: pose in the link frame, x forward, z up."""
+    """Camera pose in the link frame, x forward, z up."""
 
     link: str
     pose: Pose
@@ -102,7 +102,7 @@ class Embodiment:
 
     @property
     def vector_names(self) -> tuple[str, ...]:
-        """Names of the state and action vector: joints and gripper of each arm."""
+        """State and action names: joints and gripper of each arm."""
         return tuple(
             f"{side}_{n}" for side, arm in self.arms.items() for n in (*arm.arm_joints, "gripper")
         )
@@ -113,12 +113,12 @@ class Embodiment:
 
 
 def jaw_positions(gripper: Gripper, value: float) -> np.ndarray:
-    """Joint positions (J,) in m or rad for a value 0 (closed) to 1 (open)."""
+    """Joint positions (J,) in m or rad for 0 (closed) to 1."""
     return np.array(gripper.closed) + value * (np.array(gripper.opened) - np.array(gripper.closed))
 
 
 def jaw_value(gripper: Gripper, positions: np.ndarray) -> float:
-    """Value 0-1 of measured jaw positions (J,); the mean of all joints."""
+    """Value 0-1, the mean of jaw positions (J,)."""
     closed, opened = np.array(gripper.closed), np.array(gripper.opened)
     return float(np.mean((positions - closed) / (opened - closed)))
 
@@ -175,7 +175,7 @@ def root_link(arm: Arm) -> str:
 
 
 def arm_limits(arm: Arm) -> np.ndarray:
-    """Lower and upper limits of the arm joints, (dof, 2) rad."""
+    """Limits of the arm joints, (dof, 2) rad."""
     by_name = {joint.name: joint for joint in arm.joints}
     return np.array([(by_name[n].lower, by_name[n].upper) for n in arm.arm_joints])
 

@@ -22,7 +22,7 @@ _STRETCHES = 0.6
 
 
 def raised(embodiment: Embodiment, by: float) -> Embodiment:
-    """Arms, furniture and head camera `by` m higher above the table."""
+    """Arms, furniture and head camera `by` m higher."""
     up = pose((0, 0, by))
     arms, pieces = embodiment.arms.items(), embodiment.furniture_collision
     return replace(

@@ -78,6 +78,6 @@ def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
 
 
 def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
-    """One joined mesh per material: fewer draw calls."""
+    """One joined mesh per material saves draw calls."""
     listed = ((material, tuple(meshes)) for material, meshes in groups)
     return tuple((join(*meshes), material) for material, meshes in listed if meshes)

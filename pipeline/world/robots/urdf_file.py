@@ -33,7 +33,7 @@ type Color = tuple[float, float, float]
 
 
 class UrdfError(DominoError):
-    """A URDF, or a mesh that it names, that cannot be used."""
+    """A URDF, or its mesh, is unusable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class UrdfRobot:
         return poses
 
     def below(self, base: str) -> list[str]:
-        """`base` and the links that hang on it, each after the one above it."""
+        """`base` and links on it, parents first."""
         below, known = [base], {base}
         pending = [link for link in self.links if link in self.parent_joint]
         while ready := [link for link in pending if self.parent_joint[link].parent in known]:
@@ -141,7 +141,7 @@ def read_urdf(
 
 
 def read_xml(path: Path) -> Any:
-    """The root element of a robot's file. Raises UrdfError."""
+    """The root element. Raises UrdfError."""
     try:
         data = read_bytes(path)
         if len(data) > MAX_URDF_BYTES:
