@@ -234,7 +234,7 @@ class Actor:
             self.advance(command, velocity)
 
     def commands(self, step: MotionStep) -> tuple[Floats, Floats]:
-        """Drive targets and velocities (N,A) of a motion step by physics step, jerk limited."""
+        """Drive targets and velocities (N,A) of a motion step, jerk limited."""
         length = max(len(trajectory.q) for trajectory in step.values())
         now = self.planner.split(self.simulation.command)
         columns, speeds = list[Floats](), list[Floats]()

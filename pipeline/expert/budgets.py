@@ -58,7 +58,7 @@ class GraspSearch:
 
 @dataclass(frozen=True)
 class SeatSearch:
-    """Where a body is set down between two grasps when no one grasp leads to its goal."""
+    """Where a body is set down between two grasps."""
 
     xs: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24, 0.30)  # m from the middle, on the arm's side
     ys: tuple[float, ...] = (-0.20, -0.12, -0.04, 0.04, 0.12)  # m

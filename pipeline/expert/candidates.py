@@ -1,4 +1,4 @@
-"""Candidates of a grasp: all annotated ones of a body, solved at once and ranked by cost."""
+"""Grasp candidates of a body, solved at once and ranked by cost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -132,7 +132,7 @@ def _fitting(
 def _reaches_one(
     arm: ArmPlanner, local: Floats, bodies: Floats, alive: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which grasps (N,) of those still alive reach at least one of the body poses (G,7)."""
+    """Which grasps (N,) reach at least one of the body poses (G,7)."""
     out = np.zeros(len(local), bool)
     for body in bodies:
         todo = np.flatnonzero(alive & ~out)

@@ -154,7 +154,7 @@ def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> Gra
 
 
 def can_take_over(actor: Actor, side: str, giver: str, q: Floats, options: GraspOptions) -> bool:
-    """Whether arm `side` finds a grasp of what arm `giver` holds once that has joints q (n,)."""
+    """Whether `side` finds a grasp if `giver` has joints q (n,)."""
     arm, name = actor.arm_planner(side), actor.held[giver]
     body = compose(actor.planner.fk(giver, q), actor.in_hand(giver))
     try:

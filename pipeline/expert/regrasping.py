@@ -1,4 +1,4 @@
-"""Set a body down and grasp it again, if no single grasp leads to its goal."""
+"""Set a body down and grasp it again."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -68,7 +68,7 @@ def _seat(a: Actor, side: str, name: str, seats: Floats) -> Skills:
 
 
 def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> bool:
-    """Whether a grasp of body `name` at world pose `at` leads to the goals, touching nothing."""
+    """Whether a grasp of the body at this world pose leads to the goals."""
     try:
         return search_of(a, arm, name, at, GraspOptions(goals=goals)).promising()
     except PlanFailure:
@@ -103,13 +103,13 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
 
 
 def _at_hand(a: Actor, arm: ArmPlanner, name: str) -> Floats:
-    """Tcp poses (N,7), in its own frame, in which the body can be grasped as it is."""
+    """Tcp poses (N,7), in the body frame, that can grasp it as it is."""
     found = search_of(a, arm, name, a.pose(name), GraspOptions()).found
     return found.local[found.order]
 
 
 def _free_places(a: Actor, side: str, name: str) -> Floats:
-    """Upright poses (N,7) on the table, on the arm's side, at which the body has room."""
+    """Upright poses (N,7) on the arm's side with room."""
     sign = 1 if side == "right" else -1
     turns = 2 * np.pi / SEAT.turns * np.arange(SEAT.turns)
     box = a.bodies[name].instance.shape().aabb()

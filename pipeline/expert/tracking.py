@@ -1,4 +1,4 @@
-"""Let a planned hand move with a target whose motion is known, at matched velocity."""
+"""A planned hand moves with a known target, at matched velocity."""
 
 from collections.abc import Callable
 
@@ -114,6 +114,6 @@ def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Float
 
 
 def _approach_begins(velocities: Floats, start: int, met: int) -> int:
-    """The last row before `met` in which joints of velocities (N,n) rest, or `start`."""
+    """The last resting row before `met` of velocities (N,n), or `start`."""
     still = np.flatnonzero(np.abs(velocities[start:met]).max(axis=1) < AT_REST)
     return start + int(still[-1]) if len(still) else start

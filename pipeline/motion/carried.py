@@ -18,7 +18,7 @@ CARRIED: Final = "carried"
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """The motion of a body that keeps its pose `at` (7,) relative to the moving `target`."""
+    """A body at a fixed pose `at` (7,) relative to `target`."""
 
     target: TargetMotion
     at: Floats

@@ -143,7 +143,7 @@ class ClosedFormModel[M: ClosedForm](ABC):
 
     @abstractmethod
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
-        """Motions of one shape, which the slot decides, in one direction after another."""
+        """Motions of the slot's shape, in one direction after another."""
 
     def draw(self, asked: MotionRequest, streams: Streams) -> M:
         return first_that_fits(asked, self.candidates(asked, streams))
@@ -218,7 +218,7 @@ def common(asked: MotionRequest) -> dict[str, Any]:
 
 
 def headings(streams: Streams, count: int = 64) -> list[float]:
-    """Directions (rad) spread evenly over the circle, in an order of the attempt's own."""
+    """Directions (rad) spread over the circle, in the attempt's order."""
     rng = streams.direction
     return (
         rng.permutation((np.arange(count) + rng.random()) * (2 * np.pi / count)) - np.pi

@@ -58,7 +58,7 @@ class TargetMotion(Protocol):
         ...
 
     def breakpoints(self) -> Floats:
-        """Times (k,) strictly between start and meeting at which the velocity may jump."""
+        """Times (k,) before the meeting at which velocity may jump."""
         ...
 
     def features(self) -> Features:
@@ -239,7 +239,7 @@ def derived(motion: TargetMotion) -> Verdict:
 
 
 def bounded(motion: TargetMotion, speed_bound: SpeedBound) -> Verdict:
-    """Whether a motion moves, and keeps alpha as the bound of its average or greatest speed."""
+    """Whether a motion moves and keeps its bound alpha."""
     features = motion.features()
     speed = features.average_speed if speed_bound == "average" else features.maximum_speed
     return Verdict(

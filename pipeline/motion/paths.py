@@ -15,7 +15,7 @@ def ahead(frames: int, horizon: int) -> NDArray[np.int64]:
 
 
 def path_ahead(positions: Floats, horizon: int) -> Floats:
-    """Positions (T,H,3) of the next `horizon` frames, from those of every frame (T,3), m."""
+    """Positions (T,H,3) in m of the next `horizon` frames."""
     return positions[ahead(len(positions), horizon)]
 
 

@@ -166,7 +166,7 @@ def _curve(
 
 
 def _durations(rng: np.random.Generator, count: NDArray[np.int64], total: float) -> Floats:
-    """Durations (n, 3) in s with sum `total`; pieces beyond a row's `count` get 0."""
+    """Durations (n, 3) in s with sum `total`; 0 beyond `count`."""
     used = np.arange(MAX_PIECES) < count[:, None]
     # independent exponentials over their sum are Dirichlet(1)
     share = rng.exponential(size=used.shape) * used

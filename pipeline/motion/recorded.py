@@ -58,7 +58,7 @@ class Interception:
 
     @property
     def motion_start(self) -> float:
-        """Time (s) at which the target begins to move; negative where it leads the robot."""
+        """Time (s) at which the target begins to move, maybe negative."""
         return -self.motion.lead
 
     @property
@@ -94,7 +94,7 @@ class Interception:
 
     @cached_property
     def contact_centroids(self) -> Floats:
-        """(T,2,3) mean contact point of each arm with the target (m, world); zeros for none."""
+        """(T,2,3) mean contact point by arm (m, world); zeros for none."""
         sums = self._summed(lambda r: r["points"][:, None] * r["point"].astype(float), float, 3)
         return sums / np.maximum(self.contact_points, 1)[..., None]
 

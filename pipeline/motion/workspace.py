@@ -1,4 +1,4 @@
-"""The rectangle of the table in which a target may move, and the quadrant rule."""
+"""The rectangle for a target's path, and the quadrant rule."""
 
 from dataclasses import dataclass
 

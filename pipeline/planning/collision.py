@@ -123,7 +123,7 @@ class CollisionWorld:
         carried: Mapping[str, tuple[str, Sequence[Collider], Pose]],
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """Only the arms count against each other; what one carries may touch the other hand."""
+        """Only the arms count; what one carries may touch the other hand."""
         sides = {name: side for name, (side, _, _) in carried.items()}
         ignore = [*product((*self.arms, *sides), ("table", "furniture"))]
         ignore += [(side, side) for side in self.arms]

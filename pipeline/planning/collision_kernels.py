@@ -25,7 +25,7 @@ def chain_transforms(a, i, b, j, out, k):
 
 @kernel
 def place_frames(parent, origin, prismatic, q, row, out):
-    """Write the world transforms (F+1,12) of the world and of F joint frames, axes on own z."""
+    """Write world transforms (F+1,12) of world and joint frames."""
     out[0] = 0.0
     out[0, 0] = out[0, 4] = out[0, 8] = 1.0
     for f in range(parent.shape[0]):
@@ -109,7 +109,7 @@ def closest_on_triangle(s, i, j, k, weights):
 
 @kernel
 def origin_outside(s, i, j, k, opposite):
-    """Whether the plane s[i], s[j], s[k] parts the origin from s[opposite], or all is flat."""
+    """Whether the plane parts the origin from s[opposite], or all is flat."""
     ax, ay, az = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
     bx, by, bz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -134,7 +134,7 @@ def keep(s, count, weights, v):
 
 @kernel
 def reduce_simplex(s, count, weights, trial, v):
-    """Write the point of s[:count] nearest to the origin into v; its number of points."""
+    """Write the point nearest to the origin into v; its number of points."""
     weights[:] = 0.0
     if count == 1:
         weights[0] = 1.0

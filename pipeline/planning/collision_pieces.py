@@ -1,4 +1,4 @@
-"""Robots and colliders as arrays of the kernels, and the sweep of a moving body."""
+"""Robots and colliders as kernel arrays, and swept bodies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Joint frames (F): names, parents (0 is the world), placement (F,12), axis on local z."""
+    """Joint frames (F), parent 0 the world, placement (F,12), axis on local z."""
 
     names: tuple[str, ...]
     parent: Ints
@@ -111,7 +111,7 @@ def groups_of(
 
 
 def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
-    """From (owner index, frame index, collider, pose (7,) of its body). Raises ValueError."""
+    """From (owner, frame, collider, pose (7,)). Raises ValueError."""
     count = len(entries)
     core, size, half = np.zeros((count, 3), np.int64), np.zeros((count, 3)), np.zeros((count, 3))
     radius, centre, total = np.zeros(count), np.zeros((count, 7)), 0
@@ -161,7 +161,7 @@ def bounding_ball(pieces: Pieces) -> Floats:
 
 
 class Sweep:
-    """Recorded bodies and a moving one, tested against any number of its motions."""
+    """Recorded bodies, tested against motions of another."""
 
     def __init__(
         self,

@@ -62,7 +62,7 @@ def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
 
 @kernel
 def quaternion(m, out):
-    """Write the quaternion wxyz (w >= 0) of a rotation matrix (3,3), by Shepperd's method."""
+    """Write the quaternion wxyz (w >= 0) of a matrix, by Shepperd's method."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace >= m[0, 0] and trace >= m[1, 1] and trace >= m[2, 2]:
         out[0] = 1 + trace
@@ -118,7 +118,7 @@ def dot(a, b):
 
 @kernel
 def pose_error(goal_r, goal_p, rotation, position, weight, out):
-    """Write the twist (6,) to the goal, angular part times `weight`; (distance m, angle rad)."""
+    """Write the weighted twist (6,) to the goal; (m, rad) off it."""
     px, py, pz = goal_p[0] - position[0], goal_p[1] - position[1], goal_p[2] - position[2]
     g, r = goal_r, rotation
     # E = G R^T; its skew part is axis * sin(angle), its trace 1 + 2 cos(angle).
@@ -163,7 +163,7 @@ def solve_spd(a, b, n):
 
 @kernel
 def descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
-    """Move q (n,) in place towards the goal; whether it is within `tolerance` (m, rad)."""
+    """Move q (n,) in place; whether it is within `tolerance` (m, rad)."""
     pre, prismatic, tool, lower, upper = chain
     axes, origins, rotation, position, jac, error, h, step = work
     n = q.shape[0]
@@ -272,7 +272,7 @@ def solve_many(chain, reach, targets, seeds, restarts, iterations, tolerance, fe
 
 @kernel
 def solve_path(chain, poses, start, iterations, tolerance, jump):
-    """Joints (K,n) along poses (K,7), each from the one before, and how many before a jump."""
+    """Joints (K,n) along poses (K,7), and how many before a jump."""
     count, n = poses.shape[0], start.shape[0]
     out, work, goal_r, q = np.empty((count, n)), workspace(n), np.empty((3, 3)), start.copy()
     before = start

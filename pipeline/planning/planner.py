@@ -23,12 +23,12 @@ from .trajectory import ArmTrajectory, time_parameterise
 
 
 def tool_way(chain: Chain, path: Floats) -> Floats:
-    """World poses (M,7) of the tcp along joint waypoints (K,n), DETOURS.resolution apart."""
+    """World tcp poses (M,7) along waypoints (K,n)."""
     return fk_batch(chain, dense(path, DETOURS.resolution))
 
 
 def unseen_length(way: Floats, carried: Carried, sees: Sees) -> float:
-    """m of a way (M,7) on which the load is out of view; 0 if it begins or ends there."""
+    """m of a way (M,7) out of view; 0 if it begins or ends there."""
     middle = np.mean([piece.pose[:3] for piece in carried.pieces], axis=0)
     seen = sees(np.array([transform(tcp, transform(carried.pose, middle)) for tcp in way]))
     if not (seen[0] and seen[-1]):

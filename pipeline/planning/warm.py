@@ -13,7 +13,7 @@ from .trajectory import time_parameterise
 
 
 def warm_up(embodiment: str) -> None:
-    """Call every kernel the expert uses: about 11 s of compilation the first time."""
+    """Call every kernel: about 11 s of compilation the first time."""
     planner = planner_for(embodiment)
     side, rng = planner.embodiment.sides[0], np.random.default_rng(0)
     arm = ArmPlanner(planner, side, home_scene(planner), rng)

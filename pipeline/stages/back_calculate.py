@@ -145,7 +145,7 @@ def relative(scene: Scene, name: str) -> Pose:
 
 
 class Mover(NamedTuple):
-    """A body that moves by a model, drawn from the streams `purpose`, and carries `company`."""
+    """A body that moves by a model, with `company` on it."""
 
     name: str
     model: str

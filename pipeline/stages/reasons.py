@@ -1,4 +1,4 @@
-"""Failed attempts by reason (docs/add_a_task.md): how many, and what exactly."""
+"""Failed attempts by reason (docs/add_a_task.md)."""
 
 import re
 from collections import Counter, defaultdict

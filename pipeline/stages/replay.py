@@ -1,4 +1,4 @@
-"""Stage 3: the target moves, and a demonstrator meets it by its plan or by what it sees."""
+"""Stage 3: the target moves, and a demonstrator meets it."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -103,7 +103,7 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
 
 
 def is_changed(actor: Actor) -> bool:
-    """Whether an event has changed the motion of a target that nothing has touched."""
+    """Whether an event changed the motion of an untouched target."""
     simulation = actor.simulation
     return isinstance(simulation.motion, Changed) and not simulation.touched_by
 

@@ -1,4 +1,4 @@
-"""The scene of one attempt: everything that follows from its spec before physics starts."""
+"""What follows from a spec before physics starts."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -154,7 +154,7 @@ class Scene:
         return self.task.choices(self.bodies)
 
     def touched_distractor(self, log: StateLog) -> str:
-        """The first distractor that anything but the table and distractors touched; "" for none."""
+        """The first distractor touched by robot or task body, or ""."""
         return next((event.by for event in log.events if event.name == "clutter_touched"), "")
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
@@ -162,7 +162,7 @@ class Scene:
         return self.task.conditions(self.outcome(log), self.arms)
 
     def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
-        """Which conditions (T,) hold at the end of the log cut after each frame, by name."""
+        """Conditions (T,) by name for the log cut after each frame."""
         outcome = self.outcome(log)
         rows = [
             self.task.conditions(outcome.until(frames), self.arms)

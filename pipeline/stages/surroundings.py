@@ -41,7 +41,7 @@ def table_drop(spec: EpisodeSpec) -> float:
 
 
 class Stance(NamedTuple):
-    """By how much (m) the table is lower, and shift (m) and turn (rad) of the head camera."""
+    """Table lowered by (m), head camera shifted (m) and turned (rad)."""
 
     drop: float
     shift: tuple[float, float, float]

@@ -197,7 +197,7 @@ class Task(ABC):
 
 
 class UndeclaredFamily(DominoError):
-    """A layout asked for an object family on which its task does not depend by its keys."""
+    """A layout asked for a family that its task does not declare."""
 
 
 TASKS = Registry[Task]("task")

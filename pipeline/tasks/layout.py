@@ -1,4 +1,4 @@
-"""Layouts, the object families that they may ask for, and the arms that they need."""
+"""Layouts, and the object families and arms that they need."""
 
 from collections.abc import Callable, Collection, Iterable
 from functools import cache

@@ -1,1 +1,1 @@
-"""The expert that knows only the past: how it sees, predicts, and follows the target."""
+"""The expert that knows only the past."""

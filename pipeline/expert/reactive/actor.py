@@ -68,7 +68,7 @@ class ReactiveActor(Actor):
         return believed[name].copy() if name in believed else super().pose(name)
 
     def advance(self, command: Floats, velocity: Floats) -> None:
-        """One physics step; at the end of each control period the target is looked at."""
+        """One physics step; looks at the target each control period."""
         super().advance(command, velocity)
         if self.simulation.steps % PERIOD == 0:
             self._look()

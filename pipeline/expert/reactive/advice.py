@@ -1,4 +1,4 @@
-"""What the reactive expert would do while another one acts: labels for imitation."""
+"""Labels for imitation: the reactive expert's own actions."""
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class Adviser:
         return float(self._rows[first:last][np.flatnonzero(found <= self.off + SAME)[-1]])
 
     def _place(self, command: Floats) -> dict[str, tuple[Floats, float]]:
-        """Where (3,) the tools are at a command (A,), and grippers' values, by side."""
+        """Tools (3,) and grippers at a command (A,), by side."""
         planner = self._actor.planner
         split = planner.split(command)
         return {

@@ -1,4 +1,4 @@
-"""The reactive expert: a plan for a still target, carried along with a moving one."""
+"""A plan for a still target, carried along with a moving one."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -106,7 +106,7 @@ class ReactiveExpert:
         self._pace = pace
 
     def _excess(self, track: TargetFilter) -> tuple[float, float]:
-        """Errors of the hand's and of the target's place, as multiples of what is allowed."""
+        """Errors of hand and target as multiples of what is allowed."""
         left = max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near)
         unsure = UNSURE * track.noise
         astray = self._error / (CLOSE + FUNNEL * left + unsure)
@@ -118,7 +118,7 @@ class ReactiveExpert:
         return self._move(max(self.row - PACE * PERIOD, min(self.row, self.plan.near)))
 
     def rest(self) -> Iterator[Command]:
-        """Commands of a control period that come to rest as soon as the limits allow."""
+        """Commands that come to rest as soon as the limits allow."""
         stop = self.limiter.stop
         return (self._command(stop, np.zeros_like(stop)) for _ in range(PERIOD))
 

@@ -52,7 +52,7 @@ class MeetingPlan:
 
 
 class _Still:
-    """In place of a simulation: commands are reached at once, held bodies move with the hand."""
+    """A simulation's stand-in that reaches commands at once."""
 
     def __init__(self, actor: Actor, planner: Planner) -> None:
         real = actor.simulation
@@ -103,7 +103,7 @@ class _Silent:
 
 
 class _Move(NamedTuple):
-    """Rows of a motion step, the arms that move in it, and what they held before."""
+    """Rows of a motion step, its arms, and what they held."""
 
     start: int
     end: int

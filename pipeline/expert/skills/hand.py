@@ -96,7 +96,7 @@ def hand_boxes(arm: Arm) -> Floats:
 
 
 def _pieces(arm: Arm, names: Iterable[str]) -> list[Floats]:
-    """Points (K,3) in the tcp frame around each collision piece of links, the jaws closed."""
+    """Points (K,3) in the tcp frame around links' pieces, jaws closed."""
     links = {link.name: link for link in arm.links}
     at = arm_poses(arm, arm.home, 0.0)
     tcp = inverse(compose(at[arm.hand], arm.tcp))

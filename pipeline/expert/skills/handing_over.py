@@ -1,4 +1,4 @@
-"""What both hands do in the air: pass a body on, bring two bodies to each other."""
+"""What both hands do in the air."""
 
 from collections.abc import Callable, Sequence
 from itertools import islice

@@ -194,7 +194,7 @@ def press(
 
 
 def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> Floats:
-    """Tcp poses (N,7) with the fingertips, `tip` m before the tcp, on the spot."""
+    """Tcp poses (N,7) with the fingertips on the spot."""
     poses = []
     for pitch in pitches:
         for azimuth in np.arange(0, 2 * np.pi, 2 * np.pi / PRESS.azimuths):

@@ -109,7 +109,7 @@ MODELS: Registry[MotionModel] = Registry(
 
 
 def register(model: MotionModel) -> MotionModel:
-    """Enter a model. Raises ValueError if the name is taken, or if it describes level 0."""
+    """Enter a model. Raises ValueError if taken or describing level 0."""
     if 0 in model.levels:
         raise ValueError(
             f"motion {model.name!r}: level 0 stands still in every model, so it must not be among"

@@ -83,7 +83,7 @@ class Conveyor(Along):
 
 
 class ConveyorModel(ClosedFormModel[Conveyor]):
-    """Directions along the table's length come first, as belts lie; company is on the belt."""
+    """Directions along the table's length come first."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Conveyor]:
         pace = draw_pace(asked, streams.shape)

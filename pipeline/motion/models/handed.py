@@ -1,4 +1,4 @@
-"""A visible hand brings the target: minimum-jerk motions in place and orientation."""
+"""A visible hand brings the target by minimum-jerk motions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

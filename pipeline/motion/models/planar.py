@@ -101,7 +101,7 @@ def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
 
 @dataclass(frozen=True, eq=False)
 class _Speeds:
-    """Of N paths in m/s: average (N,), maximum (N,), greatest jump (N,), end velocity (N, 2)."""
+    """Average, maximum, greatest jump, end velocity of N paths in m/s."""
 
     average: Floats
     maximum: Floats
@@ -127,7 +127,7 @@ def _speeds(paths: DrawnPaths, total: float) -> _Speeds:
 
 
 def _samples(paths: DrawnPaths) -> Floats:
-    """Points (N, K, 2) along the paths; pieces that a path does not use repeat its end."""
+    """Points (N, K, 2); unused pieces repeat the path's end."""
     points = evaluate(paths.coefficients[:, :, None], NODES[:, None])
     used = paths.durations > 0
     ends = points[np.arange(len(used)), used.sum(-1) - 1, -1]

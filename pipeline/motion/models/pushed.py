@@ -41,7 +41,7 @@ class Sliding(NamedTuple):
     spin_slowing: float
 
     def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
-        """Distance (m), speed, turned angle (rad), and spin, (...,) each, at times t >= self.t."""
+        """Distance (m), speed, angle (rad), spin, (...,) each, at t >= self.t."""
         gone = np.asarray(t, float) - self.t
         moving = gone if self.slowing <= 0 else np.minimum(gone, self.speed / self.slowing)
         turning = (

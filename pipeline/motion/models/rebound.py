@@ -1,4 +1,4 @@
-"""A ball rolls towards a goal line, and may rebound from a wall on its way."""
+"""A ball rolls towards a goal line, maybe off a wall."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -42,7 +42,7 @@ class Rolling(Along):
         )
 
     def _turn(self, s: Floats) -> Floats:
-        """How the body is turned (..., 4) against its end pose at advances s (...,)."""
+        """The turn (..., 4) from the end pose at advances s."""
         return turns(self._axis, s / self.radius)
 
     def _leg(self, s: Floats) -> tuple[Floats, Floats]:
@@ -65,7 +65,7 @@ class Rolling(Along):
 
 
 class RollingModel(ClosedFormModel[Rolling]):
-    """Half the target's height is its radius: it must be a ball, or a cylinder that lies."""
+    """The target must be a ball or a lying cylinder."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Rolling]:
         pace = draw_pace(asked, streams.shape)

@@ -1,4 +1,4 @@
-"""The target is hidden on its way: it goes through a tunnel, or turns back inside a hood."""
+"""The target is hidden in a tunnel, or turns back inside a hood."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -114,7 +114,7 @@ class Twice(Along):
 
 
 class TwiceModel(ClosedFormModel[Twice]):
-    """At level 3 the second pass is FASTER than the first, by always the same factor."""
+    """At level 3 the second pass is FASTER by a fixed factor."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Twice]:
         rng = streams.shape

@@ -128,7 +128,7 @@ class Shuffle(Turntable):
 
 
 class ShuffleModel(ClosedFormModel[Shuffle]):
-    """Turns as `turntable` draws them, about the middle of what is carried along."""
+    """As `turntable`, about the middle of what is carried."""
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Shuffle]:
         covered = float(min(streams.shape.uniform(*COVERED), SOONEST * asked.duration))

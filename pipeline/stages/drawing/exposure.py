@@ -1,4 +1,4 @@
-"""Images as cameras take them: through sensors, and with what events do to them."""
+"""Images through sensors, and with effects of events."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -192,7 +192,7 @@ def _wrong_arm(text: str, wording: Wording) -> bool:
 
 
 def _is_misattached(text: str, wording: Wording) -> bool:
-    """Whether "with the left arm" seems to belong to a goal or to the second of two things."""
+    """Whether "with the left arm" seems to belong to another noun."""
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
         named = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]

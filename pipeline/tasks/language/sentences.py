@@ -125,7 +125,7 @@ def slots(template: str) -> tuple[str, ...]:
 
 
 def sentence(text: str) -> str:
-    """Text with single spaces, a capital at the start of each sentence, and a full stop."""
+    """Text with single spaces, capitals and a full stop."""
     text = re.sub(r"\s+", " ", text).strip()
     text = _START.sub(lambda m: m[1] + m[2].upper(), text)
     return text if text.endswith((".", "!", "?")) else text + "."
