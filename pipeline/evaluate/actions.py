@@ -124,8 +124,7 @@ EXACT = replace(IK, tolerance=(1e-6, 1e-5))  # of answers: the errors of delta a
 
 
 class Answers:
-    """Turns answers into joint targets. `unreachable` counts poses that no joints reach: that
-    arm holds still."""
+    """`unreachable` counts poses that no joints reach: that arm holds still."""
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)

@@ -55,7 +55,7 @@ def _load(text: str, process: str, prints: Path | None) -> Policy:
 def introduce(
     name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS
 ) -> PolicyName:
-    """With its probe, after its contract was compared with all `starts`. Raises PolicyError."""
+    """After its contract was compared with all `starts`. Raises PolicyError."""
     policy = load_once(name)
     try:
         for start in starts:
@@ -109,8 +109,7 @@ def _pattern(height: int, width: int) -> NDArray[np.uint8]:
 
 
 class AskedPolicy:
-    """A policy in one episode, with `seconds` for an answer and ANSWERS times that for all.
-    Raises PolicyError."""
+    """An answer may take `seconds`, all together ANSWERS times that. Raises PolicyError."""
 
     def __init__(self, name: PolicyName, seconds: float = ANSWER_SECONDS) -> None:
         self._name, self._seconds, self._left = name, seconds, ANSWERS * seconds

@@ -1,4 +1,4 @@
-"""A result that others can check: rows, scenes, commands (OUT/actions), and OUT/bundle.json."""
+"""A result that others can check: rows, scenes, commands, and OUT/bundle.json."""
 
 import gzip
 import hashlib

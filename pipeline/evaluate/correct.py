@@ -48,7 +48,7 @@ STIRRED = 1e-3  # m at which a body counts as moved by the policy
 
 @dataclass(frozen=True)
 class Correction:
-    """The demonstrator (stages/replay.py) of a recipe that corrects a policy."""
+    """The demonstrator of a recipe that corrects a policy."""
 
     recipe: Recipe
 
@@ -116,7 +116,7 @@ class _Turn:
         self._adviser: Adviser | None = None
 
     def take(self) -> list[Floats]:
-        """The expert's commands (A,) until its turn, frame by frame."""
+        """The expert's commands (A,) until its turn."""
         setup = _choose_setup(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()

@@ -39,8 +39,8 @@ CONDITIONS = "conditions"
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """The policy sees `setup`. `paired` runs the scene without its events first: until the first
-    one, both arms get the same answers."""
+    """`paired` runs the scene without its events first, with the same answers until the first
+    event."""
 
     case: Case
     policy: PolicyName
@@ -102,7 +102,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 
 def _same_prefix(control: Trial, trial: Trial) -> bool:
-    """The same bodies, joints and actions up to the first event."""
+    """Bodies, joints and actions to the first event."""
     ends = [_first(arm) for arm in (control, trial)]
     one, two = control.log(), trial.log()
     frames = int((one.times <= ends[1] + 1e-9).sum())
@@ -196,8 +196,7 @@ def _drive(
     tape: list[Answer] | None,
     spent: "_Spent",
 ) -> None:
-    """Ask and execute until the trial ends. The arm without events fills the `tape` for the
-    other. Raises as `AskedPolicy`."""
+    """The arm without events fills the `tape` for the other. Raises as `AskedPolicy`."""
     script = trial.simulation.script
     records = job.case.spec.arm == CONTROL
     words = instruction_of(trial.scene, job.split)

@@ -1,4 +1,4 @@
-"""An evaluation: admit seeds, run missing episodes, film, summarise."""
+"""An evaluation, from seeds to its page."""
 
 import hashlib
 import json
@@ -62,8 +62,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """A row for every cell, means over tasks, and those of BASELINES; `run` episodes were run by
-    this call."""
+    """`run` episodes were run by this call."""
 
     cells: list[Row]
     means: list[Row]
@@ -191,7 +190,7 @@ def _check_identity(evaluation: Evaluation, results: Results) -> None:
 
 
 def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
-    """A random order in each cell: a policy that counts episodes learns nothing of their scenes."""
+    """In random order: a policy that counts episodes learns nothing."""
     chance, out = SystemRandom(), list[EpisodeJob]()
     for jobs in cells:
         chance.shuffle(jobs)

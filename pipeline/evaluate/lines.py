@@ -1,4 +1,4 @@
-"""Messages of foreign code or a server, as one printable line."""
+"""Foreign messages as one printable line."""
 
 from pipeline.data.reading import printable
 

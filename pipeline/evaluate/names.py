@@ -87,8 +87,7 @@ def load_entry_points() -> None:
 
 
 def policy_name(text: str, prints: Path | None = None, like: Path | None = None) -> PolicyName:
-    """Check that a policy exists, without making it. The export `like` states what an action is.
-    Raises PolicyError."""
+    """The export `like` states what an action is. Raises PolicyError."""
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in STATED:
@@ -114,8 +113,7 @@ def policy_name(text: str, prints: Path | None = None, like: Path | None = None)
 
 
 def in_process(make: Callable[[], Policy]) -> PolicyName:
-    """The name of a policy that a class or function makes, with its source's hash. Raises
-    PolicyError."""
+    """A class or function, with its source's hash. Raises PolicyError."""
     name = getattr(make, "__name__", type(make).__name__)
     try:
         label = f"{name}@{sha256(getsource(make).encode()).hexdigest()[:8]}"
@@ -180,7 +178,7 @@ def _make(name: PolicyName) -> Policy:
 
 
 def _arguments(text: str) -> tuple[str, dict[str, float]]:
-    """ "interceptor:noise=0.01,delay=0.1" as a name and numbers."""
+    """As in interceptor:noise=0.01,delay=0.1."""
     name, _, rest = text.partition(":")
     try:
         pairs = [part.split("=") for part in rest.split(",") if part]

@@ -29,8 +29,7 @@ class Exporter[O](ABC):
 
     @abstractmethod
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """Write the episodes to `draft.folder`; returns their part of the summary. Raises
-        ExportError."""
+        """Writes to `draft.folder`; returns a part of the summary. Raises ExportError."""
 
     def sensors(self, options: O) -> Collection[str]:
         """Those of `images.SENSORS` that are written."""
@@ -82,6 +81,6 @@ EXPORTERS = Registry[Exporter[Any]](
 
 
 def register[E: Exporter[Any]](kind: type[E]) -> type[E]:
-    """Class decorator that makes a format known. Raises ValueError for a name that is taken."""
+    """Raises ValueError for a name that is taken."""
     EXPORTERS.add(kind.name, kind())
     return kind

@@ -110,12 +110,12 @@ CAMERA_NAMES_HELP = (
 
 
 def camera_names_option(help: str = CAMERA_NAMES_HELP) -> Any:
-    """The option `camera_names`: exported names by the dataset's."""
+    """Exported names by the dataset's."""
     return option(help, camera_names, factory=dict)
 
 
 def jpeg_order_option(help: str, default: Any = MISSING) -> Any:
-    """The option `jpeg_order`; without a default it must be given."""
+    """Without a default it must be given."""
     return option(help, one_of("rgb", "bgr"), default)
 
 
@@ -169,7 +169,7 @@ class ImageOptions(ActionOptions):
 
 @dataclass(frozen=True)
 class LabelOptions(ActionOptions):
-    """Options of formats that can hold labels of objects (shared/labels.py)."""
+    """Options for labels of objects (shared/labels.py)."""
 
     labels: tuple[str, ...] = option(
         f"labels of all objects, as further columns: {', '.join(LABELS)}",

@@ -1,5 +1,4 @@
-"""Publishes an export on the Hugging Face hub, which gets only what is missing. No token is
-printed."""
+"""Publishes an export on the Hugging Face hub. No token is printed."""
 
 from collections import Counter
 from dataclasses import dataclass

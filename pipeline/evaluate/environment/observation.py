@@ -1,4 +1,4 @@
-"""The observations of an environment and their bounded space."""
+"""Observations and their bounded space."""
 
 import string
 from collections.abc import Iterable

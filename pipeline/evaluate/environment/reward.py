@@ -18,7 +18,7 @@ class RewardError(DominoError, ValueError): ...
 
 
 class TaskProgress(NamedTuple):
-    """How far an episode is, each number in 0-1; their mean is the potential."""
+    """Each number is in 0-1; their mean is the potential."""
 
     approach: float
     hold: float

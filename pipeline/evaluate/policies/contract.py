@@ -1,4 +1,4 @@
-"""What a policy was made for. Another evaluation is refused before anything moves."""
+"""What a policy was made for."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, replace
@@ -111,7 +111,7 @@ def difference(needed: Mapping[str, Any], given: Setup) -> str:
 
 
 def check_contract(policy: Policy, start: Start) -> None:
-    """Raises PolicyError if a policy was made for another episode."""
+    """Raises PolicyError for another episode."""
     contract = attribute(policy, "contract")
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(contract, Mapping):

@@ -21,7 +21,7 @@ ACTION_OPTIONS = ("actions", "rotation", "frame")
 
 
 def stated_actions(options: Mapping[str, Any]) -> Representation:
-    """Joints by default. Raises PolicyError for an unknown word."""
+    """Joints by default. Raises PolicyError."""
     try:
         return Representation(**{k: str(options[k]) for k in ACTION_OPTIONS if k in options})
     except ValueError as error:
@@ -29,13 +29,13 @@ def stated_actions(options: Mapping[str, Any]) -> Representation:
 
 
 def expected_actions(text: str) -> Representation | None:
-    """Of the options of a policy's name, None without such options."""
+    """None without such options."""
     options = dict(parse_qsl(text.partition("?")[2]))
     return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
 
 
 def name_actions(text: str, like: Path | None = None) -> str:
-    """The name with the options of its export `like`, unless written out. Raises PolicyError."""
+    """With the options of its export `like`. Raises PolicyError."""
     rest, _, query = text.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     export = given.pop("like", like)

@@ -1,5 +1,5 @@
-"""What a policy is; contract.py has what it may declare. Latency is charged for `inferences`,
-the runs of its network, if it counts them."""
+"""What a policy is. Latency is charged for `inferences`, the runs of its network, if it counts
+them."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -28,7 +28,7 @@ class PolicyError(DominoError):
 
 
 class NoAnswer(PolicyError):
-    """Of a policy that was ready: its error, a lost connection, a time limit."""
+    """An error, a lost connection, or a time limit."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def attribute(policy: object, name: str) -> Any:
 
 @contextmanager
 def foreign(what: str) -> Iterator[None]:
-    """Raise a PolicyError that begins with `what` for any error in the block."""
+    """Turns any error into a PolicyError that begins with `what`."""
     try:
         yield
     except KeyboardInterrupt:

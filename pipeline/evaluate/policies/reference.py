@@ -38,7 +38,7 @@ class Rehearsal:
 
 
 def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
-    """Plan and run `meet` with the target at `aim` (7,); None without a plan."""
+    """`meet` with the target at `aim` (7,); None without a plan."""
     return _rehearse(_SceneKey(scene.spec, scene.rules, scene), tuple(map(float, aim)), fps)
 
 
@@ -79,8 +79,7 @@ def with_target_at(scene: Scene, aim: Pose) -> Scene:
 
 
 def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Motions, actions (N,A), of skills until a plan fails. Ask for the next only after the last
-    was executed."""
+    """Motions, actions (N,A). Ask for the next only after the last was executed."""
     try:
         for skill in skills:
             for step in skill(actor):

@@ -103,7 +103,7 @@ class TaskEnv:
         return self._robot.observation(self._seen, self._command)
 
     def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
-        """Wait until its control period is over. Raises ActionError."""
+        """For one control period. Raises ActionError."""
         measured = np.asarray(self._seen.joints, float)
         self._command = self._robot.joints(action, action_type, measured, self._command)
         self._seen = self._turns.after(self._command)
@@ -117,7 +117,7 @@ JOIN_SECONDS = 10.0
 
 
 class Over(BaseException):
-    """Ends the code in its thread; no `except Exception` of its own stops it."""
+    """No `except Exception` of foreign code stops it."""
 
 
 class Turns:
@@ -131,7 +131,7 @@ class Turns:
         self._ended = False
 
     def ask(self, observation: Observation) -> Any:
-        """Raises what the work raises, and PolicyError if it has ended."""
+        """Raises the work's errors, and PolicyError at its end."""
         if self._ended:
             raise PolicyError("the policy's code has ended: it is asked again at the next episode")
         self._observations.put(observation)
@@ -234,7 +234,7 @@ def _directory_of(settings: PolicySettings) -> Path:
 
 
 def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[str, Any]:
-    """Raises PolicyError for a deploy_policy.yml that is no map."""
+    """Raises PolicyError for no map."""
     path = _directory_of(settings) / "deploy_policy.yml"
     try:
         values = (read_yaml(path) if path.exists() else None) or {}

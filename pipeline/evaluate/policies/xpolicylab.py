@@ -63,7 +63,7 @@ class XPolicyLabRobot:
         }
 
     def chunk(self, answer: Any, measured: Floats, command: Floats) -> Floats:
-        """Joint targets (H,A) of a model's answer. Raises ActionError."""
+        """Joint targets (H,A). Raises ActionError."""
         steps: Any = [answer] if isinstance(answer, Mapping) else answer
         if not isinstance(steps, list | tuple) or not steps or not isinstance(steps[0], Mapping):
             return chunk_of(steps, len(command))

@@ -62,8 +62,8 @@ class Benchmark:
     def choose(
         self, recipe: Recipe, keys: Collection[str], named: Sequence[str] = ()
     ) -> list[Cell]:
-        """The cells whose values of these `keys` are a recipe's. Raises BenchmarkError for none,
-        and for a missing one of the tasks `named`."""
+        """The cells whose `keys` are a recipe's. Raises BenchmarkError for none, and for a
+        missing task."""
         tasks, name = self.head.parts.get(self.part), self.head.benchmark
         held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
         if missing := [task for task in named if task in TASKS and task not in held]:
@@ -112,7 +112,7 @@ class Benchmark:
         )
 
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
-        """The first scenes of these cells. Raises BenchmarkError for a missing or damaged one."""
+        """Raises BenchmarkError for a missing or damaged scene."""
         if scenes > self.head.scenes:
             raise BenchmarkError(
                 f"benchmark {self.head.benchmark} has {self.head.scenes} scenes of each cell, fewer"
@@ -152,7 +152,7 @@ def pack(
     parts: Mapping[str, Sequence[str]],
     made_by: Mapping[str, Any],
 ) -> bytes:
-    """Raises BenchmarkError for a wrong name and for scenes that cannot be frozen."""
+    """Raises BenchmarkError for a wrong name or scene."""
     scenes = max(map(len, cases.values()))
     head = {
         "benchmark": name,

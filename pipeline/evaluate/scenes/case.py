@@ -1,4 +1,4 @@
-"""A case: a scene that the expert solves, with the motion of its target."""
+"""A scene that the expert solves, with its target's motion."""
 
 import hashlib
 import json
@@ -80,8 +80,7 @@ class Case:
             yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
-        """Under a setup of the same physics. Raises Failure("layout"), and BenchmarkError for a
-        bad state."""
+        """Raises Failure("layout"), and BenchmarkError for a bad state."""
         rules = (setup or self.setup).ruling()
         if self.state is None:
             return build_scene(self.spec, rules).furnished(self.target_motion)
@@ -110,7 +109,7 @@ class Case:
 
 
 def start_of_trial(simulation: Simulation) -> str:
-    """Hash of the first frame, without the scenery of its events."""
+    """Hash of the first frame, without event scenery."""
     own = [not name.startswith(PROP) for name in simulation.names]
     return start_hash(simulation.poses()[own], simulation.qpos()[0])
 

@@ -1,4 +1,4 @@
-"""A scene as data: its state is stored, and nothing of it is drawn again."""
+"""A scene as data: nothing of it is drawn again."""
 
 from dataclasses import asdict, fields
 from typing import Annotated, Any
@@ -66,8 +66,7 @@ class FrozenBody(BaseModel):
 
 
 class FrozenScene(BaseModel):
-    """The bodies of a scene, the last `clutter` of them distractors. `looks` are those with
-    unseen textures."""
+    """The last `clutter` bodies are distractors. `looks` are those with unseen textures."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 

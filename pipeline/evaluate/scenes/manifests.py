@@ -70,7 +70,7 @@ class Manifest:
         return f'{json.dumps(head)[:-1]}, "cases": [\n{lines}\n]}}\n'.encode()
 
     def next_batch(self, episodes: int) -> range:
-        """Raises ProtocolError if as many have been tried as may be."""
+        """Raises ProtocolError after the most tries."""
         count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
         if count <= 0:
             solved = f"{len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted"
@@ -160,8 +160,7 @@ class Manifests:
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """The first `episodes` cases of every cell. Raises ProtocolError if the expert solves
-        too few."""
+        """Raises ProtocolError if the expert solves too few."""
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}

@@ -48,7 +48,7 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Each policy of paired evaluations without events and with them, for each clock and rules."""
+    """Policies of paired evaluations without events and with them."""
     found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
     for run in runs:
         for arm in _arms([run]):
@@ -142,7 +142,7 @@ def newest(run: Path) -> list[Row]:
 
 
 def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """`b` against `a` on the scenes of both. Raises CompareError if they share none."""
+    """On the scenes of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
         "first": a.name,
@@ -161,8 +161,7 @@ def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[st
 def compare_sequentially(
     a: ComparedPolicy, b: ComparedPolicy, measure: str, alpha: float
 ) -> dict[str, Any]:
-    """`b` against `a`, scene by scene in the order of a hash, until `measure` decides. Raises
-    CompareError."""
+    """Scene by scene in hash order, until `measure` decides. Raises CompareError."""
     shared = {scene_of(row) for row, _ in _pair(a, b)}
     first, second = (_means(arm.rows, measure) for arm in (a, b))
     order = sorted(shared, key=lambda scene: sha256(json.dumps(scene).encode()).digest())
@@ -180,7 +179,7 @@ def _means(rows: Sequence[Row], measure: str) -> dict[Any, float]:
 
 
 def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """`b` against `a` on scenes that may differ. Raises CompareError if their tasks differ."""
+    """On any scenes. Raises CompareError if their tasks differ."""
     groups = (_group(arm.rows, scene_of).values() for arm in (a, b))
     first, second = (by_task([(g[0]["task"], _rate(g)) for g in scenes]) for scenes in groups)
     if other := sorted(first.keys() ^ second.keys()):

@@ -66,7 +66,7 @@ class Results:
         return key in self._rows
 
     def append(self, key: str, row: Mapping[str, Any]) -> None:
-        """On disk when this returns. Raises OSError, ResultsError if another wrote to the file."""
+        """On disk at the return. Raises OSError, ResultsError for another writer."""
         stored = {"key": key, **row}
         with open(self.path, "ab") as file:
             if file.tell() != self._size:

@@ -1,5 +1,4 @@
-"""By how much two policies differ on the same scenes. Every task counts the same. Scenes, not
-episodes, are drawn again."""
+"""Comparison of two policies on the same scenes. Every task counts the same."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -31,7 +31,7 @@ class Address:
         return f"{scheme}://{host}:{self.port}"
 
     def number(self, option: str) -> int | None:
-        """A positive whole number, if it is given. Raises PolicyError."""
+        """Positive and whole, if given. Raises PolicyError."""
         value = self.options.get(option)
         if value is None:
             return None
@@ -49,8 +49,8 @@ class Address:
         return value
 
     def label(self, served: str | None = None) -> str:
-        """The policy's name in results: `label`, else `served`, else the address. Raises
-        PolicyError for a label that is no word."""
+        """`label`, else `served`, else the address. Raises PolicyError for a label that is no
+        word."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
             what = "a label has up to 80 letters, digits and _.@+-"
@@ -61,7 +61,7 @@ class Address:
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
-    """Raises PolicyError for no address, and for options not among `options`."""
+    """Raises PolicyError, also for other options."""
     try:
         parts = urlsplit(text)
         host, given = parts.hostname, parts.port or port

@@ -131,7 +131,7 @@ def _decode(values: dict[Any, Any]) -> Any:
 
 
 def npy(data: bytes) -> NDArray[Any]:
-    """The numbers in an NPY file; no pickles. Raises MessageError."""
+    """No pickles. Raises MessageError."""
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, SyntaxError, TokenError, EOFError, OSError, MemoryError) as error:

@@ -64,8 +64,8 @@ class History:
 
 
 def flow_image(before: Image, after: Image) -> Image:
-    """Farneback's flow between two images (H,W,3) RGB, as in StarVLA: hue is the direction,
-    value the size over its 99th percentile."""
+    """Farneback's flow, (H,W,3) RGB, as in StarVLA: hue is direction, value size over its 99th
+    percentile."""
     first, second = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (before, after))
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 3, 5, 1.2, 0

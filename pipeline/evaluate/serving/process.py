@@ -36,8 +36,7 @@ class Ended(ConnectionLost): ...
 
 
 class Process:
-    """As a WebSocket: a process with a policy, which ends with the connection or if an answer is
-    late."""
+    """A process with a policy, which ends with the connection or if an answer is late."""
 
     def __init__(self, name: PolicyName) -> None:
         ours, theirs = socketpair()

@@ -1,5 +1,4 @@
-"""One policy behind a WebSocket. Errors are sent as text before the close, as openpi's servers
-do."""
+"""One policy behind a WebSocket. Errors are sent as text before the close."""
 
 import asyncio
 import hmac
@@ -156,7 +155,7 @@ class PolicyServer:
                 self._free.append(policy)
 
     async def _talk(self, connection: ServerConnection, session: Session) -> tuple[str, int]:
-        """Until a message has no answer; the reason, and a close code."""
+        """The reason and close code at the end."""
         answer = guarded(lambda: pack(session.metadata()))
         seconds = self._limits.open_seconds
         while isinstance(answer, bytes):

@@ -102,8 +102,8 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """`embodiment` is for clients that send no "reset"; their episode has `reset_every`
-    questions (0: its end is recognised)."""
+    """For clients that send no "reset": an episode has `reset_every` questions (0: its end is
+    recognised)."""
 
     label: str
     embodiment: str = "aloha-agilex"

@@ -1,4 +1,4 @@
-"""This benchmark for vla-eval 0.8, which this project does not install: docs/evaluation.md."""
+"""This benchmark for vla-eval 0.8, which is not installed: docs/evaluation.md."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -59,7 +59,7 @@ class DominoEpisodes:
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """Rendering finds a GPU, or draws on the processor, by itself."""
+        """Rendering finds its device by itself."""
         return {}
 
     def get_tasks(self) -> list[Message]:

@@ -38,8 +38,7 @@ def fault_of(reason: str, code: int | None) -> DominoError:
 
 
 class WebSocket:
-    """A connection with a thread that also answers pings. Raises Unreachable, and PolicyError if
-    the server refuses."""
+    """A thread also answers pings. Raises Unreachable, and PolicyError for a refusal."""
 
     def __init__(self, url: str, headers: Mapping[str, str] | None = None) -> None:
         self.url, self._headers, self._closed = url, dict(headers or {}), False

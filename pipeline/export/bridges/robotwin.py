@@ -136,7 +136,7 @@ def painted(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_]:
-    """JPEG bytes (T,) of a camera in that order, padded with zeros."""
+    """JPEG bytes (T,) in that order, padded with zeros."""
     stored = file.array(f"observation/{camera}/rgb")
     if order == "rgb":
         return stored

@@ -77,7 +77,7 @@ def _make_groups(file: h5py.File, keys: Iterable[str]) -> None:
 
 
 class Hdf5Exporter[O](Exporter[O]):
-    """Directories of files that are numbered in the order of the episodes."""
+    """Files are numbered in the order of the episodes."""
 
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
         """Directory -> its episodes, which are alike."""

@@ -1,4 +1,4 @@
-"""Flat Parquet: one row a frame, images as stored JPEG bytes (docs/exports.md)."""
+"""Flat Parquet: one row a frame (docs/exports.md)."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -85,7 +85,7 @@ class Parquet(Exporter[ParquetOptions]):
 
 
 def _plan(paths: Sequence[Path], dataset: Path, options: ParquetOptions) -> Plan:
-    """By the first episode of each robot. Raises ExportError if two differ in what they hold."""
+    """By robot. Raises ExportError if its episodes differ in what they hold."""
     firsts, sensors = dict[str, Facts](), set[str]()
     for path in paths:
         with reading(path) as file:
@@ -172,7 +172,7 @@ class _Files:
             self.close(full=True)
 
     def close(self, full: bool = False) -> None:
-        """Finish the file; `full` if it is complete whatever follows."""
+        """`full`: complete whatever follows."""
         if self._writer is not None:
             self._writer.close()
             self._writer, items = None, self._items

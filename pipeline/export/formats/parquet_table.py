@@ -183,7 +183,7 @@ def _columns(index: int, facts: Facts, plan: Plan) -> Iterator[tuple[str, Any]]:
 
 
 def _images(file: EpisodeFile, plan: Plan) -> Iterator[tuple[str, pa.Array]]:
-    """Columns of images and point clouds; nulls for what the episode has not."""
+    """With point clouds; nulls for what the episode has not."""
     for camera, name in plan.images.items():
         yield name, image_column(file.array(f"observation/{camera}/rgb").tolist())
     for (camera, sensor), name in plan.sensor_images.items():

@@ -42,7 +42,7 @@ class RldsOptions(ImageOptions, LabelOptions):
 
 @register
 class Rlds(Exporter[RldsOptions]):
-    """One dataset a robot, whose directory has the dataset's name and version."""
+    """One dataset a robot."""
 
     name = "rlds"
     options = RldsOptions

@@ -1,5 +1,4 @@
-"""TFRecord files of tf.train.Example messages, without TensorFlow
-(https://www.tensorflow.org/tutorials/load_data/tfrecord)."""
+"""TFRecord files, without TensorFlow (https://www.tensorflow.org/tutorials/load_data/tfrecord)."""
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,7 +17,7 @@ type Value = Sequence[bytes] | NDArray[np.float32] | NDArray[np.int64]
 
 
 def example(features: Mapping[str, Value]) -> bytes:
-    """The message of features by name, in the order of the names."""
+    """Features in the order of their names."""
     entries = (
         _field(1, name.encode()) + _field(2, _feature(features[name])) for name in sorted(features)
     )
@@ -46,7 +45,7 @@ def _varint(value: int) -> bytes:
 
 
 def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
-    """Write messages as records; returns the bytes of each message."""
+    """Returns the bytes of each message."""
     lengths = []
     with path.open("wb") as f:
         for message in messages:

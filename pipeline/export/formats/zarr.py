@@ -113,7 +113,7 @@ class Buffer:
         return self._last[1]
 
     def describe(self, directory: Path, draft: ExportDraft) -> dict[str, str]:
-        """Write episodes.parquet and return the names of the cameras."""
+        """Write episodes.parquet; returns camera names."""
         names = dict[str, str]()
         with closing(Provenance(directory / PROVENANCE, draft)) as rows:
             for path in self.paths:

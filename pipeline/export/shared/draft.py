@@ -68,7 +68,7 @@ class Job[O]:
 
 
 class OlderExport:
-    """The replaced export; it lends nothing if options or code differ. Raises ExportError."""
+    """It lends nothing if options or code differ. Raises ExportError."""
 
     def __init__(self, root: Path, format_: str, options: Mapping[str, Any]) -> None:
         fetch_below(root)
@@ -85,7 +85,7 @@ class OlderExport:
         self._names = {entry["from"]: name for name, entry in contents if "from" in entry}
 
     def made_from(self, key: str) -> str | None:
-        """Name of an unchanged file that was made from that, or None."""
+        """An unchanged file by its sources, or None."""
         name = self._names.get(key)
         return name if name is not None and self.sound(name) else None
 
@@ -183,8 +183,7 @@ def _link(older: Path, path: Path) -> None:
 
 @contextmanager
 def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
-    """A temporary directory that replaces `out` when the block ends well. Raises ExportError,
-    Busy."""
+    """It replaces `out` when the block ends well. Raises ExportError, Busy."""
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     real, record = out.resolve(), out / EXPORT_RECORD
     problem = ""

@@ -79,7 +79,7 @@ class Facts:
         return self.names_in(self.representation)
 
     def names_in(self, representation: Representation) -> list[str]:
-        """Names of an action's numbers, those of a padded arm included."""
+        """Those of a padded arm included."""
         names = list(representation.names(self.log.vector_names))
         if not representation.poses or not self.padded:
             return names
@@ -88,7 +88,7 @@ class Facts:
 
     @property
     def padded(self) -> bool:
-        """Whether vectors have numbers in the place of a missing arm."""
+        """Whether a missing arm has numbers."""
         names = self.log.vector_names
         return len(self.log.sides) < len(SIDES) and any(name.startswith(PAD) for name in names)
 
@@ -197,8 +197,7 @@ def read_facts(
     after_success: float | None = None,
     representation: Representation = JOINTS,
 ) -> Facts:
-    """Everything but the images, until `after_success` seconds after the success. Raises
-    ExportError."""
+    """All but the images, until `after_success` s after the success. Raises ExportError."""
     episode, path, frames = file.read(), file.path, len(file)
     log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
     seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
@@ -232,7 +231,7 @@ def source_of(path: Path, dataset: Path) -> str:
 
 
 def same(first: Facts, facts: Facts) -> None:
-    """Raise ExportError unless two episodes fit into one dataset."""
+    """Raise ExportError unless both fit into one dataset."""
     told, wanted = (
         {
             "fps": one.fps,

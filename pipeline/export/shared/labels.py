@@ -21,8 +21,7 @@ PLACES = 8
 
 
 def labelled(facts: Facts) -> list[str]:
-    """Objects in the order of labels: target, manipulated, others by name, distractors. Raises
-    ExportError."""
+    """Target, manipulated, others by name, distractors. Raises ExportError."""
     meta = facts.meta
     first = [meta.target, meta.manipulated]
     names = sorted(

@@ -124,7 +124,7 @@ def _is_entry(entry: Any) -> bool:
 
 
 def entries(folder: Path) -> Iterator[str]:
-    """Names of all files below a directory; links are not followed."""
+    """Links are not followed."""
     for place, folders, files in os.walk(folder):
         links = (each for each in folders if os.path.islink(os.path.join(place, each)))
         for name in (*files, *links):

@@ -24,7 +24,7 @@ class TableWriter(pq.ParquetWriter):
     """After an error it is given up: pyarrow would try again."""
 
     def close(self) -> None:
-        """Write the footer, once. Raises OSError if the disk refuses."""
+        """Once. Raises OSError if the disk refuses."""
         try:
             super().close()
         finally:
@@ -109,7 +109,7 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
 
 
 def _since(facts: Facts) -> dict[str, float | None]:
-    """Time (s) from which each condition holds to the end, or None."""
+    """Time (s) by condition, or None."""
     since, times = dict[str, float | None](), facts.log.times
     for name, holds in conditions_of(facts.interception).items():
         failing = np.flatnonzero(~holds)

@@ -78,8 +78,7 @@ class Codec:
 
 
 def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
-    """Frames with the JPEG's own planes: RGB and back costs as much as encoding. Raises
-    EpisodeError."""
+    """The JPEG's own planes: RGB and back costs as much as encoding. Raises EpisodeError."""
     decoder: Any = av.CodecContext.create("mjpeg", "r")
     decoder.thread_count, decoder.options = 1, {"err_detect": "explode"}
     for jpeg in jpegs:
@@ -92,7 +91,7 @@ def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
 
 
 def samples(plane: Any) -> NDArray[np.uint8]:
-    """A plane of a frame as an array (H,W) that shares its memory."""
+    """A view (H,W): it shares the memory."""
     return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
 
 

@@ -113,7 +113,7 @@ class Writer(ABC):
         self.sampled = self.frames = 0
 
     def begin(self, episode: Prepared) -> tuple[int, dict[str, Any], dict[str, Stats]]:
-        """Index, columns and statistics. Raises ExportError if the episode does not fit."""
+        """Raises ExportError if the episode does not fit."""
         facts, index = episode.facts, self.provenance.count
         same(self.first, facts)
         task = self.tasks.setdefault(facts.instruction, len(self.tasks))

@@ -1,5 +1,4 @@
-"""Features and columns of a LeRobot dataset. What a robot does not know is outside of
-`observation.`, which policies take for an input."""
+"""What a robot does not know is outside of `observation.`, which policies take for an input."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -39,7 +38,7 @@ def image_key(name: str) -> str:
 
 
 def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Features in the order of the columns; `names` are the exported cameras."""
+    """In column order; `names` are the exported cameras."""
     features: dict[str, dict[str, Any]] = {
         name: {"dtype": "float32", "shape": [len(parts)], "names": parts}
         for name, (parts, _) in _vectors(facts, names).items()
@@ -79,7 +78,7 @@ def widen(facts: Facts, width: int | None) -> Facts:
 
 
 def _vectors(facts: Facts, names: Mapping[str, str]) -> dict[str, tuple[list[str], NDArray[Any]]]:
-    """Names of the numbers of every vector, and its values (T,d)."""
+    """Names of the numbers, and values (T,d)."""
     log, length, later = facts.log, len(facts), range(1, facts.fps + 1)
     meta, actions = facts.meta, facts.action_names
     vectors: dict[str, tuple[list[str], NDArray[Any]]] = {

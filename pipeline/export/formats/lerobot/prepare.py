@@ -1,4 +1,4 @@
-"""Reads and encodes episodes in one or several processes, with the same output."""
+"""Reads and encodes episodes; workers do not change the output."""
 
 import os
 from collections import deque
@@ -42,7 +42,7 @@ class Prepared:
 
 
 def prepare(source: EpisodeSource, dataset: Path, options: LerobotOptions, depth: bool) -> Prepared:
-    """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
+    """Raises ExportError, also for odd sizes: the video is 4:2:0."""
     with reading(source.path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
         facts = replace(facts, more=options.more_representations, labels=options.labels)

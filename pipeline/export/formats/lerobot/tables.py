@@ -1,5 +1,4 @@
-"""Numbered Parquet files. Depth (16-bit PNG, mm) has its own: policies would take features for
-RGB."""
+"""Numbered Parquet files. Depth (16-bit PNG, mm) is apart: policies take features for RGB."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -95,8 +95,7 @@ class VideoFile:
     _stream: Any = field(default=None, repr=False)
 
     def append(self, clip: Clip, frames: int) -> tuple[float, float]:
-        """Where the new episode starts and ends (s). Raises ValueError for another number of
-        images."""
+        """Its start and end (s). Raises ValueError for another number of images."""
         begin = self.frames / self.fps
         self._names.append(clip.name)
         self._waiting.append((clip, frames))
@@ -196,7 +195,7 @@ class OlderVideos:
                     self._at |= dict.fromkeys(hashes, (path, group))
 
     def find(self, sha: str) -> Encoded | None:
-        """The videos of an episode, or None if one of them is missing or changed."""
+        """None if one of them is missing or changed."""
         place = self._at.get(sha)
         if place is None:
             return None
