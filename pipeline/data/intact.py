@@ -125,9 +125,9 @@ def count_pairs(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> dict[str, i
     """How many scenes paired cells share, how many are `finished` in every cell, and accepted
     with equal seeds (`complete`). A seed is None if given up.
     """
-    groups = defaultdict[tuple[str, int], list[Slot]](list)
+    groups, arms = defaultdict[tuple[str, int], list[Slot]](list), max(len(recipe.arms), 1)
     for slot in recipe.physical_slots():
-        groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)
+        groups[slot.cell.scenes(recipe.paired), slot.index // arms].append(slot)
     shared = [slots for slots in groups.values() if len(slots) > 1]
     finished = [{seeds[s] for s in slots} for slots in shared if seeds.keys() >= {*slots}]
     complete = sum(len(found) == 1 and None not in found for found in finished)

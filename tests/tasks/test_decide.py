@@ -1,27 +1,33 @@
 """The suite decide: what is asked for is drawn, stated and stored; a wrong choice fails by name."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pipeline.data.episode.meta import Drawing
+from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.changed import Change, changed
 from pipeline.motion.models import motion_from_json, others_of
 from pipeline.poses import compose, inverse
+from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.language.check import check_templates, faults
 from pipeline.tasks.language.sentences import instructions
+from pipeline.world.looks.visuals import CLEAN
 
 NAMES = (
     *("pick_named", "pick_ripe", "sort_two_belt"),
     *("load_named_wagon", "take_turns_belts", "stack_turntable_named"),
 )
 EPISODES = {}
+DRAWING, KEYS = Drawing(preset="raster-fast", visuals=CLEAN), SlotKeys(Key({}), Key({}), Key({}))
 
 
 def spec(name, seed=0, level=3):
@@ -122,3 +128,10 @@ def test_an_event_that_stops_the_target_stops_what_rides_along():
     for name, other in others_of(stopped).items():
         np.testing.assert_array_equal(other.pose(1.0), others_of(motion)[name].pose(0.5))
         assert not other.twist(1.0).any()
+
+
+def test_an_episode_states_what_was_asked_for():
+    done = accepted("pick_named")
+    meta = episode_of(done, Recipe(), DRAWING, KEYS).meta
+    assert meta.choices == dict(done.scene.choices) != {}
+    assert json.loads(meta.model_dump_json())["choices"] == meta.choices

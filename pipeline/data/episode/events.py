@@ -149,7 +149,7 @@ class EventSpec(_Strict):
         if when in get_args(Phase):
             return {"kind": kind, "when": {"phase": when}}
         if named and trigger not in TRIGGERS:
-            raise ValueError(f"has an unknown trigger; they are {', '.join(TRIGGERS)}")
+            raise ValueError(f"has an unknown trigger; a number has {', '.join(TRIGGERS)}")
         try:
             at = float(number if named else when)
         except ValueError:

@@ -263,10 +263,10 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
         many, fix = f"has {cells} cells", "name fewer tasks, robots or alphas"
         raise RecipeError(f"{source}: {many}: a dataset has 1 to {MOST_SLOTS} episodes; {fix}")
     of_events = [key for key in recipe.paired if key in ("events", "conditions")]
-    if of_events and (not recipe.events or len(of_events) > 1):
-        raise RecipeError(
-            f"{source}: paired: {' and '.join(of_events)} needs events, and one of both"
-        )
+    if len(of_events) > 1:
+        raise RecipeError(f"{source}: paired: events and conditions exclude each other")
+    if of_events and not recipe.events:
+        raise RecipeError(f"{source}: paired: {of_events[0]} needs events, and there are none")
     if "conditions" in of_events and len(recipe.events) > MOST_CONDITIONS:
         raise RecipeError(f"{source}: paired: conditions takes {MOST_CONDITIONS} events at most")
     arms = len(recipe.arms)

@@ -106,7 +106,8 @@ class Benchmark:
 
     def record(self, scenes: int) -> RecordedBenchmark:
         """What a result on this many of its scenes states."""
-        name, whole = self.head.benchmark, len(self.lines)
+        name, tasks = self.head.benchmark, self.head.parts.get(self.part)
+        whole = self.head.scenes * sum(not tasks or c.task in tasks for c in self.head.cells)
         return RecordedBenchmark(
             name=name, sha256=self.sha256, part=self.part, scenes=scenes, of=whole
         )

@@ -48,15 +48,21 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Policies of paired evaluations without events and with them."""
+    """Each policy of paired evaluations without events and with them, for each clock and rules.
+    Raises CompareError for a run of another kind beside them."""
     found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
+    plain = list[str]()
     for run in runs:
+        before = len(found) + len(out)
         for arm in _arms([run]):
             out += _conditions(arm)
             paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
             for (clock, rules), rows in _group(paired, lambda r: (r["clock"], r["rules"])).items():
                 words = {"name": arm.name, "clock": clock, "rules": rules, "run": run}
                 found.append(words | {"arm": replace(arm, rows=tuple(rows))})
+        plain += [run] if len(found) + len(out) == before else []
+    if plain and (found or out):
+        raise CompareError(f"{plain[0]}: has neither pairs nor conditions: compare it apart")
     check_one_benchmark([row for one in found for row in one["arm"].rows])
     for key in ("clock", "rules", "run"):
         for alike in _group(found, lambda one: one["name"]).values():

@@ -51,6 +51,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         manipulated=task.manipulated,
         category=task.category,
         arms=scene.arms,
+        choices=scene.choices,
         objects=objects,
         clutter=scene.clutter,
         clutter_wanted=scene.rules.clutter,

@@ -171,6 +171,8 @@ def test_conditions_are_arms_of_one_scene_and_cells_multiply():
     assert [spec.arm for spec in specs] == ["00", "01", "10", "11"] * 2
     assert len({spec.seed for spec in specs[:4]}) == len({spec.pair for spec in specs[:4]}) == 1
     assert specs[0].pair != specs[4].pair
+    seeds = {slot: recipe.spec(slot, 1).seed for slot in recipe.physical_slots()}
+    assert count_pairs(recipe, seeds) == {"scenes": 2, "finished": 2, "complete": 2}
     first = [spec.rng("placement").random() for spec in specs]
     assert first == [first[0]] * 4 + [first[4]] * 4 and first[0] != first[4]
     withheld = [[spec.withholds(n) for n in (0, 1)] for spec in specs[:4]]
