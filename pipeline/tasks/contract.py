@@ -92,7 +92,9 @@ class Draw:
         self._objects, self.placement, self.rules = objects, placement, rules
 
     def one_of(self, *families: str, **given: Any) -> Family:
-        """An instance of one of the named families, or its replacement. Raises UndeclaredFamily."""
+        """An instance of one of the named families, or an object that replaces it; `given`
+        parameters are not drawn. Raises UndeclaredFamily if an object from files would have to take
+        them."""
         family = families[int(self._objects.integers(len(families)))]
         kind = drawn_kind(family, self.rules, self._objects)
         if given and stands_for(kind):

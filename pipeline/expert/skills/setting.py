@@ -28,7 +28,8 @@ class Approach(NamedTuple):
 
 
 def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> Floats:
-    """Poses (N,7) of a body with its frame `local` at `goal`, turned by `yaws`."""
+    """Poses (N,7) of a body whose frame `local` is at `goal`, turned by each of `yaws` about its z
+    axis."""
     turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
     return compose(turned, inverse(local)[None])
 
