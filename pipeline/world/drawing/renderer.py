@@ -36,15 +36,14 @@ FURNITURE = "the furniture"  # no name of a body: those have no spaces
 
 
 class Renderer:
-    """A render-only scene: `visual_bodies` move, `fixed` and the room do not. `images` are textures
-    by kind that replace drawn ones. Close it, or use it as a context manager.
+    """A render-only scene. `images` are textures by kind that replace drawn ones. Close it, or use
+    it as a context manager.
 
     Segmentation numbers are positions in `visual_bodies` plus one: keep the order of
     `StateLog.bodies`. Raises ValueError for an unknown preset or more than 255 bodies, KeyError for
     a camera on no body, NoRenderer.
 
-    With raster presets each camera has its own scene of bodies in view, and all share one shadow
-    map.
+    With raster presets each camera has a scene of bodies in view; all share a shadow map.
     """
 
     def __init__(
@@ -136,11 +135,11 @@ class Renderer:
         depth: bool = False,
         segmentation: bool = False,
     ) -> list[View]:
-        """Render every camera at the given frames (default: all).
+        """Views by camera at the given frames (default: all).
 
-        `body_poses` are world poses (T,7). Views have RGB (F,H,W,3) uint8, on request depth (F,H,W)
-        uint16 in mm along the viewing axis (0: nothing) and segmentation (F,H,W) uint8. Raises
-        KeyError for a missing body, ValueError for a wrong shape.
+        `body_poses` are world poses (T,7). RGB (F,H,W,3) is uint8, depth (F,H,W) uint16 in mm along
+        the viewing axis (0: nothing), segmentation (F,H,W) uint8. Raises KeyError for a missing
+        body, ValueError for a wrong shape.
         """
         poses = self._check_poses(body_poses)
         index = np.asarray(frames or [0], int)

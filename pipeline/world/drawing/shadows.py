@@ -81,8 +81,8 @@ NOTHING.setflags(write=False)
 
 
 class ShadowMap:
-    """Two `textures` that `draw` updates: "ShadowMap" is the depth along the light, 0-1, of every
-    body's far side, "ShadowMasks" the share of light on table and floor.
+    """Two `textures` that `draw` updates: depth along the light, 0-1, of every body's far side;
+    share of light on table and floor.
 
     Poses are rounded to POSE_STEP; bodies still for SAME_STILL frames are drawn once.
     """

@@ -1,5 +1,5 @@
 """Parametric surfaces with uvs and few triangles (m, z up). Boxes, spheres and capsules are
-centred; the rest stands on its own z values."""
+centred; revolved and extruded ones keep their z values."""
 
 from collections.abc import Sequence
 

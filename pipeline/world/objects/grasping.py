@@ -115,8 +115,8 @@ def rim_pinches(
     pitches: Sequence[float] = (45, 60, 75, 90),
     flare: float = 0.0,
 ) -> Grasps:
-    """One finger inside, one outside a hollow round thing. The approach follows the wall, which
-    leans outwards by `flare` degrees, tilted to both sides. The tcp lies `depth` below the rim."""
+    """One finger inside, one outside. The approach follows the wall, which leans outwards by
+    `flare` degrees, tilted to both sides. The tcp lies `depth` below the rim."""
     tcps = []
     f = np.radians(flare)
     for a in 2 * np.pi * np.arange(16) / 16:
@@ -140,7 +140,7 @@ def box_pinches(
     kind: str = "side",
     retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
-    """Pinches of a box from above, tilted about the opening axis to both sides.
+    """Box pinches from above, tilted to both sides; without `centre` it stands on the table.
 
     Dimensions in `axes` of at most WIDEST are pinched at `offsets` times the other half extent.
     `heights` are above the box's base; `retreats` (m) keep the tcp short of the middle.

@@ -31,10 +31,10 @@ BORNE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """`pose` (7,) is in the world.
+    """`pose` (7,) is the manipulation pose in the world.
 
-    `inside` names the body it begins in and rides along with; with a `slide` it runs there like a
-    drawer. A `borne` one hangs or is held until BORNE s after the first touch.
+    `inside` names the body it rides in; with a `slide` it runs there like a drawer. A `borne` one
+    is let go BORNE s after the first touch.
     """
 
     name: str

@@ -98,10 +98,10 @@ def _mean_point(pushing: Sequence[Push]) -> tuple[tuple[float, ...], int]:
 
 @dataclass(frozen=True)
 class Forces:
-    """The largest force (N) of one contact, a step's impulse over its time.
+    """The largest force (N) of one contact: impulse over step time.
 
-    Fingers may touch bodies, held bodies anything, and the rest of a robot nothing: beyond
-    planning, drives and physics add up to this.
+    Fingers may touch bodies, held bodies anything. Planning avoids all other contacts; these limits
+    bound what drives and physics add.
     """
 
     arms: float = 10.0

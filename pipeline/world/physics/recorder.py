@@ -35,11 +35,11 @@ class _Rows:
 
 
 class Recorder:
-    """Records a simulation; call `after_step` after every step.
+    """Call `after_step` after every physics step.
 
-    Frame k is the state after 16 k steps (at 15 Hz), its action the interval's last command. The
-    first contacts of `watched` arms with the target are noted to the step (30 us a step until all
-    touched). Raises ValueError when `fps` does not divide the physics rate.
+    Frame k is the state after 16 k steps (at 15 Hz), its action the interval's last command. First
+    contacts of `watched` arms are noted to the step (30 us a step until all touched). Raises
+    ValueError when `fps` does not divide the physics rate.
     """
 
     def __init__(self, simulation: Simulation, fps: int = 15) -> None:

@@ -39,11 +39,11 @@ _START = np.zeros(())
 class Simulation(PhysicsScene):
     """One scene. `step` advances 1/240 s under [left arm, left gripper, right arm, right gripper].
 
-    The target is kinematic until its first impulse with a robot link or a free body, at the latest
-    until `release`; `after_touch` decides what follows. It is then dynamic with the velocity it
-    had. Bodies that move beside it are released with it or by their own touch. `events` holds those
-    of `script`, "meeting", "release" and each first "clutter_touched". `touched_by` and
-    `touched_at` (step) describe the meeting.
+    The target is kinematic until its first impulse with a robot link or a free body, or `release`;
+    `after_touch` decides what follows. It keeps its velocity. Bodies beside it are released with it
+    or by their own touch. `events` holds those of `script`, "meeting", "release" and each first
+    "clutter_touched" by anything but table and clutter. `touched_by`, `touched_at` (step): the
+    meeting.
     """
 
     def __init__(
@@ -261,7 +261,7 @@ class Simulation(PhysicsScene):
 
     def target_twist(self) -> Floats:
         """Linear (m/s) and angular velocity (rad/s) of the target's origin, (6,), world: of its
-        motion, else of its pose over the last step. PhysX's own differ by up to 1 rad/s."""
+        motion, else of its last step. PhysX's own differ, for a held body by 1 rad/s."""
         if self._before is None or not (self.released or self._drive):
             known = self.steps - self._upcoming_from
             if 0 <= known < len(self._upcoming):
