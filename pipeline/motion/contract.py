@@ -80,14 +80,16 @@ Free = Callable[[TargetMotion], bool]
 
 @dataclass(frozen=True, eq=False)
 class MotionRequest:
-    """A motion wanted, at `end_pose` (7,) at t = `duration` s, from t = -`lead` s on.
+    """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
 
-    `moving` lists shares of lead + duration to try in turn. `alpha` bounds the average speed, with
-    `speed_bound` "maximum" the greatest (m/s). The workspace also holds for `tail` s after the
-    meeting. `visible(path (N,K,3 or 7)) -> (N,)` and `free(motion)` accept or refuse. `radius`,
-    `height` and `floor` are in m; `company` are x, y and radius of carried bodies. Raises
-    ValueError.
-    """
+    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration to try in
+    turn. `alpha` bounds its average speed, or with `speed_bound` "maximum" its greatest,
+    `end_speed_limit` that at the meeting, `jump_limit` jumps of its velocity (m/s). It stays in
+    `workspace`, also for `tail` s after the meeting at its last velocity. `visible(path (N,K,3 or
+    7)) -> (N,)` accepts paths, `free(motion)` a motion. At most `candidates` shapes are drawn.
+    `radius` and `height` (m) are the target's at `end_pose`, `floor` (m) its height on the table.
+    `company` are x, y and radius (m) then of the bodies that are carried with it.
+    Raises ValueError for numbers that make no sense."""
 
     level: int
     alpha: float

@@ -10,10 +10,12 @@ from pipeline.planning.failure import PlanFailure
 
 
 class Failure(Exception):
-    """An attempt without an episode: its stage, a reason code and a `detail` for people.
+    """An attempt without an episode: its stage, a reason code in snake case, a `detail` for people,
+    and the success `conditions` that did not hold. `drawn` are the features of the target's
+    `motion`, `meeting` (s) is the planned one.
 
-    Raise it without naming it first: a reference cycle with the frame would keep 150 MB of images.
-    """
+    Raise it without giving it a name first: a frame that refers to an exception which refers to the
+    frame stays until garbage is collected, with 150 MB of images."""
 
     def __init__(
         self,

@@ -189,14 +189,17 @@ class FailureInfo(_Record):
 class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
-    `arms` maps roles to sides, `choices` sentence slots to what the scene asks for. `table_drop`
-    (m): how much higher robot and head camera are than in the clean domain. `meeting_time` (s) is
-    planned; in a failed dry run it is the first touch, or the end. Speeds (m/s) and `displacement`
-    (m) are of the target's motion. `step_limit` counts control periods; `workspace` is x_min,
-    x_max, y_min, y_max (m).
+    `target` moves until the meeting, `manipulated` is what the arms handle, `arms` maps roles to
+    sides, `choices` slots of the sentences to what the scene asks for ("red"). Of the distractors
+    `clutter`, `clutter_wanted` were wanted at least and at most. `table_drop` (m) is how much
+    higher than in the clean domain robot and head camera are. `meeting_time` (s) is planned; in a
+    failed dry run it is the first touch, or the end. `corrects` names the policy that acts before
+    the expert. Speeds (m/s) and `displacement` (m) are of the target's motion. `step_limit` counts
+    control periods, `workspace` is x_min, x_max, y_min, y_max (m).
 
-    Episodes of one `physics_id` must stay in one split. Only failed attempts have a `failure`.
-    """
+    `physics_key` and `render_key` name what it was made from (run/identity/slot_keys.py), `keys`
+    their parts. `physics_id` is shared by all episodes of the same physics, which no split may
+    separate; `variant` numbers their looks. Only failed attempts have a `failure`."""
 
     fps: Annotated[int, Field(gt=0)]
     target: Name

@@ -37,21 +37,24 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     """One task x embodiment x level x alpha x domain. `setup` is a Setup, keys of one, or the
     directory of a dataset.
 
-    Observation: "agent_pos" (A,) measured joints, grippers 0-1; "pixels" (H,W,3) uint8 by
-    camera; by the setup "depth" (H,W) uint16 (mm), "segmentation" (H,W) uint8, "pointcloud"
-    (N,6). "state" is the true state (N,). Numbers beyond the spaces are cut.
+    Observation "policy": "agent_pos" (A,) measured joints, grippers 0-1; "instruction"; "pixels"
+    (H,W,3) uint8 by camera; by the setup "depth" (H,W) uint16, mm along the viewing axis,
+    "segmentation" (H,W) uint8, "pointcloud" (N,6). "state": the true state as one vector (N,) with
+    `state_names`. Numbers beyond the spaces are cut.
 
-    Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose
-    (x, y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
+    Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose (x,
+    y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
     measured ones.
 
-    Reward "score": 0-100 at the end. "dense" is in reward.py; the step limit is then
-    `terminated`, because `time_left` shows it.
+    Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
+    change of a potential with `discount` (reward.py); the step limit is then `terminated`, because
+    `time_left` shows it.
 
-    `scenes=N` draws from N admitted scenes, which no evaluation with a `--seed` below 10000
-    shows. With `scenes=0` a reset without a seed admits a new one. With a `benchmark` seed n
-    takes scene n of the cell, modulo their number. `info` has "is_success", at the end "score".
-    Raises ValueError, RecipeError."""
+    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; no
+    evaluation with a `--seed` below 10000 shows them. With `scenes=0` a reset without a seed runs
+    the expert on a new scene. With a `benchmark`, a name or a file, seed n takes its frozen scene n
+    of the cell, modulo their number, and a reset without a seed the next one. `info` has
+    "is_success", at the end "score" (EpisodeScore). Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
