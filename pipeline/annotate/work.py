@@ -30,9 +30,8 @@ _EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation,
 
 @dataclass(frozen=True)
 class StageOutcome:
-    """`action` is computed, reused, failed or waiting; `state` valid, missing, stale, corrupt or
-    unknown.
-    """
+    """What became of an episode: `action` is computed, reused, failed or waiting, `state` valid,
+    missing, stale, corrupt, or unknown for an unreadable episode."""
 
     episode: str
     action: str

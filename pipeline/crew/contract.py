@@ -37,10 +37,12 @@ class CrewError(DominoError):
 
 @dataclass(frozen=True)
 class Crew:
-    """`executor` is inline or ray (`workers` processes, replaced after `recycle` jobs). Without
-    an `address` (host:port), Ray starts here, on loopback. `gpus` is each worker's share of a
-    GPU; 0 shares them equally if `share_gpus`.
-    """
+    """The workers of a run.
+
+    `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle`
+    jobs). `address` names a running Ray cluster (host:port); without it, Ray is started here, on
+    loopback. `gpus` is each worker's share of a GPU; 0 gives each an equal share if `share_gpus`,
+    else none. `runtime_env` is Ray's."""
 
     executor: str = "inline"
     workers: int = 1

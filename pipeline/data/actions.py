@@ -54,7 +54,7 @@ class Representation:
 
     @property
     def kind(self) -> str:
-        """joints, or ee for poses of the end effector."""
+        """What is written: joints, or the pose of the end effector (ee)."""
         return self.actions.partition("-")[0]
 
     @property
@@ -63,7 +63,7 @@ class Representation:
 
     @property
     def reference(self) -> str:
-        """absolute, relative or delta."""
+        """What actions are against: absolute, relative or delta."""
         return self.actions.partition("-")[2] or "absolute"
 
     def names(self, vector_names: Sequence[str]) -> tuple[str, ...]:

@@ -108,7 +108,7 @@ def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
 
 
 def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:
-    """`count_pairs` of what the index holds; None if the recipe pairs no cells."""
+    """The pairs of a dataset by its index; None if its recipe pairs no cells."""
     if not recipe.paired:
         return None
     rows = dataset.present(recipe)

@@ -80,7 +80,7 @@ class SlotKeys:
     language: Key
 
     def to_json(self) -> dict[str, dict[str, str]]:
-        """By kind and part."""
+        """Plain data."""
         return {name: dict(key.parts) for name, key in vars(self).items() if isinstance(key, Key)}
 
     def header(self) -> dict[str, Any]:

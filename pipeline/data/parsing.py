@@ -33,12 +33,12 @@ def show_value(value: Any) -> str:
 
 
 def whole(text: str, low: int = -LARGEST_NUMBER, high: int = LARGEST_NUMBER) -> int:
-    """Raises ParseError for no whole number in [low, high]."""
+    """A whole number in [low, high]. Raises ParseError."""
     return _number(int, text, low, high, f"is not a whole number from {low} to {high}")
 
 
 def real(text: str, low: float = -LARGEST_NUMBER, high: float = LARGEST_NUMBER) -> float:
-    """Raises ParseError for no finite number in [low, high]."""
+    """A finite number in [low, high]. Raises ParseError."""
     return _number(float, text, low, high, f"is not a number from {low:g} to {high:g}")
 
 

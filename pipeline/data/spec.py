@@ -123,6 +123,6 @@ class EpisodeSpec:
 
 
 def attempt_seed(recipe_seed: int, cell: str, slot: int, attempt: int) -> int:
-    """63 bits."""
+    """Seed (63 bits) of an attempt at a slot."""
     key = json.dumps([recipe_seed, cell, slot, attempt]).encode()
     return int.from_bytes(hashlib.sha256(key).digest()[:8], "little") >> 1

@@ -23,7 +23,7 @@ class ActionError(DominoError): ...
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Of an action (A,): positions, and the largest change in 1 s."""
+    """Bounds of a joint action (A,): positions, and the largest change in one second."""
 
     names: tuple[str, ...]
     lower: Floats
@@ -31,7 +31,7 @@ class JointLimits:
     speed: Floats
 
     def clipped(self, action: Floats, before: Floats, seconds: float) -> Floats:
-        """Into the bounds, from the command `before` in `seconds`."""
+        """The action moved into the bounds, from the command `before` in `seconds`."""
         # np.clip costs five times as much on so few numbers
         action = np.minimum(np.maximum(action, self.lower), self.upper)
         reach = self.speed * seconds
@@ -40,7 +40,7 @@ class JointLimits:
 
 @lru_cache(maxsize=8)
 def joint_limits(embodiment: Embodiment) -> JointLimits:
-    """rad or m, per s; grippers run over 0-1 at any speed."""
+    """Limits of the arm joints (rad or m, per s); grippers run over 0-1 at any speed."""
     rows = list[tuple[float, float, float]]()
     for arm in embodiment.arms.values():
         joints = {j.name: j for j in arm.joints}
@@ -74,12 +74,12 @@ def interpolate_targets(
 
 
 def pose_action_names(robot: Embodiment) -> tuple[str, ...]:
-    """(8S,): per arm a tool pose and the gripper value."""
+    """Names of the end-effector action (8S,): per arm a tool pose and the gripper value."""
     return tuple(f"{side}_{name}" for side in robot.sides for name in (*POSE_NAMES, "gripper"))
 
 
 class ToolPoses:
-    """From end-effector actions (8S,), poses in the world."""
+    """Joint actions from end-effector actions (8S,), poses in the world."""
 
     def __init__(self, embodiment: Embodiment, budget: IkBudget = IK) -> None:
         self._planner: Planner = planner_of(embodiment)
@@ -124,7 +124,8 @@ EXACT = replace(IK, tolerance=(1e-6, 1e-5))  # of answers: the errors of delta a
 
 
 class Answers:
-    """`unreachable` counts poses that no joints reach: that arm holds still."""
+    """Turns a policy's answers in one episode into joint targets. `unreachable` counts poses that
+    no joints reach: that arm holds still."""
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)

@@ -43,7 +43,7 @@ ANSWERS = 10  # all answers of an episode may take this many times as long as on
 
 
 def load_once(name: PolicyName) -> Policy:
-    """Raises PolicyError."""
+    """The policy of a name, made once in a process. Raises PolicyError."""
     return _load(name.text, name.process, name.prints)
 
 
@@ -127,7 +127,7 @@ class AskedPolicy:
         return isinstance(self.policy, SeesTruth)
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
-        """Raises NoAnswer, or PolicyError for a refusal."""
+        """Begin the episode. Raises NoAnswer, or PolicyError if the policy refuses it."""
         policy, self._trial = self.policy, trial
         contracts.check_contract(policy, start)
         if (representation := contracts.actions_of(policy)) != JOINTS:

@@ -34,7 +34,8 @@ class BundleError(DominoError): ...
 
 
 class RecordedResult(BaseModel):
-    """`options` are those of its rows' keys, the others hashes."""
+    """One evaluation of a bundle. `options` are those of the keys of its rows, `rows` and `scenes`
+    hashes of its rows and of its cases. `made_by` names packages, Python and processor."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -68,7 +69,7 @@ class RecordedResult(BaseModel):
         return self.code, self.policy, self.clock, self.options, self.seed, self.cells
 
     def owns(self, key: Sequence[Any]) -> bool:
-        """In whatever scene."""
+        """Whether a row of this key is of this policy, clock and options, in whatever scene."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]
 
@@ -95,7 +96,7 @@ def run_recorded(job: EpisodeJob) -> tuple[Row, bytes]:
 
 
 def pack(commands: Floats) -> bytes:
-    """(T,1+A) as a compressed .npy: equal arrays, equal bytes."""
+    """Commands (T,1+A) as a compressed .npy: equal arrays are equal bytes."""
     file = BytesIO()
     np.save(file, commands, allow_pickle=False)
     return gzip.compress(file.getvalue(), mtime=0)
@@ -129,7 +130,7 @@ def hash_rows(rows: Iterable[Row]) -> str:
 
 
 def hash_scenes(cases: Iterable[Case]) -> str:
-    """Of specs, motions and first states."""
+    """Hash of cases: specs, motions and first states."""
     lines = sorted(f"{case.spec.to_json()} {case.digest} {case.setup.label}" for case in cases)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
@@ -148,7 +149,7 @@ def read_bundle(out: Path) -> list[RecordedResult]:
 
 
 def note_result(out: Path, result: RecordedResult) -> None:
-    """In place of an earlier one of the same evaluation."""
+    """Write a result into bundle.json, in place of an earlier one of the same evaluation."""
     others = [known for known in read_bundle(out) if known.identity != result.identity]
     entries = [each.model_dump(mode="json") for each in (*others, result)]
     write_atomic(out / BUNDLE, (json.dumps(entries, indent=1) + "\n").encode())

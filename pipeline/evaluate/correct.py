@@ -57,7 +57,7 @@ class Correction:
         return {"expert": "reactive", "corrects": corrections.label if corrections else ""}
 
     def check(self) -> None:
-        """Raises PolicyError."""
+        """Make the policy, and compare its contract. Raises PolicyError."""
         recipe = self.recipe
         try:
             asked = _ask_policy(recipe)

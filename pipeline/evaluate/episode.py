@@ -39,8 +39,8 @@ CONDITIONS = "conditions"
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """`paired` runs the scene without its events first, with the same answers until the first
-    event."""
+    """The policy sees `setup`, whose physics is that of the case. `paired` runs the scene without
+    its events first: until the first one, both arms get the same answers."""
 
     case: Case
     policy: PolicyName
@@ -75,7 +75,7 @@ class EpisodeJob:
 
 
 def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
-    """With the robot at its height in the scene."""
+    """The start of an episode with this robot, at its height in the scene."""
     sizes = {c.name: (c.type.height, c.type.width) for c in setup_cameras(robot, setup)}
     usual = get_embodiment(robot.name, setup.layout)
     side = robot.sides[0]

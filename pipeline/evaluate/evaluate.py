@@ -62,7 +62,8 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """`run` episodes were run by this call."""
+    """A row for every cell, means over tasks, and means of BASELINES on the scenes that they tried;
+    `run` episodes were run by this call."""
 
     cells: list[Row]
     means: list[Row]
@@ -269,7 +270,7 @@ class FilmJob:
 
 
 def film(job: FilmJob) -> None:
-    """Raises as `play`, and NoRenderer."""
+    """Run the episode and draw it. Raises as `play`, and NoRenderer."""
     trial, _ = play(job.episode)
     appearance = appearance_of(
         trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",))

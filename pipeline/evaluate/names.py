@@ -43,7 +43,7 @@ class Form(Protocol):
         ...
 
     def make(self, text: str) -> Policy:
-        """Raises PolicyError."""
+        """The policy. Raises PolicyError."""
         ...
 
 
@@ -77,7 +77,7 @@ STATED = ("lerobot", "starvla", "gr00t", *SCHEMES)
 
 @cache
 def load_entry_points() -> None:
-    """Raises PolicyError."""
+    """Import the modules of the entry points GROUP. Raises PolicyError."""
     for point in entry_points(group=GROUP):
         try:
             import_module(point.module)
@@ -137,7 +137,7 @@ def is_built_in(name: PolicyName) -> bool:
 
 
 def make_policy(name: PolicyName) -> Policy:
-    """In its process. Raises PolicyError for any error."""
+    """The policy of a name, in its process. Raises PolicyError, whatever its own code raises."""
     if name.process != "own":
         return make_here(name)
     try:
@@ -147,7 +147,7 @@ def make_policy(name: PolicyName) -> Policy:
 
 
 def make_here(name: PolicyName) -> Policy:
-    """In this process. Raises PolicyError."""
+    """The policy of a name in this process. Raises PolicyError as `make_policy`."""
     try:
         return _make(name)
     except (DominoError, KeyboardInterrupt):

@@ -36,11 +36,11 @@ class Exporter[O](ABC):
         return self.written
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
-        """For `load_dataset`; [] if it cannot read the format."""
+        """The data files for `load_dataset`; [] if it cannot read the format."""
         return []
 
     def export(self, job: Job[O]) -> dict[str, Any]:
-        """By rename; returns the summary. Raises ExportError."""
+        """Write `job.out` by rename and return its summary. Raises ExportError."""
         representation = representation_of(job.options)
         options = recorded(job.options) | dict(job.given)
         with stage_directory(job.out, job.dataset) as folder:
@@ -81,6 +81,6 @@ EXPORTERS = Registry[Exporter[Any]](
 
 
 def register[E: Exporter[Any]](kind: type[E]) -> type[E]:
-    """Raises ValueError for a name that is taken."""
+    """Class decorator that makes a format known. Raises ValueError for a name that is taken."""
     EXPORTERS.add(kind.name, kind())
     return kind

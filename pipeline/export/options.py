@@ -43,7 +43,7 @@ def is_flag(f: Field[Any]) -> bool:
 
 
 def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]) -> O:
-    """From texts by field name. Raises ExportError."""
+    """The options of a format from texts by field name. Raises ExportError."""
     known: dict[str, Field[Any]] = {f.name: f for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     values: dict[str, Any] = {}
     if unknown := [name for name in given if name not in known]:
@@ -115,7 +115,7 @@ def camera_names_option(help: str = CAMERA_NAMES_HELP) -> Any:
 
 
 def jpeg_order_option(help: str, default: Any = MISSING) -> Any:
-    """Without a default it must be given."""
+    """The option `jpeg_order`; without a default it must be given."""
     return option(help, one_of("rgb", "bgr"), default)
 
 

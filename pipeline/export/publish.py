@@ -59,7 +59,7 @@ class Shipment:
 
 
 def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
-    """Raises ExportError, also for a file that has changed."""
+    """What publishing would send. Raises ExportError, also for a file that has changed."""
     from huggingface_hub.errors import HFValidationError
     from huggingface_hub.utils import validate_repo_id
 

@@ -64,7 +64,8 @@ class Detours:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """For differences of commands at the physics rate: rad or m per s, s2, s3."""
+    """What planned motions ask of the joints. All limits hold for differences of commands at the
+    physics rate, in rad or m per s, s2, s3."""
 
     speed: float = 1.4  # where the robot's own limit is higher: calm to watch, quick to catch
 
@@ -90,7 +91,7 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class Margins:
-    """m between the robot with what it carries and the rest, and between its arms."""
+    """Gaps (m) between the robot with what it carries and everything else, and between its arms."""
 
     obstacles: float = 0.002  # of free motions
 

@@ -204,7 +204,8 @@ class CollisionScene:
         return None if row < 0 else row
 
     def free(self, side: str, other: ArrayLike, jaws: Jaws = OPEN) -> IsFree:
-        """Of one arm while the other stands at `other` (n,)."""
+        """Checker of one arm while the other stands at `other` (n,): True when all of joints (n,)
+        or rows (K,n) are free."""
         if side == "left":
             return lambda q: self.first_blocked(q, other, jaws) is None
         return lambda q: self.first_blocked(other, q, jaws) is None

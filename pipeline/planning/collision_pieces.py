@@ -111,7 +111,8 @@ def groups_of(
 
 
 def pieces_of(entries: Sequence[tuple[int, int, Collider, Pose]]) -> Pieces:
-    """From (owner, frame, collider, pose (7,)). Raises ValueError."""
+    """Pieces from (owner index, frame index, collider, pose (7,) of its body in that frame). Raises
+    ValueError for an unknown kind."""
     count = len(entries)
     core, size, half = np.zeros((count, 3), np.int64), np.zeros((count, 3)), np.zeros((count, 3))
     radius, centre, total = np.zeros(count), np.zeros((count, 7)), 0
@@ -153,7 +154,7 @@ def transform_rows(poses: Floats) -> Floats:
 
 
 def bounding_ball(pieces: Pieces) -> Floats:
-    """(x, y, z, radius) around pieces of one frame, in that frame."""
+    """Ball (x, y, z, radius) around pieces of one frame, in that frame."""
     extent = (pieces.bound + pieces.radius)[:, None]
     centres = pieces.local[:, 9:]
     middle = 0.5 * ((centres - extent).min(axis=0) + (centres + extent).max(axis=0))

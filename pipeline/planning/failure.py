@@ -7,7 +7,11 @@ if TYPE_CHECKING:
 
 
 class PlanFailure(Exception):
-    """`reason` is a snake-case code; `arm` was to reach one of the world poses `wanted` (N,7)."""
+    """Planning found no solution. `reason` is a snake-case code for the attempts table, `detail` a
+    line for people.
+
+    `arm` (an ArmPlanner) was to bring its tcp to one of the world poses `wanted` (N,7), if the
+    failure is about poses. The actor sets `skill`."""
 
     def __init__(
         self, reason: str, detail: str = "", arm: object = None, wanted: "Floats | None" = None

@@ -15,9 +15,11 @@ from .budgets import IK, LINE, IkBudget, LineSampling
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """From the world to the tool frame. Limits are less the margin; the ball `reach` (x, y, z,
-    radius) contains every tool position.
-    """
+    """The joints from the world to the tool frame as arrays for the kernels (see ik_kernels.py).
+
+    `lower` and `upper` (n,) are the joint limits less the margin; `home` (n,); `reach` is (x, y, z,
+    radius) of a ball around the first joint that contains every tool position; `restarts` (R,n) are
+    joint vectors spread over the joint ranges."""
 
     pre: Floats
     prismatic: NDArray[np.bool_]
@@ -38,7 +40,8 @@ class Chain:
 
 
 def chain_of(arm: Arm) -> Chain:
-    """To `arm.tcp`. Raises ValueError if its joints are not `arm.arm_joints` and fixed ones."""
+    """Chain from the world to `arm.tcp`. Raises ValueError when the joints between root link and
+    hand are not exactly `arm.arm_joints` and fixed ones."""
     by_child = {joint.child: joint for joint in arm.joints}
     path: list[Joint] = []
     link = arm.hand

@@ -131,7 +131,7 @@ class _Tree:
         return self._grow(near, goal, edge)
 
     def reach(self, goal: Floats, edge: Edge) -> int | None:
-        """Until `goal` is in the tree; its index, or None when blocked before."""
+        """Grow step by step until `goal` is in the tree; its index, or None when blocked before."""
         at = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
         while True:
             new = self._grow(at, goal, edge)

@@ -28,7 +28,8 @@ def tool_way(chain: Chain, path: Floats) -> Floats:
 
 
 def unseen_length(way: Floats, carried: Carried, sees: Sees) -> float:
-    """m of a way (M,7) out of view; 0 if it begins or ends there."""
+    """Length (m) of a way (M,7) on which the middle of what is carried is out of view; 0 if it
+    begins or ends there."""
     middle = np.mean([piece.pose[:3] for piece in carried.pieces], axis=0)
     seen = sees(np.array([transform(tcp, transform(carried.pose, middle)) for tcp in way]))
     if not (seen[0] and seen[-1]):
@@ -197,7 +198,8 @@ class ArmPlanner:
     def free_trajectory(
         self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0
     ) -> ArmTrajectory:
-        """To joints `goal` (n,). Raises PlanFailure: path_blocked, path_detour."""
+        """A motion from the command to joints `goal` (n,) on which `free` holds, no detour, within
+        the camera's view if possible. Raises PlanFailure: path_blocked, path_detour."""
         path = self._course(goal, free)
         for deviation in LIMITS.deviations:
             motion = self.timed(path, speed_scale=speed_scale, deviation=deviation)

@@ -43,7 +43,8 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
-    """By side or name; read-only. `sees` tells which world points (N,3) the camera sees."""
+    """Both arms by side, the bodies that stand still and those that are carried, by name;
+    read-only. `sees` tells which world points (N,3) the head camera has in its image."""
 
     arms: Mapping[str, ArmState]
     obstacles: Mapping[str, Obstacle]

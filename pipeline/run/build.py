@@ -36,9 +36,12 @@ ATTEMPT_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class BuildResult:
-    """`slots` (variants included), `accepted` and `given_up` describe the dataset, the rest this
-    call; `parts` are OPEN or as in run/state.py.
-    """
+    """The result of a build.
+
+    `slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`. The
+    rest counts this call: physical slots `made`, their `parts` (OPEN, or what was made again:
+    run/state.py), `attempts`, `reasons` of failure, workers lost. `stopped` has a line for each
+    stopped cell."""
 
     slots: int
     accepted: int

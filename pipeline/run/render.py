@@ -33,8 +33,11 @@ IMAGE_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class RenderResult:
-    """`slots` are wanted, of them `accepted`, `given_up`, and `open` in the source; `drawn` and
-    `problems` are of this call.
+    """The result of a rendering.
+
+    `slots` are wanted; of them `accepted` have an episode now, `given_up` failed, `open` are not
+    built yet in the source. `drawn` counts this call; `problems` has a line for each episode that
+    could not be drawn.
     """
 
     slots: int

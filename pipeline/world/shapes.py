@@ -118,8 +118,8 @@ class Material:
 
 @deferred
 def seen_along(mesh: Mesh, axes: Floats, tile: ArrayLike) -> Mesh:
-    """uvs projected along one direction: `axes` (2,3) are the directions of u and v, `tile` the
-    size (m) of an image or its sides."""
+    """The mesh with uvs projected along one direction, from its smallest corner: `axes` (2,3) are
+    the directions of u and v, `tile` the size (m) of an image, or of its two sides."""
     across = mesh.vertices @ np.asarray(axes, np.float32).T
     uvs = ((across - across.min(0)) / np.asarray(tile)).astype(np.float32)
     return Mesh(mesh.vertices, mesh.triangles, mesh.normals, uvs)

@@ -177,12 +177,12 @@ class Setup(BaseModel):
 
     @property
     def setup(self) -> "Setup":
-        """Without a recipe's keys."""
+        """The setup alone, also of a recipe."""
         return Setup.model_construct(**{name: getattr(self, name) for name in Setup.model_fields})
 
     @property
     def physics(self) -> "Setup":
-        """With the keys of IMAGES at their defaults: what decides scenes and experts."""
+        """The setup with all keys of IMAGES at their defaults: what decides scenes and experts."""
         return Setup.model_construct(
             **{name: getattr(self, name) for name in Setup.model_fields if name not in IMAGES}
         )
@@ -205,7 +205,7 @@ class Setup(BaseModel):
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        """By their names in an episode file."""
+        """The cameras by their names in an episode file."""
         return tuple(map(camera_name, self.cameras))
 
     def cameras_on(self, sides: Collection[str]) -> tuple[str | NamedCamera, ...]:
@@ -237,7 +237,7 @@ class Setup(BaseModel):
         source: str = "options",
         flags: Mapping[str, str] | None = None,
     ) -> Self:
-        """With other values of some keys. Raises RecipeError."""
+        """The same with other values of some keys. Raises RecipeError as `parse`."""
         return self.parse(self.model_dump() | dict(values), source, flags)
 
     @classmethod

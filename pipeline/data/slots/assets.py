@@ -34,7 +34,7 @@ class AssetStore:
         self.root = Path(root)
 
     def path(self, key: str) -> Path:
-        """Raises AssetError for a key that is no hash."""
+        """Where an asset is. Raises AssetError for a key that is no hash."""
         if len(key) != _DIGITS or not set(key) <= set("0123456789abcdef"):
             raise AssetError(f"{key!r} is not the hash of an asset")
         return self.root / key[:2] / f"{key}.npz"

@@ -89,7 +89,7 @@ VALIDATION, TEST = 0.1, 0.1
 
 
 def position_of(physics_id: str) -> float:
-    """In [0, 1): the first 8 bytes of the SHA-256 of the id, big-endian, over 2**64."""
+    """A number in [0, 1): the first 8 bytes of the SHA-256 of the id, big-endian, over 2**64."""
     return int.from_bytes(hashlib.sha256(physics_id.encode()).digest()[:8]) / 2**64
 
 

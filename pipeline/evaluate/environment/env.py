@@ -132,7 +132,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     @property
     def trial(self) -> Trial:
-        """Raises RuntimeError before the first reset."""
+        """The running trial. Raises RuntimeError before the first reset."""
         if self._trial is None:
             raise RuntimeError("reset the environment before it is used")
         return self._trial
@@ -161,7 +161,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Raises ActionError for an action that cannot be used."""
+        """One control period. Raises ActionError for an action of another shape or that is not
+        finite."""
         trial, info = self.trial, dict[str, Any]()
         values = check_action(action, len(self.action_names))
         if self._tools is not None:
@@ -182,7 +183,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), reward, over, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """(H,W,3) of the first camera, by default head_camera."""
+        """The image (H,W,3) of the first camera, by default the head camera."""
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))

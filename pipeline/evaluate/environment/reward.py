@@ -76,7 +76,7 @@ class Meter:
 
 
 class Shaped:
-    """From the potential of the first state on."""
+    """The dense reward of one episode, from the potential of its first state on."""
 
     def __init__(self, discount: float, potential: float) -> None:
         self._discount, self._before = discount, potential
@@ -89,12 +89,12 @@ class Shaped:
 
 
 def near(distance: float) -> float:
-    """Of a distance (m): 1 at none, towards 0 far away."""
+    """The worth of a distance (m), 1 at none and towards 0 far away."""
     return 1.0 - float(np.tanh(NEARNESS * distance))
 
 
 def check_discount(discount: float) -> float:
-    """Raises RewardError for one outside 0-1."""
+    """The discount. Raises RewardError for one outside 0-1."""
     if not 0 < discount <= 1:
         raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1")
     return discount

@@ -111,7 +111,7 @@ def difference(needed: Mapping[str, Any], given: Setup) -> str:
 
 
 def check_contract(policy: Policy, start: Start) -> None:
-    """Raises PolicyError for another episode."""
+    """Compare the declared interface of a policy with an episode. Raises PolicyError."""
     contract = attribute(policy, "contract")
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(contract, Mapping):
@@ -129,13 +129,14 @@ def actions_of(policy: Policy) -> Representation:
 
 
 def begin(policy: Policy, start: Start) -> None:
-    """`action_names` become its representation's. Raises the policy's errors."""
+    """Reset a policy; `action_names` become those of the representation that it answers in. Raises
+    PolicyError, and what the policy raises."""
     names = actions_of(policy).names(start.state_names)
     policy.reset(replace(start, action_names=names))
 
 
 def check_actions(policy: Policy, given: Representation | None) -> None:
-    """Raises PolicyError if an export states other actions."""
+    """Compare the actions of a contract with those that an export states. Raises PolicyError."""
     if given is None or not isinstance(attribute(policy, "contract"), Contract):
         return
     if (theirs := actions_of(policy)) != given and theirs.describe() != given.describe():
@@ -145,7 +146,7 @@ def check_actions(policy: Policy, given: Representation | None) -> None:
 
 
 def action_length(policy: Policy, action_names: Sequence[str]) -> int:
-    """Raises PolicyError."""
+    """Numbers in an action of a policy on a robot with these joints. Raises PolicyError."""
     return len(actions_of(policy).names(action_names))
 
 

@@ -35,7 +35,8 @@ def expected_actions(text: str) -> Representation | None:
 
 
 def name_actions(text: str, like: Path | None = None) -> str:
-    """With the options of its export `like`. Raises PolicyError."""
+    """The name with the options of an export, its option `like` or else `like`, unless written out.
+    Raises PolicyError for an export that cannot be read."""
     rest, _, query = text.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     export = given.pop("like", like)
@@ -51,7 +52,7 @@ def name_actions(text: str, like: Path | None = None) -> str:
 
 
 def digest_of(files: Iterable[Path]) -> str:
-    """Raises PolicyError."""
+    """Short hash of the bytes of files. Raises PolicyError."""
     digest = hashlib.sha256()
     for path in files:
         try:
@@ -63,7 +64,7 @@ def digest_of(files: Iterable[Path]) -> str:
 
 
 def module_of(path: Path) -> ModuleType:
-    """Raises PolicyError."""
+    """The module in a file. Raises PolicyError."""
     spec = importlib.util.spec_from_file_location(f"domino_policy_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise PolicyError(f"{path}: is no Python file")
@@ -98,7 +99,7 @@ class PolicySettings:
 
 
 def parse_settings(text: str) -> PolicySettings:
-    """Raises PolicyError."""
+    """The parts of a name. Raises PolicyError."""
     kind, _, rest = text.partition(":")
     path, mark, query = rest.partition("?")
     try:

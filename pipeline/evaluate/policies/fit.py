@@ -18,7 +18,7 @@ def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]
 
 
 def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """(H,W,3) in the middle of a black square of `size` pixels."""
+    """The image (H,W,3) in the middle of a black square of `size` pixels."""
     height, width = image.shape[:2]
     scale = size / max(height, width)
     h, w = max(1, round(height * scale)), max(1, round(width * scale))

@@ -56,7 +56,8 @@ class LerobotPolicy:
         self._needed = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:
-        """Raises PolicyError for another robot or other cameras."""
+        """Begin an episode. Raises PolicyError for another robot or other cameras than the
+        policy's."""
         import torch
 
         needed, shown = self._needed.image_sizes or {}, dict(start.image_sizes)
@@ -112,7 +113,7 @@ class LerobotPolicy:
 
 
 class LerobotForm:
-    """lerobot:DIRECTORY_OR_REPO?key=value"""
+    """The form lerobot:DIRECTORY_OR_REPO?key=value of a policy's name."""
 
     def name(self, text: str) -> PolicyName:
         """Asks no repository before use. Raises PolicyError."""

@@ -54,7 +54,7 @@ class Start:
 
 
 def policy_seed(instruction: str, embodiment: str) -> int:
-    """63 bits: a hash of what the policy receives anyway."""
+    """The seed (63 bits) of a policy's own draws: a hash of what it receives anyway."""
     digest = hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()
     return int.from_bytes(digest[:8], "little") >> 1
 

@@ -38,7 +38,7 @@ class Rehearsal:
 
 
 def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
-    """`meet` with the target at `aim` (7,); None without a plan."""
+    """Plan and run `meet` with the target at `aim` (7,); None without a plan."""
     return _rehearse(_SceneKey(scene.spec, scene.rules, scene), tuple(map(float, aim)), fps)
 
 

@@ -32,7 +32,7 @@ _TO_TCP, _FROM_TCP = pose([BEHIND_TCP, 0, 0]), pose([-BEHIND_TCP, 0, 0])
 
 
 def robot_at(start: Start) -> Embodiment:
-    """With its bases where they stand in the episode."""
+    """The robot of an episode, with its bases where they stand in it."""
     robot = get_embodiment(start.embodiment, start.setup.layout)
     return raised(robot, start.lift) if start.lift else robot
 
@@ -103,7 +103,7 @@ class TaskEnv:
         return self._robot.observation(self._seen, self._command)
 
     def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
-        """For one control period. Raises ActionError."""
+        """Wait until its control period is over. Raises ActionError."""
         measured = np.asarray(self._seen.joints, float)
         self._command = self._robot.joints(action, action_type, measured, self._command)
         self._seen = self._turns.after(self._command)
@@ -131,7 +131,7 @@ class Turns:
         self._ended = False
 
     def ask(self, observation: Observation) -> Any:
-        """Raises the work's errors, and PolicyError at its end."""
+        """The next action. Raises what the work raises, and PolicyError if it has ended."""
         if self._ended:
             raise PolicyError("the policy's code has ended: it is asked again at the next episode")
         self._observations.put(observation)
@@ -246,10 +246,10 @@ def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[
 
 
 class RobotwinForm:
-    """robotwin:DIRECTORY?key=value"""
+    """The form robotwin:DIRECTORY?key=value of a policy's name."""
 
     def name(self, text: str) -> PolicyName:
-        """Raises PolicyError."""
+        """Check that the directory has a deploy_policy.py. Raises PolicyError."""
         settings = parse_settings(text)
         folder = _directory_of(settings)
         kinds = (".py", ".yml", ".yaml", ".json")

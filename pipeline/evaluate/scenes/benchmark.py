@@ -113,7 +113,8 @@ class Benchmark:
         )
 
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
-        """Raises BenchmarkError for a missing or damaged scene."""
+        """The first scenes of these cells. Raises BenchmarkError for one that it does not have, and
+        for a line that is no scene."""
         if scenes > self.head.scenes:
             raise BenchmarkError(
                 f"benchmark {self.head.benchmark} has {self.head.scenes} scenes of each cell, fewer"
@@ -153,7 +154,8 @@ def pack(
     parts: Mapping[str, Sequence[str]],
     made_by: Mapping[str, Any],
 ) -> bytes:
-    """Raises BenchmarkError for a wrong name or scene."""
+    """The file of a benchmark. Raises BenchmarkError for a wrong name and for scenes that cannot be
+    frozen."""
     scenes = max(map(len, cases.values()))
     head = {
         "benchmark": name,
@@ -187,7 +189,7 @@ def _frozen(case: Case) -> dict[str, Any]:
 
 
 def unpack_benchmark(data: bytes, source: str) -> Benchmark:
-    """`source` names the file. Raises BenchmarkError."""
+    """The benchmark in the bytes of a file; `source` names it. Raises BenchmarkError."""
     try:
         text = _decompress(data)
         first, *lines = text.removesuffix(b"\n").split(b"\n")
@@ -222,7 +224,8 @@ def shipped_benchmarks() -> dict[str, Path]:
 
 
 def read_benchmark(given: str) -> Benchmark:
-    """Of a file or a name; NAME:PART for a part. Raises BenchmarkError, OSError."""
+    """The benchmark of a file, or of that name; NAME:PART for a part of it. Raises BenchmarkError,
+    OSError."""
     path, part = Path(given), ""
     if not path.exists():
         name, _, part = given.partition(":")

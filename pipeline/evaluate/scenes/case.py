@@ -39,7 +39,7 @@ def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
 
 
 def blind(setup: Setup) -> Setup:
-    """Without images."""
+    """A setup without images."""
     off = dict.fromkeys(("depth", "segmentation", "pointcloud"), False)
     return setup.setup.override({"cameras": [], "textures": "unseen", **off})
 
@@ -75,12 +75,13 @@ class Case:
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
 
     def arms(self, events: int) -> Iterator["Case"]:
-        """For a scene with as many events as conditions."""
+        """The same case in every arm of a scene with so many events as conditions."""
         for arm in condition_arms(events):
             yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
-        """Raises Failure("layout"), and BenchmarkError for a bad state."""
+        """The scene, under the rules of a setup of the same physics. Raises Failure("layout"), and
+        BenchmarkError for a state that is none."""
         rules = (setup or self.setup).ruling()
         if self.state is None:
             return build_scene(self.spec, rules).furnished(self.target_motion)
@@ -98,7 +99,7 @@ class Case:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
-        """Raises ValueError, TypeError, KeyError or AttributeError."""
+        """Inverse of `to_dict`. Raises ValueError, TypeError, KeyError or AttributeError."""
         numbers, texts = (values["meeting"], values["frames"]), (values["start"], values["end"])
         whole = all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers)
         if not whole or not all(isinstance(t, str) for t in texts):
@@ -115,12 +116,12 @@ def start_of_trial(simulation: Simulation) -> str:
 
 
 def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:
-    """Of poses (B,7) of all bodies and joint positions (J,)."""
+    """Hash of one frame: poses (B,7) of all bodies and joint positions (J,)."""
     return _digest([poses, qpos])
 
 
 def log_hash(log: StateLog) -> str:
-    """Of what was measured and commanded."""
+    """Hash of all that a state log measured and commanded."""
     return _digest([log.poses, log.qpos, log.qvel, log.action])
 
 
@@ -142,7 +143,7 @@ def _expert(spec: EpisodeSpec, setup: Setup) -> Rollout:
 
 
 def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
-    """Raises Failure if the expert does not solve the spec."""
+    """The case of a spec. Raises Failure if the expert does not solve it."""
     rollout = expert(spec, setup)
     log, motion = rollout.replay.log, rollout.motion.to_json()
     hashes = start_hash(log.poses[0], log.qpos[0]), log_hash(log)
@@ -150,7 +151,7 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
 
 
 def expert_actions(case: Case) -> NDArray[np.float64]:
-    """(T,A), one a control period. Raises Failure."""
+    """The expert's actions (T,A), one a control period. Raises Failure."""
     if case.state is None:
         return expert(case.spec, case.setup).replay.log.action[:-1]
     done = attempt(case.spec, case.setup, Phases(), frozen=case.scene())
@@ -158,7 +159,7 @@ def expert_actions(case: Case) -> NDArray[np.float64]:
 
 
 def in_every_arm(admitted: Mapping[Cell, Sequence[Case]], events: int) -> dict[Cell, list[Case]]:
-    """In every arm, for scenes with as many events as conditions."""
+    """The cases in every arm of their scenes, which have so many events as conditions."""
     return {
         cell: [arm for case in cases for arm in case.arms(events)]
         for cell, cases in admitted.items()

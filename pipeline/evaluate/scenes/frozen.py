@@ -103,7 +103,8 @@ class FrozenScene(BaseModel):
 
 
 def freeze(scene: Scene) -> FrozenScene:
-    """Raises ValueError for bodies that are more than their parameters."""
+    """The state of a scene as it was drawn. Raises ValueError for bodies that are more than their
+    parameters."""
     bodies = [
         FrozenBody(
             name=body.name,

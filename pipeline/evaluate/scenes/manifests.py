@@ -36,7 +36,7 @@ class ProtocolError(DominoError):
 
 
 def first_seed(s: int) -> int:
-    """As in the original."""
+    """The first seed of scenes for the seed `s` of an evaluation (as in the original)."""
     return 100_000 * (1 + s)
 
 
@@ -46,7 +46,8 @@ def most_tries(episodes: int) -> int:
 
 @dataclass
 class Manifest:
-    """Of one cell: `refused` with the reason, in order; `tried` from `first`."""
+    """The seeds of one cell: `cases` admitted, `refused` seeds with the reason, both in order;
+    `tried` seeds from `first`."""
 
     cell: Cell
     first: int
@@ -70,7 +71,7 @@ class Manifest:
         return f'{json.dumps(head)[:-1]}, "cases": [\n{lines}\n]}}\n'.encode()
 
     def next_batch(self, episodes: int) -> range:
-        """Raises ProtocolError after the most tries."""
+        """The seeds to try next. Raises ProtocolError if as many have been tried as may be."""
         count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
         if count <= 0:
             solved = f"{len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted"
@@ -123,7 +124,8 @@ def _hash_of(cases: object) -> str:
 
 @dataclass(frozen=True)
 class Manifests:
-    """With `apart` cells of another alpha have scenes of their own."""
+    """A directory of manifests, one a cell, in one directory for each physics of a setup. With
+    `apart` cells of another alpha have scenes of their own."""
 
     root: Path
     seed: int = 0
@@ -156,11 +158,12 @@ class Manifests:
         return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Raises ProtocolError."""
+        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """Raises ProtocolError if the expert solves too few."""
+        """The first `episodes` cases of every cell; the expert finds missing ones. Raises
+        ProtocolError if it solves too few."""
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}
@@ -188,7 +191,7 @@ class SeedJob:
 
 
 def try_seed(job: SeedJob) -> Case | str:
-    """Or why the expert does not solve it."""
+    """The case of a seed, or why the expert does not solve it."""
     try:
         return admit(job.spec, job.setup)
     except Failure as failure:
@@ -230,14 +233,15 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
 def training_scenes(
     cell: Cell, count: int, setup: Setup, manifests: Path | None
 ) -> tuple[Case, ...]:
-    """Of the seed TRAINING. Raises ProtocolError."""
+    """The first `count` scenes of the seed TRAINING. Raises ProtocolError."""
     with ExitStack() as stack:
         root = manifests or Path(stack.enter_context(TemporaryDirectory()))
         return tuple(Manifests(root, TRAINING, setup).admitted([cell], count, inline)[cell])
 
 
 def check_case(case: object, cell: Cell, setup: Setup) -> None:
-    """Raises OtherCase for a case of another cell or physics."""
+    """Raise OtherCase, naming both values, for a case of another cell or physics, or for no
+    Case."""
     if not isinstance(case, Case):
         raise OtherCase(f"{type(case).__name__} is no case of an environment or a manifest")
     for name in (each.name for each in fields(Cell)):

@@ -86,7 +86,7 @@ class Trial:
             self._step(row, velocity)
 
     def hold(self, steps: int) -> None:
-        """`steps` physics steps at the last command."""
+        """Advance by `steps` physics steps while the robot keeps its last command."""
         still = np.zeros(self.length)
         self._waited += steps
         for _ in range(steps):
@@ -99,7 +99,8 @@ class Trial:
 
     @property
     def commanded(self) -> NDArray[np.float64]:
-        """(T,1+A): physics steps held, then an action; perhaps a last row of NaN."""
+        """All that was commanded (T,1+A): physics steps held, then an action; perhaps a last row of
+        NaN."""
         last = [np.array([self._waited, *[np.nan] * self.length])] if self._waited else []
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
@@ -114,7 +115,7 @@ class Trial:
         return self.recorder.log()
 
     def conditions(self) -> dict[str, bool]:
-        """Now, between two frames too."""
+        """The success conditions of the task now, between two frames too."""
         if self._known[0] != self.simulation.steps:
             self._known = (self.simulation.steps, self.watch.conditions())
         return self._known[1]
@@ -170,7 +171,8 @@ class StepConditions:
             self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
 
     def conditions(self) -> dict[str, bool]:
-        """On the recorded frames and the state of this step."""
+        """The success conditions of the task now: on the recorded frames and the state of this
+        step."""
         log, simulation = self._recorder.log(), self._simulation
         if simulation.time > log.times[-1] + 1e-9:
             log = with_frame(log, simulation)
@@ -205,7 +207,7 @@ def _and(rows: NDArray[np.float64], row: NDArray[np.float64]) -> NDArray[np.floa
 
 @dataclass(eq=False)
 class CameraViews:
-    """Of one moment, as in Observation."""
+    """What cameras show of one moment, as in Observation."""
 
     images: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
     depth: dict[str, NDArray[np.uint16]] = field(default_factory=dict[str, NDArray[np.uint16]])
@@ -243,7 +245,7 @@ class Eyes:
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:
-    """Of the split "seen" or "unseen"."""
+    """The instruction of an episode, of the split "seen" or "unseen"."""
     if scene.sentences:
         return scene.sentences[split]
     return instructions(scene.wording(), scene.spec.rng("language"), 1)[split][0]

@@ -33,7 +33,7 @@ class ClockError(DominoError): ...
 
 @dataclass(frozen=True)
 class Retimed:
-    """`rate` times as fast and `late` s later than `motion`."""
+    """A target motion that runs `rate` times as fast and `late` seconds later than `motion`."""
 
     motion: Motion
     rate: float = 1.0
@@ -89,7 +89,7 @@ class Clock:
 
 
 def parse_clock(text: str) -> Clock:
-    """Raises ClockError, with the names there are."""
+    """A clock from its name. Raises ClockError, with the names there are."""
     kind, *rest = text.split(":")
     if kind in ("sim", "sim-clock") and not rest:
         return Clock("sim", "sim")

@@ -134,7 +134,7 @@ def check_one_benchmark(rows: Sequence[Row]) -> str:
 
 
 def newest(run: Path) -> list[Row]:
-    """By the version that wrote last. Raises CompareError."""
+    """The rows of a directory by the version that wrote last. Raises CompareError."""
     path = run / EPISODES
     if not path.is_file():
         raise CompareError(f"{run}: has no {EPISODES}: name the --out of a domino-data evaluate")

@@ -34,10 +34,15 @@ touched what is handled, dropped, else unfinished."""
 
 @dataclass(frozen=True)
 class EpisodeScore:
-    """`route_completion` and `manipulation_score` are in 0-100; `failure` is of FAILURES, "" for
-    a success. `meeting` is the time (s) of the first touch, `hold` how much later (s) the
-    target was held for two frames. `nearest` (m) is a tool's least distance up to the touch,
-    `jerk` an RMS (m/s3)."""
+    """The numbers of one episode.
+
+    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions
+    that do not hold at the end, `failure` is one of FAILURES ("" for a success), `penalties` those
+    of out_of_bounds and clutter that apply, `meeting` the time (s) of the first touch, `hold` how
+    much later (s) something first held the target for two frames in a row, `nearest` the smallest
+    distance (m) of a tool from the target up to then, `jerk` the root mean square of the third
+    derivative of the tool positions (m/s3), `seconds` the simulated time.
+    """
 
     success: bool
     route_completion: float
@@ -76,14 +81,15 @@ def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool)
 def manipulation_score(
     rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
 ) -> float:
-    """`rc` times 0.5 if the target left its bounds, times 0.8 if distractors were touched (for
-    each with `compounding`, as in the original code)."""
+    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were
+    touched: once as in the paper, or with `compounding` for every distractor as in the original
+    code."""
     times = distractors if compounding else min(distractors, 1)
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 
 
 def touched_distractors(log: StateLog) -> tuple[str, ...]:
-    """By anything but the table and other distractors."""
+    """The distractors that anything but the table and other distractors touched."""
     return tuple(event.by for event in log.events if event.name == "clutter_touched")
 
 

@@ -66,7 +66,8 @@ def page(
     code: str = "",
     benchmark: str = "",
 ) -> str:
-    """`code` is the version of the program, `benchmark` a label."""
+    """The page's text. `cells` and `means` are those of summary.py; `code` is the version of the
+    program, `benchmark` the label of what all were tried on."""
     version = f"Code {code[:12]}." if code else ""
     version += f" Benchmark {benchmark}." if benchmark else ""
     episodes = sum(cell["episodes"] for cell in cells)

@@ -65,7 +65,7 @@ EXPERIMENTS = _read()
 
 
 def experiment(name: str) -> Experiment:
-    """Raises PaperError."""
+    """An experiment by name. Raises PaperError with the names there are."""
     if name not in EXPERIMENTS:
         raise PaperError(f"{name!r} is no experiment of the paper: choose {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name]

@@ -38,7 +38,7 @@ def wealth(differences: Sequence[float]) -> NDArray[np.float64]:
 
 
 def sequential(differences: Sequence[float], alpha: float = 0.05) -> SequentialTest:
-    """Of differences in [-1, 1], second policy minus first, in scene order."""
+    """The test of differences in [-1, 1], second policy minus first, in the order of the scenes."""
     sides = wealth(differences)
     total = logsumexp(sides, axis=1)
     highest = float(total.max(initial=0.0))

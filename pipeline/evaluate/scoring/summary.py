@@ -28,7 +28,7 @@ def each_scene_once(rows: Sequence[Row]) -> list[Row]:
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:
-    """By CELL, in order of appearance."""
+    """One row for each combination of CELL, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row.get(key, "") for key in CELL)].append(row)
@@ -157,7 +157,7 @@ def _stratified_interval(
 
 
 def table(cells: Sequence[Row]) -> str:
-    """`truth` marks policies that are shown the simulation."""
+    """As aligned text. `truth` marks policies that are shown the simulation."""
     head = (
         f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
         f" {'process':9} {'n':>4}"

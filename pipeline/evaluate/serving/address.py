@@ -49,8 +49,8 @@ class Address:
         return value
 
     def label(self, served: str | None = None) -> str:
-        """`label`, else `served`, else the address. Raises PolicyError for a label that is no
-        word."""
+        """The policy's name in results: option `label`, else the name `served`, else the address;
+        then the other options. Raises PolicyError for a label that is no word."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
             what = "a label has up to 80 letters, digits and _.@+-"
@@ -61,7 +61,8 @@ class Address:
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
-    """Raises PolicyError, also for other options."""
+    """The address in a text, with a default port. Raises PolicyError for anything else, and for
+    options not among `options`."""
     try:
         parts = urlsplit(text)
         host, given = parts.hostname, parts.port or port

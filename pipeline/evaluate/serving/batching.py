@@ -117,7 +117,7 @@ class Seat:
 
 
 def batcher_of(policy: object, label: str, wait: float) -> Batcher:
-    """Raises PolicyError if it is no BatchPolicy."""
+    """A batcher of a policy. Raises PolicyError if it is no BatchPolicy."""
     if not isinstance(policy, BatchPolicy):
         raise PolicyError(f"{label}: is no BatchPolicy: leave out --batch-wait")
     return Batcher(policy, wait)

@@ -83,7 +83,8 @@ class Client:
         return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Raises NoAnswer, and PolicyError for a refused first episode."""
+        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first
+        one."""
         self._start = start
         try:
             self._begin(start)
@@ -186,7 +187,7 @@ def full_message(observation: Observation) -> dict[str, Any]:
 
 
 def plain_message(observation: Observation, size: int) -> dict[str, Any]:
-    """For openpi's ALOHA policies: images (3,S,S) by exported names."""
+    """As openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
     images = {
         EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
         for name, image in observation.images.items()
@@ -209,7 +210,7 @@ class Bridge(ABC):
 
     @abstractmethod
     def reset(self, start: Start) -> None:
-        """Raises PolicyError for a robot that is not the server's."""
+        """Begin an episode. Raises PolicyError for a robot that is not the server's."""
 
     @abstractmethod
     def act(self, observation: Observation) -> ArrayLike:
@@ -241,10 +242,10 @@ class BridgeForm:
 
 
 class ServerForm:
-    """ws://HOST:PORT, wss://... and openpi://..."""
+    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name."""
 
     def name(self, text: str) -> PolicyName:
-        """Raises PolicyError."""
+        """Connect and ask. Raises PolicyError."""
         client = self.make(text)
         client.close()
         return PolicyName(text, _server_address(text).label(client.label), process="server")

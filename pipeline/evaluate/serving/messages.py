@@ -25,7 +25,7 @@ class MessageError(DominoError, ValueError):
 
 
 def pack(message: Mapping[Any, Any]) -> bytes:
-    """Raises MessageError for entries that are no numbers."""
+    """A message as bytes. Raises MessageError for an array whose entries are not numbers."""
     try:
         return cast(bytes, msgpack.packb(message, default=_encode_array))
     except (TypeError, ValueError, OverflowError) as error:
@@ -35,8 +35,8 @@ def pack(message: Mapping[Any, Any]) -> bytes:
 def unpack(
     data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None
 ) -> dict[Any, Any]:
-    """`decode` turns maps into arrays. Raises MessageError for anything but one map within the
-    limits."""
+    """The message in bytes. `decode` replaces the function that turns maps into arrays. Raises
+    MessageError for anything but one whole map within the limits."""
     if isinstance(data, str):
         raise MessageError(f"the message is text, not bytes: {data[:200]!r}")
     limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}

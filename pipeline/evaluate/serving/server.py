@@ -73,7 +73,8 @@ class PolicyServer:
         self.port = 0
 
     def run(self, started: Callable[[int], None] = lambda port: None) -> None:
-        """Until a signal; `started` gets the port. Raises OSError."""
+        """Serve until SIGINT or SIGTERM; `started` is called with the port. Raises OSError if it
+        cannot listen."""
 
         async def until_signal() -> None:
             stop, loop = asyncio.Event(), asyncio.get_running_loop()

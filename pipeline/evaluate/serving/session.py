@@ -45,7 +45,7 @@ class _Message(BaseModel):
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """Raises MessageError, which names the key."""
+        """The part in plain data. Raises MessageError, which names the key."""
         try:
             return cls.model_validate(value)
         except ValidationError as error:
@@ -102,8 +102,10 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """For clients that send no "reset": an episode has `reset_every` questions (0: its end is
-    recognised)."""
+    """The policy's name in results, and the robot of clients that send no "reset".
+
+    Their episode has `reset_every` questions; with 0 its end is recognised.
+    """
 
     label: str
     embodiment: str = "aloha-agilex"
@@ -120,7 +122,7 @@ class Session:
         self._last = np.empty((0, 0))
 
     def metadata(self) -> dict[str, Any]:
-        """Raises PolicyError if the policy's own code fails."""
+        """The server's first message. Raises PolicyError if the policy's own code fails."""
         made_for = attribute(self._policy, "contract")
         made_for = made_for if isinstance(made_for, contracts.Contract) else contracts.Contract()
         setup = contracts.plain(contracts.declared(self._policy))
@@ -128,7 +130,8 @@ class Session:
         return {"policy": self._options.label, "domino": offer}
 
     def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
-        """Raises MessageError, PolicyError, ActionError, and the policy's."""
+        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the
+        policy raises."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
             self._begin(EpisodeMessage.read(message["reset"]).start())

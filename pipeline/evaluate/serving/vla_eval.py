@@ -66,7 +66,8 @@ class DominoEpisodes:
         return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Raises ProtocolError if a new scene cannot be admitted."""
+        """Start episode `episode_idx` of a task; its first observation. A scene that no manifest
+        has is admitted now. Raises ProtocolError."""
         self.cleanup()
         cell, index = self._cells[task["name"]], task["episode_idx"]
         case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
@@ -78,7 +79,7 @@ class DominoEpisodes:
         return observation
 
     def step(self, action: Message) -> Any:
-        """Raises ActionError for an action of another length."""
+        """One control period. Raises ActionError for an action of another length."""
         from vla_eval.benchmarks.base import StepResult
 
         if self._env is None:

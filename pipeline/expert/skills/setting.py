@@ -35,7 +35,7 @@ def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> Floats:
 
 
 def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
-    """At a position (3,), z up."""
+    """Pose at a position (3,) with z up."""
     return yawed(position, yaw)
 
 

@@ -39,7 +39,7 @@ forward)."""
 
 
 def fields(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
-    """25 fields, frames first, arms left then right."""
+    """The 25 fields of the group, frames first, arms left then right."""
     frames, log, start, rate = len(facts), facts.log, derived.motion_start, derived.rate
 
     def repeat(value: Any, dtype: type = np.float64) -> NDArray[Any]:

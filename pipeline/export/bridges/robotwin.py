@@ -37,7 +37,7 @@ def drive_targets(measured: Floats, commanded: Floats) -> Floats:
 
 
 def tool_poses(tcp: Floats) -> Floats:
-    """(...,7): behind the tcp along its x axis."""
+    """The original's tool poses (...,7): behind the tcp along its x axis."""
     return compose(tcp, pose((-BEHIND_TCP, 0, 0)))
 
 
@@ -151,7 +151,7 @@ def front_camera_option() -> Any:
 
 
 def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
-    """By camera; `front` becomes front_camera. Raises ExportError."""
+    """Exported name of every camera; `front` becomes front_camera. Raises ExportError."""
     names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
     problem = ""
     if front is not None and front not in names:
@@ -201,7 +201,8 @@ class Robotwin(CellExporter[RobotwinOptions]):
 
 
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:
-    """In scene_info.json: {A} manipulated, {B} another target, {a} and {b} the arms."""
+    """An entry of scene_info.json: {A} manipulated, {B} the target if another one, {a} and {b} the
+    arms."""
     bodies = [meta.objects[name] for name in dict.fromkeys((meta.manipulated, meta.target))]
     info = {f"{{{x}}}": body.description for x, body in zip("AB", bodies, strict=False)}
     info |= {f"{{{x}}}": side for x, side in zip("ab", meta.arms.values(), strict=False)}

@@ -115,7 +115,7 @@ def _chunk(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
 
 
 def joint_velocity(facts: Facts) -> Floats:
-    """(T,A): joints in rad/s, grippers (0-1) in 1/s by differences."""
+    """Measured velocities (T,A): joints in rad/s, grippers (0-1) in 1/s by differences."""
     log, velocity = facts.log, np.zeros_like(facts.log.state)
     for i, name in enumerate(log.vector_names):
         if name in log.joints:

@@ -172,7 +172,7 @@ class _Files:
             self.close(full=True)
 
     def close(self, full: bool = False) -> None:
-        """`full`: complete whatever follows."""
+        """Finish the file; `full` if it is complete whatever follows."""
         if self._writer is not None:
             self._writer.close()
             self._writer, items = None, self._items

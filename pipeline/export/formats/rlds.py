@@ -105,7 +105,7 @@ def _messages(dataset: Path, shard: Sequence[Path], options: RldsOptions) -> Ite
 
 
 def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Value]:
-    """By feature; those of steps one after another."""
+    """Values of an episode by feature; those of steps one after another."""
     count, frames = len(facts), np.arange(len(facts))
     last, success = frames == count - 1, facts.meta.failure is None
     values: dict[str, Value] = {

@@ -51,7 +51,7 @@ class ZarrOptions(ImageOptions):
 
 @dataclass(frozen=True)
 class ZarrArray:
-    """On disk, `rows` of the first axis a chunk."""
+    """An array on disk with `rows` of the first axis in every chunk."""
 
     folder: Path
     shape: tuple[int, ...]
@@ -98,7 +98,7 @@ class Buffer:
         self.kinds = _kinds(self.values(paths[0]))
 
     def values(self, path: Path) -> dict[str, NDArray[Any]]:
-        """Raises ExportError if the first episode has other arrays."""
+        """As `episode_values`. Raises ExportError if the first episode has other arrays."""
         if self._last is None or self._last[0] != path:
             with reading(path) as file:
                 representation = self.options.representation
@@ -162,7 +162,7 @@ def _kinds(values: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 def episode_values(
     file: EpisodeFile, facts: Facts, options: ZarrOptions
 ) -> dict[str, NDArray[Any]]:
-    """By key, frames first. Raises ExportError."""
+    """Arrays of an episode by key, frames first. Raises ExportError."""
     values: dict[str, NDArray[Any]] = {
         "state": facts.log.state.astype(np.float32),
         "action": facts.action.astype(np.float32),

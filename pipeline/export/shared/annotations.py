@@ -90,7 +90,7 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
 def annotation_columns(
     joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts
 ) -> dict[str, pa.Array]:
-    """Raises ExportError for an annotation that is damaged or stale."""
+    """Columns of an open episode. Raises ExportError for an annotation that is damaged or stale."""
     columns: dict[str, pa.Array] = {}
     again = f"run domino-data annotate {dataset} with the options of its stage.json"
     for one in joined:

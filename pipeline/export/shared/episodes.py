@@ -147,7 +147,7 @@ def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
 
 
 def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
-    """Raises ExportError for none, or one given twice."""
+    """Sorted paths. Raises ExportError for none, or one given twice."""
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")
@@ -253,7 +253,7 @@ def same(first: Facts, facts: Facts) -> None:
 
 
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
-    """By camera, those `given` first. Raises ExportError."""
+    """Exported name of each camera, those `given` first. Raises ExportError."""
     try:
         return exported_names(facts.cameras, given)
     except ValueError as error:

@@ -31,7 +31,7 @@ CACHE_NAMES = re.compile(r"(.*/)?meta/[^/]*stats[^/]*\.json|(.*/)?(\.DS_Store|Th
 
 @dataclass(frozen=True)
 class ExportRecord:
-    """export.json at `root` (docs/exports.md names its keys)."""
+    """The record of the export at `root` (docs/exports.md names its keys)."""
 
     root: Path
     summary: Mapping[str, Any]
@@ -68,7 +68,7 @@ class ExportRecord:
         return [self.root / name for name in self.unlisted() if not _is_cache(name)]
 
     def check(self, dataset: Path, episodes: Sequence[Path]) -> list[str]:
-        """By hashes. Raises ExportError."""
+        """The problems of directory and episodes, by hashes. Raises ExportError."""
         judged = [(name, self.problem(name)) for name in sorted(self.contents)]
         problems = [f"{self.root / name}: {problem}" for name, problem in judged if problem]
         now = {source_of(path, dataset): path for path in episodes}

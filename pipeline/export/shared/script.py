@@ -92,7 +92,7 @@ def script_of(facts: Facts) -> Script:
 
 
 def rows_of(facts: Facts) -> list[dict[str, Any]]:
-    """`start_frame` is the first whose action a run executes."""
+    """The runs with `start_frame` (the first whose action they execute) and `end_frame`."""
     every = facts.meta.physics_hz // facts.fps
     return [
         asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)}

@@ -120,7 +120,7 @@ def _counts(rgb: Any) -> NDArray[np.int64]:
 
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
-    """(3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
+    """Statistics (3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
     values, total = np.arange(256) / 255.0, counts.sum(1)
     mean, present, below = counts @ values / total, counts > 0, np.cumsum(counts, axis=1)
     stats = {

@@ -155,7 +155,7 @@ class Provenance(RowWriter):
         self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
-        """Raises ExportError if it does not fit the robot's first."""
+        """Add an episode. Raises ExportError if it does not fit the first of its robot."""
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         objects = {name: info.model_dump() for name, info in facts.meta.objects.items()}
         row = {

@@ -57,7 +57,7 @@ class Codec:
         return ENCODERS[self.name].crf if self.crf is None else self.crf
 
     def options(self) -> dict[str, str]:
-        """For libav; one thread, so that equal frames are equal bytes."""
+        """Options for libav; one thread, so that the same frames give the same bytes."""
         encoder = ENCODERS[self.name]
         return {
             "g": str(self.gop),

@@ -110,7 +110,7 @@ def evaluation_code(root: Path) -> str:
 
 @cache
 def robot_contents(root: Path, embodiment: str) -> list[dict[str, str]]:
-    """`physics` and `looks` of an embodiment's robots."""
+    """What the directories of an embodiment's robots hold: `physics` and `looks` of each."""
     package = OURS.parents[1]
     directories = [MODELS[name].directory for name in embodiment.split("+") if name != NONE]
     return [

@@ -47,9 +47,11 @@ class LostAttempt:
 
 @dataclass(frozen=True)
 class FillJob:
-    """`renewing` is an episode's record of which only images or sentences are made. `lost`
-    attempts are recorded as failed.
-    """
+    """What a worker is sent.
+
+    `renewing` is the record of an episode of which only images or sentences are made. `lost`
+    attempts are recorded as failed; if RENEWAL is among them, the episode is made from nothing.
+    `code` is the driver's version."""
 
     root: str
     recipe: Recipe

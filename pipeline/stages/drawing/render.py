@@ -185,7 +185,7 @@ def stored_appearance(
 
 
 def renderer(appearance: Appearance) -> Renderer:
-    """To be closed."""
+    """A renderer of the appearance, to be closed."""
     a = appearance
     return Renderer(a.bodies, a.furniture, a.cameras, a.visuals, a.preset, a.images)
 

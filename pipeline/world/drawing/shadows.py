@@ -58,7 +58,7 @@ LOOKS = {
 
 
 def look_of(number: int) -> Look:
-    """Raises ValueError for a look that only a later version draws."""
+    """The look of that number. Raises ValueError for one that only a later version draws."""
     if number not in LOOKS:
         raise ValueError(f"look {number} is unknown: a later version drew this episode")
     return LOOKS[number]

@@ -31,7 +31,7 @@ def value_noise(rng: Generator, size: int, cells: tuple[int, int]) -> Field:
 
 
 def fractal(rng: Generator, size: int, cells: tuple[int, int], octaves: int = 4) -> Field:
-    """`octaves` of value noise, each twice as fine and half as strong, scaled to 0-1."""
+    """Sum of `octaves` of value noise, each twice as fine and half as strong, scaled to 0-1."""
     total = np.zeros((size, size), np.float32)
     for k in range(octaves):
         total += 0.5**k * value_noise(

@@ -26,7 +26,7 @@ TEXTURE = 512  # pixels of a kept texture's longer edge at most
 
 
 def read_bytes(path: Path) -> bytes:
-    """Raises MeshError, also for a Git LFS pointer."""
+    """The bytes of a file. Raises MeshError, also for a pointer of Git LFS."""
     try:
         if (size := path.stat().st_size) > MAX_BYTES:
             raise MeshError(f"{path}: has {size} bytes; a file has at most {MAX_BYTES}")
@@ -39,7 +39,8 @@ def read_bytes(path: Path) -> bytes:
 
 
 def find_file(name: str, beside: Path, within: Path) -> Path:
-    """`name`, relative to `beside`, below `within`. Raises MeshError."""
+    """The file `name`, relative to the folder `beside`, below the folder `within`. Raises
+    MeshError."""
     check_name(name)
     path = _below(beside / name, within, name)
     if path.is_file():

@@ -20,7 +20,7 @@ class MeshError(DominoError):
 
 
 class MeshLook(NamedTuple):
-    """sRGB 0-1; a texture (H,W,4) uint8 replaces it."""
+    """The sRGB color 0-1 of a surface, and a texture (H,W,4) uint8 that replaces it."""
 
     color: Color | None = None
     texture: NDArray[np.uint8] | None = None

@@ -140,7 +140,7 @@ class Parametric(Family):
         return cls(**vars(so_far))
 
     def facts(self) -> dict[str, str]:
-        """For phrases: parameters that are text, and the size."""
+        """What phrases may state: the parameters that are text, and the size."""
         facts = {name: value for name, value in vars(self).items() if isinstance(value, str)}
         if material := facts.get("material"):
             wooden = material == "wood"

@@ -31,7 +31,8 @@ Twist = Floats
 
 @dataclass(frozen=True)
 class Hold:
-    """At least one of `grips`; of every part, a set of links or bodies, one must touch."""
+    """What holds a target: at least one of `grips`, of which every part touches it. A part is a set
+    of names of links or bodies, one of which must touch."""
 
     grips: tuple[tuple[frozenset[str], ...], ...]
 

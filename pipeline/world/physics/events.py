@@ -94,8 +94,9 @@ class RunningEvent:
 
 
 class EventScript:
-    """`eye` (7,) is the camera's pose that an occluder stands before, `meeting` the planned time
-    (s), `goal` the body moved as the goal."""
+    """The events of one simulation. `eye` (7,) is the pose of the camera that an occluder stands
+    before, `meeting` the planned time (s), `goal` the body that is moved as the goal, `withheld`
+    whether each event is."""
 
     def __init__(
         self,

@@ -69,7 +69,8 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """`base` places the root link in the world, `tcp` is in `hand` (x approach, y opening)."""
+    """One arm. `base` places its root link in the world, `tcp` is the tool frame in `hand` (x
+    approach, y opening)."""
 
     model: str
     base: Pose
@@ -160,7 +161,7 @@ def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
 
 
 def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
-    """`link_poses` for an arm configuration (dof,) rad and a gripper value 0-1."""
+    """Like `link_poses` for an arm configuration (dof,) rad and a gripper value 0-1."""
     jaws = jaw_positions(arm.gripper, gripper).tolist()
     positions = [*np.asarray(q, float).tolist(), *jaws]
     return link_poses(

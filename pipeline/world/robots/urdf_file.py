@@ -38,9 +38,9 @@ class UrdfError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class UrdfShape:
-    """`<visual>` or `<collision>`: mesh, box (half extents), cylinder (radius, half length) or
-    sphere (radius) at `origin` in the link. A mesh may name files below `within`. `color` is sRGB
-    0-1."""
+    """One `<visual>` or `<collision>`: a mesh, box (half extents), cylinder (radius, half length)
+    or sphere (radius), placed in the link by `origin`. A mesh has a file, which may name others
+    below `within`. `color` is sRGB 0-1."""
 
     kind: str
     origin: Pose
@@ -64,7 +64,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class Mimic:
-    """position = `multiplier` x that of `joint` + `offset`."""
+    """A joint that follows another: position = `multiplier` x that of `joint` + `offset`."""
 
     joint: str
     multiplier: float

@@ -113,7 +113,8 @@ class Writer(ABC):
         self.sampled = self.frames = 0
 
     def begin(self, episode: Prepared) -> tuple[int, dict[str, Any], dict[str, Stats]]:
-        """Raises ExportError if the episode does not fit."""
+        """Index, columns and statistics of the next episode. Raises ExportError if it does not
+        fit."""
         facts, index = episode.facts, self.provenance.count
         same(self.first, facts)
         task = self.tasks.setdefault(facts.instruction, len(self.tasks))
@@ -126,7 +127,7 @@ class Writer(ABC):
         return index, columns, stats
 
     def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
-        """`places` are the video file and its first image by camera."""
+        """Count an episode; `places` are the video file and its first image by camera."""
         self.provenance.append(episode.facts)
         self.encoded.append(episode.sha, episode.encoded, places)
         self.sampled += episode.encoded.sampled

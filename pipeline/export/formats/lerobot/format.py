@@ -38,7 +38,7 @@ def image_key(name: str) -> str:
 
 
 def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """In column order; `names` are the exported cameras."""
+    """Features in the order of the columns; `names` are the exported cameras."""
     features: dict[str, dict[str, Any]] = {
         name: {"dtype": "float32", "shape": [len(parts)], "names": parts}
         for name, (parts, _) in _vectors(facts, names).items()
@@ -134,7 +134,7 @@ def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
 
 
 def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema) -> pa.Table:
-    """From columns (T,) or (T,d), or Arrow arrays."""
+    """Rows of a data file from columns (T,) or (T,d), or Arrow arrays."""
     arrays = []
     for field in schema:
         values = columns[field.name]
@@ -149,7 +149,7 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
 def data_columns(
     facts: Facts, names: Mapping[str, str], index: int, start: int, task: int
 ) -> dict[str, NDArray[Any]]:
-    """(T,) or (T,d) of episode `index`, from row `start`."""
+    """Columns (T,) or (T,d) of episode `index`, whose first row is `start`."""
     length, script = len(facts), script_of(facts)
     columns: dict[str, NDArray[Any]] = {
         name: np.ascontiguousarray(values, np.float32)

@@ -130,7 +130,7 @@ ORDER = (
 
 
 def data_schema(features: Mapping[str, Mapping[str, Any]]) -> pa.Schema:
-    """With Hugging Face features in the metadata."""
+    """Schema of the data files, with Hugging Face features in the metadata."""
     stored = {name: feature for name, feature in features.items() if feature["dtype"] != "video"}
     kinds = {name: _column(name, feature) for name, feature in stored.items()}
     described = {"info": {"features": {name: words for name, (_, words) in kinds.items()}}}

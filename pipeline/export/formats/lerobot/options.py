@@ -82,7 +82,8 @@ class LerobotOptions(LabelOptions):
 
 @dataclass(frozen=True)
 class LerobotV3Options(LerobotOptions):
-    """lerobot compares float32 times within 1e-4 s, whose steps are larger beyond 1024 s."""
+    """When data and videos begin another file, together. lerobot compares float32 times within 1e-4
+    s, whose steps are larger beyond 1024 s."""
 
     data_bytes: int = option(
         "bytes of a data file after which another begins", whole(1), 100 * MEGABYTE

@@ -42,7 +42,7 @@ class Prepared:
 
 
 def prepare(source: EpisodeSource, dataset: Path, options: LerobotOptions, depth: bool) -> Prepared:
-    """Raises ExportError, also for odd sizes: the video is 4:2:0."""
+    """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
     with reading(source.path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
         facts = replace(facts, more=options.more_representations, labels=options.labels)

@@ -16,7 +16,7 @@ FILES_PER_CHUNK = 1000
 
 
 def chunk_file(number: int, suffix: str) -> str:
-    """chunk-000/file-000 ..., 1000 files a chunk."""
+    """Name of file number `number`: chunk-000/file-000 ..., 1000 files a chunk."""
     return f"chunk-{number // FILES_PER_CHUNK:03d}/file-{number % FILES_PER_CHUNK:03d}.{suffix}"
 
 
@@ -59,7 +59,7 @@ class Tables:
 
 
 def read_column(root: Path, name: str) -> NDArray[Any]:
-    """Of all files below a directory, (N,) or (N,d)."""
+    """A column of all Parquet files below a directory, (N,) or (N,d)."""
     parts = list[NDArray[Any]]()
     for path in sorted(root.rglob("*.parquet")):
         table = pq.ParquetFile(path).read(columns=[name], use_threads=False)

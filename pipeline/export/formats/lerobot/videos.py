@@ -66,7 +66,7 @@ class _Source:
         return [p for _, p in zip(range(count), self._packets, strict=False)]
 
     def take(self, count: int) -> list[Any]:
-        """At most `count` packets; there must be no more in memory."""
+        """The next packets, at most `count`, and one more from memory, where there must be none."""
         packets = self._take(count + (self._file is None))
         self._next += len(packets)
         return packets
@@ -165,7 +165,7 @@ class EncodedFile(RowWriter):
         return file.relative_to(self.draft.folder).as_posix()
 
     def append(self, sha: str, encoded: Encoded, places: dict[str, tuple[Path, int]]) -> None:
-        """`places` has the video file and its first image by camera."""
+        """Add an episode; `places` has the video file and its first image by camera."""
         rows: list[dict[str, Any]] = []
         for camera, clip in encoded.videos.items():
             file, start = places[camera]
