@@ -17,7 +17,7 @@ CARRIED: Final = "carried"
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class Rider:
     """A body at a fixed pose `at` (7,) relative to `target`."""
 
     target: TargetMotion

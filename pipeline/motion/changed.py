@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.poses import Floats
 
-from .carried import Carried
+from .carried import Rider
 from .contract import Features, TargetMotion
 from .scenery import Prop
 
@@ -58,7 +58,7 @@ class Changed:
     def others(self) -> Mapping[str, TargetMotion]:
         """What moves beside it; an event changes what is carried along."""
         others: Mapping[str, TargetMotion] = getattr(self.base, "others", {})
-        return {n: Carried(self, m.at) if isinstance(m, Carried) else m for n, m in others.items()}
+        return {n: Rider(self, m.at) if isinstance(m, Rider) else m for n, m in others.items()}
 
     def _clock(self, t: ArrayLike) -> tuple[Floats, Floats]:
         """The time (...,) of `base`, and its rate, at times t (...,)."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.expert.actor import SWEEP_HZ
-from pipeline.motion.carried import CARRIED, Carried
+from pipeline.motion.carried import CARRIED, Rider
 from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, TargetMotion
 from pipeline.motion.models import Company, back_calculate_motion
 from pipeline.planning.collision_pieces import Sweep
@@ -125,12 +125,12 @@ def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
 
     def free(motion: TargetMotion) -> bool:
         return clear.free(motion) and all(
-            clear_of[name](Carried(motion, pose)) for name, pose in at.items()
+            clear_of[name](Rider(motion, pose)) for name, pose in at.items()
         )
 
     mover = Mover(task.target, setup.motion or task.motion, "target_motion", tuple(at))
     found = _drawn(scene, dry, setup, mover, free)
-    others: dict[str, TargetMotion] = {n: Carried(found, pose) for n, pose in at.items()}
+    others: dict[str, TargetMotion] = {n: Rider(found, pose) for n, pose in at.items()}
     for name, model in task.movers.items():
         if name in at:
             continue

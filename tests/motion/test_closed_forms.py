@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pipeline.motion.carried import Carried
+from pipeline.motion.carried import Rider
 from pipeline.motion.closed_form import MotionError, first_that_fits
 from pipeline.motion.contract import MotionRequest, NoMotion, Streams, derived
 from pipeline.motion.models import MODELS, motion_from_json
@@ -317,7 +317,7 @@ def test_what_passes_twice_comes_back_on_another_lane(level, seed):
 def test_two_that_change_places_are_opposite_and_the_ball_is_under_one(level, seed):
     other_end, t = yawed((0.20, -0.03, 0.74), 0.0), np.linspace(0.0, 3.0, 61)
     motion = drawn("shuffle", level, seed, company=((0.20, -0.03, 0.03),))
-    other = Carried(motion, compose(inverse(END), other_end))
+    other = Rider(motion, compose(inverse(END), other_end))
     middle = (END[:3] + other_end[:3]) / 2
     at, opposite, ball = motion.pose(t)[:, :3], other.pose(t)[:, :3], motion.scenery()[-1].pose(t)
     np.testing.assert_allclose((at + opposite) / 2, np.tile(middle, (61, 1)), atol=1e-12)

@@ -11,7 +11,7 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
-from pipeline.motion.carried import Carried
+from pipeline.motion.carried import Rider
 from pipeline.motion.models import others_of
 from pipeline.motion.workspace import Workspace
 from pipeline.planning.failure import PlanFailure
@@ -89,7 +89,7 @@ class ReactiveActor(Actor):
         if self.simulation.released:
             return []
         others = others_of(self.simulation.motion)
-        return [name for name, motion in others.items() if isinstance(motion, Carried)]
+        return [name for name, motion in others.items() if isinstance(motion, Rider)]
 
     @property
     def watched_for(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
-from pipeline.motion.carried import CARRIED, Carried
+from pipeline.motion.carried import CARRIED, Rider
 from pipeline.motion.changed import Changed, changes_of
 from pipeline.motion.contract import (
     Features,
@@ -167,7 +167,7 @@ def _beside(target: TargetMotion, values: Any) -> TargetMotion:
     at = np.asarray(values.get("at"), float)
     if at.shape != (7,) or not np.isfinite(at).all():
         raise ValueError("this is not a target motion: what it carries has no pose of 7 numbers")
-    return Carried(target, at)
+    return Rider(target, at)
 
 
 def back_calculate_motion(
