@@ -1,29 +1,20 @@
 """Extensions from outside the package, which register themselves: of entry points (GROUPS), and at
-the top of the directories of DOMINO_PLUGINS, which --plugins sets. Worker processes inherit it;
-those on other machines are sent a `Snapshot`."""
+the top of the directories of DOMINO_PLUGINS, which --plugins sets and all workers have."""
 
 import importlib
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from glob import glob
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
-from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
-from pipeline.data.keys import digest
-from pipeline.data.process.machine import user_cache
 from pipeline.data.process.own_code import ENV, describe_error, directories, line_of_error
 
 GROUPS = tuple(
     f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")
 )
-
-_LARGEST = 16 * 2**20  # bytes of a directory of plugins that is sent to other machines
 
 
 class PluginError(DominoError):
@@ -120,38 +111,3 @@ def _modules(directory: Path) -> Iterator[tuple[str, Path]]:
         parts = path.relative_to(directory).with_suffix("").parts
         if all(part.isidentifier() for part in parts):
             yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """The files of each directory of plugins, by path, for a worker on another machine."""
-
-    files: tuple[tuple[tuple[str, bytes], ...], ...] = ()
-
-    @classmethod
-    def taken(cls) -> "Snapshot":
-        """Of the directories as they are now. Raises PluginError if they are too large."""
-        snapshots = []
-        for directory in directories():
-            # follows links, as those of the original's objects
-            names = sorted(glob("**", root_dir=directory, recursive=True))
-            paths = [p for p in map(directory.joinpath, names) if p.is_file()]
-            paths = [p for p in paths if "__pycache__" not in p.parts]
-            if sum(path.stat().st_size for path in paths) > _LARGEST:
-                raise PluginError(
-                    f"--plugins {directory}: holds more than {_LARGEST >> 20} MiB, too much to send"
-                    " to a cluster"
-                )
-            files = ((str(path.relative_to(directory)), path.read_bytes()) for path in paths)
-            snapshots.append(tuple(files))
-        return cls(tuple(snapshots))
-
-    def load(self) -> None:
-        """Write the files to a directory of this machine and import them. Raises PluginError."""
-        for files in self.files:
-            key = digest([[name, content.hex()] for name, content in files])
-            root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / key
-            for name, content in files:
-                write_atomic(root / name, content)
-            use_plugins([str(root)])
-        load_plugins()

@@ -11,8 +11,6 @@ from .common import (
     AsJson,
     UsageError,
     argument,
-    check_file,
-    note,
     numbers,
     option,
     print_findings,
@@ -58,18 +56,11 @@ def embodiments(as_json: AsJson = False) -> None:
     print_result(values, as_json, table(headers, rows))
 
 
-def motions(
-    paths: Annotated[Path | None, option("Write a PNG with paths of every model here.")] = None,
-    as_json: AsJson = False,
-) -> None:
+def motions(as_json: AsJson = False) -> None:
     """List the models of motions."""
-    from pipeline.intake.catalogue.listings import list_motions, write_paths
+    from pipeline.intake.catalogue.listings import list_motions
 
-    check_file(paths, "--paths", "an image", ".png")
     values = list_motions()
-    if paths is not None:
-        write_paths(paths)
-        note(f"the paths of {len(values)} models are drawn in {paths}")
     rows = [
         (m["name"], n, text, ", ".join(m["tasks"]) if n == 1 and len(m["tasks"]) < 10 else "")
         for m in values

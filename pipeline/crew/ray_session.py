@@ -13,6 +13,8 @@ from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from typing import Any
 
+from pipeline.data.process.own_code import ENV
+
 from .contract import SINGLE_THREAD, Crew, CrewError
 from .signals import hold_signals
 
@@ -83,7 +85,8 @@ def _start(workers: int, folder: str) -> None:
 def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     from ray.runtime_env import RuntimeEnv
 
-    variables = SINGLE_THREAD | _SEES_GPUS | dict(runtime_env.get("env_vars", {}))
+    plugins = {ENV: os.environ[ENV]} if ENV in os.environ else {}
+    variables = SINGLE_THREAD | _SEES_GPUS | plugins | dict(runtime_env.get("env_vars", {}))
     environment: dict[str, Any] = dict(runtime_env) | {"env_vars": variables}
     try:
         RuntimeEnv(**environment)

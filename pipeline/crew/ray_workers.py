@@ -14,7 +14,7 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from pipeline.data.errors import DominoError
-from pipeline.plugins import Snapshot
+from pipeline.plugins import load_plugins
 
 from .contract import Check, Crew, CrewError, Done, Make, RunningJob
 from .ray_session import one_line
@@ -30,7 +30,7 @@ class CrewWorker:
     """What runs inside a Ray actor."""
 
     def begin(
-        self, make: Make[Any, Any], check: Check | None, plugins: Snapshot, folder: str
+        self, make: Make[Any, Any], check: Check | None, folder: str
     ) -> "tuple[str, str, dict[str, str]]":
         """Load plugins, check the machine, make the work. Returns ids of node and machine, and
         what `check` found. Raises CrewError.
@@ -42,7 +42,7 @@ class CrewWorker:
             os.chdir(folder)
         name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
         try:
-            plugins.load()
+            load_plugins()
             facts = dict(check()) if check is not None else {}
         except DominoError as error:
             raise CrewError(f"node {name}: {error}") from None
@@ -94,9 +94,7 @@ class Workers[J, R]:
 
     def __init__(self, make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> None:
         self._crew, self._seconds = crew, seconds
-        # workers of this machine inherit the directories of plugins
-        plugins = Snapshot.taken() if crew.address else Snapshot()
-        self._begin = make, check, plugins, "" if crew.address else os.getcwd()
+        self._begin = make, check, "" if crew.address else os.getcwd()
         actor: Any = ray.remote(CrewWorker)
         self._actor = actor.options(
             num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD"

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.expert.actor import SWEEP_HZ
-from pipeline.motion.carried import CARRIED, Rider
 from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, TargetMotion
-from pipeline.motion.models import Company, back_calculate_motion
+from pipeline.motion.models import back_calculate_motion
+from pipeline.motion.wrapped import CARRIED, Company, Rider
 from pipeline.planning.collision_pieces import Sweep
 from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
 from pipeline.tasks import middle

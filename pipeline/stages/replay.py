@@ -11,8 +11,8 @@ from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.tracking import TRACK, carried_along
-from pipeline.motion.changed import Changed
 from pipeline.motion.contract import TargetMotion
+from pipeline.motion.wrapped import Changed
 from pipeline.poses import Floats
 from pipeline.tasks.outcome import failed
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pipeline.motion.carried import Rider
 from pipeline.motion.closed_form import MotionError, first_that_fits
 from pipeline.motion.contract import MotionRequest, NoMotion, Streams, derived
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.models.ballistic import Ballistic, BallisticModel
 from pipeline.motion.workspace import Workspace
+from pipeline.motion.wrapped import Rider
 from pipeline.poses import compose, inverse, quat_multiply, quat_rotate, yawed
 
 END = yawed((0.05, -0.05, 0.74), 0.4)

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.motion.models import MODELS, motion_from_json, others_of
+from pipeline.motion.models import MODELS, motion_from_json
+from pipeline.motion.wrapped import others_of
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.drawing.render import appearance_of
 from pipeline.stages.failure import Failure

@@ -10,8 +10,8 @@ from pipeline.data.episode.meta import Drawing
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.motion.changed import Change, changed
-from pipeline.motion.models import motion_from_json, others_of
+from pipeline.motion.models import motion_from_json
+from pipeline.motion.wrapped import Change, changed, others_of
 from pipeline.poses import compose, inverse
 from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import Phases, attempt

@@ -13,8 +13,8 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.motion.models import others_of
 from pipeline.motion.scenery import Prop
+from pipeline.motion.wrapped import others_of
 from pipeline.poses import Floats
 from pipeline.world.physics.simulation import Motion
 

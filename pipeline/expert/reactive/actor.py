@@ -11,9 +11,8 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.setup.rules import Sight
 from pipeline.expert.actor import Actor
-from pipeline.motion.carried import Rider
-from pipeline.motion.models import others_of
 from pipeline.motion.workspace import Workspace
+from pipeline.motion.wrapped import Rider, others_of
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM

@@ -1,19 +1,12 @@
 """The lists that `domino-data` prints by name."""
 
-import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from pipeline.data.atomic import write_atomic
-from pipeline.motion.contract import MotionRequest, NoMotion, Streams
 from pipeline.motion.models import MODELS, levels_of
-from pipeline.motion.workspace import Workspace
-from pipeline.poses import Floats, yawed
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
 from pipeline.tasks.layout import families_of
@@ -21,13 +14,6 @@ from pipeline.world import robots
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import FAMILIES
 
-EXAMPLE = MotionRequest(
-    *(1, 0.1, 4.0, yawed((0.0, 0.0, 0.80), 0.0), Workspace(-0.35, 0.35, -0.25, 0.25)),
-    radius=0.03,
-    height=0.06,
-    tail=0.25,
-    floor=0.74,
-)
 """The motions that are drawn: alpha 0.1 m/s, 4 s to a meeting 6 cm above the table."""
 
 
@@ -96,37 +82,3 @@ def list_motions() -> list[dict[str, Any]]:
         }
         for name in sorted(MODELS)
     ]
-
-
-def write_paths(page: Path) -> None:
-    """Write a PNG with paths of every model by level, from above and from the side."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    names = sorted(MODELS)
-    figure = Figure(figsize=(2.6 * len(names), 5.2), dpi=80, layout="constrained")
-    axes = figure.subplots(2, len(names), squeeze=False)
-    for name, (above, beside) in zip(names, axes.T, strict=True):
-        above.set_title(name, fontsize=10)
-        beside.set_xlabel("x (m)", fontsize=7)
-        for axis, k, label in ((above, 1, "y (m)"), (beside, 2, "z (m)")):
-            for number, level in MODELS[name].levels.items():
-                for path in _paths(name, number):
-                    axis.plot(path[:, 0], path[:, k], color=level.colour, lw=1.0, alpha=0.8)
-            axis.plot(*np.asarray(EXAMPLE.end_pose)[[0, k]], ".", color="#111827", ms=4)
-            axis.set_aspect("equal", adjustable="datalim")
-            axis.tick_params(labelsize=6)
-            axis.set_ylabel(label, fontsize=7)
-    buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
-    write_atomic(page, buffer.getvalue())
-
-
-def _paths(name: str, level: int) -> Iterator[Floats]:
-    for seed in range(5):
-        streams = Streams(*map(np.random.default_rng, ([seed, level], [seed, level, 1])))
-        try:
-            motion = MODELS[name].draw(replace(EXAMPLE, level=level), streams)
-        except NoMotion:
-            continue
-        yield motion.pose(np.linspace(0.0, EXAMPLE.duration, 120))[:, :3]

@@ -2,19 +2,14 @@
 
 import json
 import sys
-from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
-from pipeline.motion.carried import CARRIED, Rider
-from pipeline.motion.changed import Changed, changes_of
 from pipeline.motion.contract import (
-    Features,
     Level,
     MotionModel,
     MotionRequest,
@@ -22,75 +17,8 @@ from pipeline.motion.contract import (
     Streams,
     TargetMotion,
 )
-from pipeline.motion.scenery import Prop
-from pipeline.poses import Floats
+from pipeline.motion.wrapped import CARRIED, Changed, Company, Rider, changes_of
 from pipeline.registry import Registry, place_in
-
-
-@runtime_checkable
-class Accompanied(Protocol):
-    @property
-    def others(self) -> Mapping[str, TargetMotion]: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Company:
-    """The target and `others` by name; as a motion it is the target's."""
-
-    target: TargetMotion
-    others: Mapping[str, TargetMotion]
-
-    @property
-    def model(self) -> str:
-        return self.target.model
-
-    @property
-    def level(self) -> int:
-        return self.target.level
-
-    @property
-    def alpha(self) -> float:
-        return self.target.alpha
-
-    @property
-    def duration(self) -> float:
-        return self.target.duration
-
-    @property
-    def lead(self) -> float:
-        return self.target.lead
-
-    def pose(self, t: ArrayLike) -> Floats:
-        return self.target.pose(t)
-
-    def twist(self, t: ArrayLike) -> Floats:
-        return self.target.twist(t)
-
-    def breakpoints(self) -> Floats:
-        return self.target.breakpoints()
-
-    def features(self) -> Features:
-        return self.target.features()
-
-    def scenery(self) -> tuple[Prop, ...]:
-        """The target's, and that of the others under names that begin with theirs."""
-        more = [
-            replace(p, name=f"{name}_{p.name}")
-            for name, motion in self.others.items()
-            for p in motion.scenery()
-        ]
-        return (*self.target.scenery(), *more)
-
-    def to_json(self) -> str:
-        """The target's JSON with those of the others under the key `others`."""
-        others = {name: json.loads(motion.to_json()) for name, motion in self.others.items()}
-        return json.dumps(json.loads(self.target.to_json()) | {"others": others}, allow_nan=False)
-
-
-def others_of(motion: object) -> Mapping[str, TargetMotion]:
-    """What moves beside the target of a motion, by name."""
-    return motion.others if isinstance(motion, Accompanied) else {}
-
 
 PLANAR = "planar"
 STILL = Level("the target stands still", "#6b7280")

@@ -14,8 +14,8 @@ import pipeline
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.names import NONE
 from pipeline.data.setup.rules import Rules
-from pipeline.motion.carried import CARRIED
 from pipeline.motion.models import MODELS as MOTIONS
+from pipeline.motion.wrapped import CARRIED
 from pipeline.plugins import outside_modules
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS

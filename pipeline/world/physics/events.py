@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.events import CHANGES, ENDED, FIRED, NEAR, WITHHELD, DrawnEvent, Phase
 from pipeline.data.episode.state_log import Event
-from pipeline.motion.changed import Change
 from pipeline.motion.scenery import AWAY, Piece, Prop
+from pipeline.motion.wrapped import Change
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.robots.contract import Embodiment
 

@@ -10,9 +10,8 @@ import sapien
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
-from pipeline.motion.changed import Change, changed
 from pipeline.motion.contract import TargetMotion
-from pipeline.motion.models import others_of
+from pipeline.motion.wrapped import Change, changed, others_of
 from pipeline.poses import (
     Floats,
     Pose,

@@ -3,7 +3,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
-from pipeline.motion.carried import CARRIED
+from pipeline.motion.wrapped import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body

@@ -1,4 +1,4 @@
-from pipeline.motion.carried import CARRIED
+from pipeline.motion.wrapped import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
 from pipeline.world.physics.body import Body
 

@@ -1,6 +1,6 @@
 from pipeline.expert.actor import Actor, Skills
-from pipeline.motion.carried import CARRIED
 from pipeline.motion.workspace import Workspace
+from pipeline.motion.wrapped import CARRIED
 from pipeline.tasks.contract import (
     Bodies,
     Draw,

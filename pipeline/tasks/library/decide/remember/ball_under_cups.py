@@ -2,7 +2,7 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, pause
-from pipeline.motion.carried import CARRIED
+from pipeline.motion.wrapped import CARRIED
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 

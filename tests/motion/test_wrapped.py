@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.motion.changed import PUSHED, Change, changed
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.planar import PlanarMotion, Segment
+from pipeline.motion.wrapped import PUSHED, Change, changed
 
 START = np.array([0.0, 0.0])
 

@@ -1,38 +1,30 @@
-"""A motion that events stop, turn back, speed up or displace."""
+"""Motions around another motion: what rides on a target, what events change, and company."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats
+from pipeline.poses import Floats, compose
 
-from .carried import Rider
 from .contract import Features, TargetMotion
 from .scenery import Prop
+
+CARRIED: Final = "carried"
+"""In place of a model in `movers`: the body moves with the target, as one rigid thing."""
 
 PUSHED = 0.3
 """Time constant (s) with which a push loses its speed."""
 
 
-class Change(NamedTuple):
-    """From `time` (s) on: the `rate` of the clock and a push with `x`, `y` m/s."""
-
-    time: float
-    rate: float
-    x: float = 0.0
-    y: float = 0.0
-
-
 @dataclass(frozen=True, eq=False)
-class Changed:
-    """The motion `base` with changes in order of time; features as drawn."""
+class Wrapped:
+    """The motion `base`, where a subclass does not say otherwise."""
 
     base: TargetMotion
-    changes: tuple[Change, ...]
 
     @property
     def model(self) -> str:
@@ -54,10 +46,91 @@ class Changed:
     def lead(self) -> float:
         return self.base.lead
 
+    def pose(self, t: ArrayLike) -> Floats:
+        return self.base.pose(t)
+
+    def twist(self, t: ArrayLike) -> Floats:
+        return self.base.twist(t)
+
+    def breakpoints(self) -> Floats:
+        return self.base.breakpoints()
+
+    def features(self) -> Features:
+        return self.base.features()
+
+    def scenery(self) -> tuple[Prop, ...]:
+        return self.base.scenery()
+
+    def to_json(self) -> str:
+        return self.base.to_json()
+
+
+@dataclass(frozen=True, eq=False)
+class Rider(Wrapped):
+    """A body at a fixed pose `at` (7,) relative to the target, whose motion is `base`."""
+
+    at: Floats
+
+    @property
+    def model(self) -> str:
+        return CARRIED
+
+    def pose(self, t: ArrayLike) -> Floats:
+        return compose(self.base.pose(t), self.at)
+
+    def twist(self, t: ArrayLike) -> Floats:
+        twist, arm = self.base.twist(t), self.pose(t)[..., :3] - self.base.pose(t)[..., :3]
+        linear = twist[..., :3] + np.cross(twist[..., 3:], arm)
+        return np.concatenate([linear, twist[..., 3:]], -1)
+
+    def scenery(self) -> tuple[Prop, ...]:
+        return ()
+
+    def to_json(self) -> str:
+        return json.dumps({"model": CARRIED, "at": np.asarray(self.at).tolist()}, allow_nan=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Company(Wrapped):
+    """The target's motion, and those of `others` by name."""
+
+    others: Mapping[str, TargetMotion]
+
+    def scenery(self) -> tuple[Prop, ...]:
+        """The target's, and that of the others under names that begin with theirs."""
+        more = [
+            replace(p, name=f"{name}_{p.name}")
+            for name, motion in self.others.items()
+            for p in motion.scenery()
+        ]
+        return (*self.base.scenery(), *more)
+
+    def to_json(self) -> str:
+        """The target's JSON with those of the others under the key `others`."""
+        others = {name: json.loads(motion.to_json()) for name, motion in self.others.items()}
+        return json.dumps(json.loads(self.base.to_json()) | {"others": others}, allow_nan=False)
+
+
+class Change(NamedTuple):
+    """From `time` (s) on: the `rate` of the clock and a push with `x`, `y` m/s."""
+
+    time: float
+    rate: float
+    x: float = 0.0
+    y: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Changed(Wrapped):
+    """A motion that events stop, turn back, speed up or displace, in order of time; features are
+    those drawn."""
+
+    changes: tuple[Change, ...]
+
     @property
     def others(self) -> Mapping[str, TargetMotion]:
         """What moves beside it; an event changes what is carried along."""
-        others: Mapping[str, TargetMotion] = getattr(self.base, "others", {})
+        others = others_of(self.base)
         return {n: Rider(self, m.at) if isinstance(m, Rider) else m for n, m in others.items()}
 
     def _clock(self, t: ArrayLike) -> tuple[Floats, Floats]:
@@ -103,9 +176,6 @@ class Changed:
         times = [change.time for change in self.changes if change.time < self.duration]
         return np.unique(np.concatenate([self.base.breakpoints(), times]))
 
-    def features(self) -> Features:
-        return self.base.features()
-
     def scenery(self) -> tuple[Prop, ...]:
         """That of the base, which stops and turns with it."""
         return tuple(
@@ -131,3 +201,8 @@ def changes_of(values: Any) -> tuple[Change, ...]:
     if rows.ndim != 2 or rows.shape[1] != 4 or not np.isfinite(rows).all():
         raise ValueError("this is not a target motion: its changes are no rows of four numbers")
     return tuple(Change(*row) for row in rows.tolist())
+
+
+def others_of(motion: object) -> Mapping[str, TargetMotion]:
+    """What moves beside the target of a motion, by name."""
+    return motion.others if isinstance(motion, Company | Changed) else {}
