@@ -4,10 +4,12 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.regrasping import place_or_regrasp
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
+from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name
+from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 from pipeline.tasks.outcome import Outcome, within
+from pipeline.world.physics.body import TABLE_TOP
 
 
 class StandOn(PickFromBelt):
@@ -52,3 +54,76 @@ class StandOn(PickFromBelt):
             **o.resting(self.target, self.support),
             "grippers_open": o.grippers_open(),
         }
+
+
+@register
+class StandHandedObject(StandOn):
+    """Grasp a can or a pill bottle that a flat hand brings, and stand it on a pad.
+
+    Success: as `StandOn`."""
+
+    target = manipulated = "object"
+    motion = "handed"
+    workspace = Workspace(-0.40, 0.40, -0.25, 0.30)
+
+    def layout(self, draw: Draw) -> Bodies:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.08, 0.14)
+        air = Region(x=(side * 0.05, side * 0.18), y=(-0.15, 0.0), yaw=(-3.14, 3.14), z=z)
+        yield Placement("object", draw.one_of("can", "pill_bottle"), air, borne=True)
+        yield self.pad(draw, side, object=0.14)
+
+
+@register
+class StandHangingMug(StandOn):
+    """Grasp a mug that hangs over the table on a cord, draw it away from the cord, and stand it on
+    a coaster.
+
+    Success: as `StandOn`."""
+
+    target = manipulated = "mug"
+    support, motion = "coaster", "pendulum"
+    kinds, away = ("side",), (0.0, -0.10, 0.0)
+
+    def layout(self, draw: Draw) -> Bodies:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.06, 0.12)
+        air = Region(x=(side * 0.05, side * 0.15), y=(-0.15, -0.05), yaw=(-3.14, 3.14), z=z)
+        yield Placement("mug", draw.one_of("mug"), air, borne=True)
+        coaster = Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
+        yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"mug": 0.14})
+
+
+@register
+class StandRampCan(StandOn):
+    """Grasp a can or a pill bottle that slides down a ramp onto the table, and stand it on a pad
+    beside.
+
+    Success: as `StandOn`."""
+
+    target = manipulated = "can"
+    motion = "ramp"
+
+    def layout(self, draw: Draw) -> Bodies:
+        side = draw.side()
+        yield Placement(
+            "can",
+            draw.one_of("can", "pill_bottle"),
+            Region(x=(side * 0.05, side * 0.15), y=(-0.18, -0.02)),
+        )
+        yield self.pad(draw, side, y=0.05, can=0.15)
+
+
+@register
+class StandTossedCube(StandOn):
+    """Close the gripper on a puzzle cube that a plate tosses up, at the top of its flight, and set
+    it down on a pad.
+
+    Success: as `StandOn`."""
+
+    target = manipulated = "cube"
+    motion = "toss"
+
+    def layout(self, draw: Draw) -> Bodies:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.12, 0.20)
+        air = Region(x=(side * 0.05, side * 0.18), y=(-0.18, -0.05), yaw=(-0.7, 0.7), z=z)
+        yield Placement("cube", draw.one_of("rubiks_cube"), air)
+        yield self.pad(draw, side, half=0.055, cube=0.14)

@@ -54,3 +54,13 @@ class CatchDroppedBall(Task):
             "held": o.holds(arms["arm"], "skillet"),
             "off_table": not o.touching("skillet", "table"),
         }
+
+
+@register
+class CatchDroppedBread(CatchDroppedBall):
+    """Grasp a skillet and bring it from below to where a piece of bread that a carrier drops will
+    be.
+
+    Success: as `catch_dropped_ball`."""
+
+    target = falls = "bread"

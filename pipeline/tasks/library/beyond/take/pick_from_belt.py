@@ -1,8 +1,12 @@
+from typing import cast
+
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
+from pipeline.world.objects.families.toys.toy_car import PlayBall
+from pipeline.world.physics.body import TABLE_TOP
 
 
 @register
@@ -34,3 +38,96 @@ class PickFromBelt(Task):
             "lifted": o.rise(self.target) > self.under(o.rules)["rise"],
             "off_table": not o.touching(self.target, "table"),
         }
+
+
+@register
+class TakeFromRamp(PickFromBelt):
+    """Grasp a can or a bottle that slides down a ramp onto the table, and lift it.
+
+    Success: as `pick_from_belt`."""
+
+    motion = "ramp"
+
+
+@register
+class StopPushedCan(PickFromBelt):
+    """Grasp a can or a bottle that a paddle has pushed and that slides, slowed by friction, off one
+    cushion or two at level 3.
+
+    Success: as `pick_from_belt`."""
+
+    motion = "pushed"
+
+
+@register
+class StopRollingBall(PickFromBelt):
+    """Close the gripper on a rolling ball and lift it.
+
+    Success: as `pick_from_belt`."""
+
+    target = manipulated = "ball"
+    motion = "rolling"
+
+    def layout(self, draw: Draw) -> Bodies:
+        region = Region(x=(-0.25, 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.03)
+        yield Placement("ball", draw.one_of("play_ball"), region)
+
+
+@register
+class TakeHandedObject(PickFromBelt):
+    """Grasp a can or a bottle that a flat hand brings, and lift it off the hand.
+
+    Success: as `pick_from_belt`."""
+
+    target = manipulated = "object"
+    motion = "handed"
+    workspace = Workspace(-0.40, 0.40, -0.25, 0.30)
+
+    def layout(self, draw: Draw) -> Bodies:
+        z = TABLE_TOP + draw.uniform(0.08, 0.14)
+        region = Region(
+            x=(-0.25, 0.25), y=(-0.18, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        )
+        yield Placement("object", draw.one_of("can", "pill_bottle"), region, borne=True)
+
+
+@register
+class CatchTossedBall(PickFromBelt):
+    """Close the gripper on a ball that a plate tosses up, at the top of its flight, and lift it.
+
+    Success: as `pick_from_belt`."""
+
+    target = manipulated = "ball"
+    motion = "toss"
+
+    def layout(self, draw: Draw) -> Bodies:
+        z = TABLE_TOP + draw.uniform(0.12, 0.20)
+        region = Region(
+            x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        )
+        yield Placement("ball", draw.one_of("play_ball"), region)
+
+
+@register
+class StopOneOfTwoBalls(PickFromBelt):
+    """Close the gripper on the ball of the colour asked for, while another one rolls across the
+    table too, and lift it.
+
+    Success: as `pick_from_belt`."""
+
+    target = manipulated = "ball"
+    motion, movers = "rolling", {"other": "rolling"}
+
+    def layout(self, draw: Draw) -> Bodies:
+        side, ball = draw.side(), cast(PlayBall, draw.one_of("play_ball"))
+        other = cast(PlayBall, draw.one_of("play_ball"))
+        while other.colour == ball.colour:
+            other = cast(PlayBall, draw.one_of("play_ball"))
+        near = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
+        yield Placement("ball", ball, near)
+        yield Placement(
+            "other",
+            other,
+            Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=(-3.14, 3.14)),
+            distances={"ball": 0.14},
+        )

@@ -1,5 +1,15 @@
 from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.library.domino.set_down.place_container_plate import PlaceContainerPlate
 from pipeline.tasks.library.domino.set_down.place_empty_cup import PlaceEmptyCup
+
+
+@register
+class LoadBeltPlate(PlaceContainerPlate):
+    """Grasp a bowl or cup and set it down on a plate that rides on a conveyor belt.
+
+    Success: as `place_container_plate`."""
+
+    motion = "conveyor"
 
 
 @register

@@ -1,0 +1,43 @@
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import track
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import register
+from pipeline.tasks.library.domino.press.click_bell import ClickBell
+from pipeline.tasks.library.domino.press.press_stapler import PressStapler
+
+
+@register
+class PressCirclingStapler(PressStapler):
+    """Press the arm of a stapler that moves on a circle, the closed fingers moving with it until
+    they touch.
+
+    Success: as `press_stapler`."""
+
+    motion = "circle"
+
+    def pressing(self, a: Actor) -> Skill:
+        return track(a.arms["arm"], super().pressing(a))
+
+
+@register
+class RingPushedBell(ClickBell):
+    """Press the button of a bell that a paddle has pushed, the closed fingers moving with the bell
+    until they touch.
+
+    Success: as `click_bell`."""
+
+    motion = "pushed"
+
+    def pressing(self, a: Actor) -> Skill:
+        return track(a.arms["arm"], super().pressing(a))
+
+
+@register
+class RingTurningBell(ClickBell):
+    """Press the button of a bell that a turntable carries round with the closed fingers of the arm
+    beside it.
+
+    Success: as `click_bell`."""
+
+    motion = "turntable"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.25)
