@@ -156,9 +156,8 @@ def task_attributes() -> str:
         name: f"`{plain(getattr(Task, name))}`" if hasattr(Task, name) else "must be given"
         for name in hints
     }
-    defaults |= dict.fromkeys(("seen", "unseen"), "from `phrases/NAME.txt`") | {
-        "manipulated": "the target"
-    }
+    defaults |= dict.fromkeys(("seen", "unseen"), "from `phrases/NAME.txt`")
+    defaults |= {"category": "by `manipulated`", "manipulated": "the target"}
     return rows(
         ("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()]
     )

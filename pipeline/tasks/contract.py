@@ -27,6 +27,7 @@ from .outcome import Outcome
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
+type Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,9 @@ class Region:
     """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 and from
     the world's origin at least. `z` (m) is the height of what it stands on."""
 
-    x: tuple[float, float]
-    y: tuple[float, float]
-    yaw: tuple[float, float] = (0.0, 0.0)
+    x: Span
+    y: Span
+    yaw: Span = (0.0, 0.0)
     away_from_centre: float = 0.0
     away_from_origin: float = 0.0
     z: float = TABLE_TOP
@@ -98,12 +99,16 @@ class Draw:
         family = families[int(self._objects.integers(len(families)))]
         kind = drawn_kind(family, self.rules, self._objects)
         if given and stands_for(kind):
-            raise UndeclaredFamily(
-                f"objects: {family}: its {', '.join(given)} is given by the task; an object from a"
-                " file has its own"
-            )
+            wrong = "is given by the task; an object from a file has its own"
+            raise UndeclaredFamily(f"objects: {family}: its {', '.join(given)} {wrong}")
         draw_one: Callable[..., Family] = kind.draw
         return draw_one(self._objects, **given)
+
+    def place(self, name: str, *families: str, x: Span, y: Span, **more: Any) -> Placement:
+        """A body of one of `families`, or of that of its name, in the region `x`, `y` (m); `more`
+        are fields of Region and Placement."""
+        region = {key: more.pop(key) for key in Region.__dataclass_fields__.keys() & more.keys()}
+        return Placement(name, self.one_of(*families or (name,)), Region(x, y, **region), **more)
 
     def side(self) -> int:
         """-1 (left half of the table) or +1 (right half)."""
@@ -122,6 +127,7 @@ class Task(ABC):
     """Base of the tasks, without state: layout, arms, script and success.
 
     `target` moves on its own until the meeting; `manipulated` is the body that the arms handle.
+    By default another one than the target makes the `category` "tracking", else "interception".
     `motion` and `movers` name default motion models; `workspace` bounds the target's path. `limits`
     are tolerances by name; "lift" requires that the manipulated body once rose that far. Domino
     rules leave out `own_conditions`. `subgoals` lists the conditions of each part of a long task.
@@ -185,14 +191,10 @@ class Task(ABC):
         Strict rules of tracking tasks add that the handled body touched the target first.
         """
         conditions = self.success(o, arms)
-        if "lift" in self.limits:
-            conditions["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(
-                o.rules
-            )
+        if (lift := self.under(o.rules).get("lift")) is not None:
+            conditions["was_lifted"] = o.highest_rise(self.manipulated) > lift
         if o.rules.name == "domino":
-            return {
-                name: holds for name, holds in conditions.items() if name not in self.own_conditions
-            }
+            return {k: holds for k, holds in conditions.items() if k not in self.own_conditions}
         if self.category == TRACKING and self.manipulated != self.target:
             conditions[f"met_by_{self.manipulated}"] = o.met_by() == self.manipulated
         return conditions
@@ -218,13 +220,8 @@ def suites() -> dict[str, tuple[str, ...]]:
 def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
     """Tasks of names and suites; none, or `all`, are those of `domino`."""
     known, requested = suites(), tuple(names) or ("all",)
-    return tuple(
-        dict.fromkeys(
-            task
-            for name in requested
-            for task in known.get(DOMINO if name == "all" else name, (name,))
-        )
-    )
+    suites_or_tasks = (DOMINO if name == "all" else name for name in requested)
+    return tuple(dict.fromkeys(x for name in suites_or_tasks for x in known.get(name, (name,))))
 
 
 def register[T: Task](cls: type[T]) -> type[T]:
@@ -238,39 +235,29 @@ def register[T: Task](cls: type[T]) -> type[T]:
         _check_names(cls, name)
     cls.name = name
     cls.manipulated = cls.manipulated or cls.target
+    if not hasattr(cls, "category"):
+        cls.category = INTERCEPTION if cls.manipulated == cls.target else TRACKING
     folder = cls.__module__.removeprefix(LIBRARY).partition(".")[0]
     cls.suite = folder if cls.__module__.startswith(LIBRARY) else cls.suite or "own"
     if "seen" not in vars(cls) and (
         has_templates(name, cls.__module__) or not hasattr(cls, "seen")
     ):
         cls.seen, cls.unseen = read_templates(name, cls.__module__)
-    for split, templates, least in (
-        ("seen", cls.seen, cls.least_seen),
-        ("unseen", cls.unseen, cls.least_unseen),
-    ):
-        if len(templates) < least:
-            raise ValueError(
-                f"task {name!r} has {len(templates)} {split} templates: write at least {least}"
-            )
+    for split in ("seen", "unseen"):
+        count, least = len(getattr(cls, split)), getattr(cls, f"least_{split}")
+        if count < least:
+            raise ValueError(f"task {name!r} has {count} {split} templates: write at least {least}")
     TASKS.add(name, cls())
     return cls
 
 
 def _check_names(cls: type[Task], task: str) -> None:
-    own = {
-        name
-        for each in cls.__mro__
-        if is_outside(each)
-        for name in vars(each)
-        if not name.startswith("_")
-    }
-    known = {name for name in dir(Task) if not name.startswith("_")} | Task.__annotations__.keys()
-    for name in sorted(own - known):
+    own = {name for each in cls.__mro__ if is_outside(each) for name in vars(each)}
+    known = {*dir(Task), *Task.__annotations__}
+    for name in sorted(name for name in own - known if not name.startswith("_")):
         if close := get_close_matches(name, known - own, 1, 0.8):
-            fix = f"write {close[0]}, or _{name} for a name of your own"
-            raise OwnCodeError(
-                f"{line_of_class(cls, name)}: task {task}: has no attribute {name}: {fix}"
-            )
+            fix = f"has no attribute {name}: write {close[0]}, or _{name} for a name of your own"
+            raise OwnCodeError(f"{line_of_class(cls, name)}: task {task}: {fix}")
 
 
 def side_of(body: Body) -> str:

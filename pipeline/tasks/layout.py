@@ -12,15 +12,7 @@ from pipeline.poses import Pose, compose, yawed
 from pipeline.world.objects.contract import Family
 from pipeline.world.physics.body import Body, apart, outline_of
 
-from .contract import (
-    Draw,
-    Placement,
-    Region,
-    Task,
-    UndeclaredFamily,
-    family_of,
-    name_of,
-)
+from .contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, name_of
 
 TRIALS = 32  # layouts that are drawn to find the families of a task
 

@@ -4,15 +4,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
-from .sentences import (
-    CLAUSE,
-    MOVING,
-    Wording,
-    crowded,
-    nouns,
-    singular,
-    slots,
-)
+from .sentences import CLAUSE, MOVING, Wording, crowded, nouns, singular, slots
 
 MOTION = re.compile(
     r"\b(mov(?:es|ing)|on the move|in"

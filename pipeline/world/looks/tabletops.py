@@ -8,16 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from .textures import (
-    Field,
-    Rgba,
-    by_name,
-    fractal,
-    mix,
-    rgba,
-    shade,
-    value_noise,
-)
+from .textures import Field, Rgba, by_name, fractal, mix, rgba, shade, value_noise
 
 
 def grain(rng: Generator, size: int) -> Field:

@@ -55,10 +55,7 @@ def pedestal(base: Triple, half: float) -> Stand:
     width = half - 0.012
     foot = ((x - half, column_y - half, z - 0.018), (x + half, front, z))
     column = ((x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017))
-    plate = (
-        (x - half - 0.05, column_y - half - 0.06, 0),
-        (x + half + 0.05, column_y + half, 0.03),
-    )
+    plate = ((x - half - 0.05, column_y - half - 0.06, 0), (x + half + 0.05, column_y + half, 0.03))
     visual = painted(
         (CHARCOAL, [block(*foot, 0.003)]),
         (SILVER, [block(*column, 0.004)]),

@@ -13,7 +13,7 @@ from pipeline.expert.skills import (
     resting_poses,
     track,
 )
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 
@@ -24,7 +24,6 @@ class PutCanPot(Task):
 
     Success: the can lies in the middle of the upright pot, released."""
 
-    category = "tracking"
     target, manipulated = "pot", "can"
     motion = "turntable"
     limits = by_name(plane=Limit(0.07), height=Limit(0.03), lift=Limit(0.03))
@@ -32,13 +31,14 @@ class PutCanPot(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "can",
-            draw.one_of("can", "pill_bottle"),
-            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)),
+        yield draw.place("can", "can", "pill_bottle", x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
+        yield draw.place(
+            "pot",
+            x=(side * 0.02, side * 0.10),
+            y=(-0.18, 0.0),
+            yaw=(-3.14, 3.14),
+            distances={"can": 0.18},
         )
-        pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
-        yield Placement("pot", draw.one_of("pot"), pot, distances={"can": 0.18})
 
     def meet(self, a: Actor) -> Skills:
         arm, inside = a.arms["arm"], a.frame("pot", "inside")
@@ -76,11 +76,14 @@ class DropBallSwayingBowl(PutCanPot):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "ball", draw.one_of("play_ball"), Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
+        yield draw.place("ball", "play_ball", x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
+        yield draw.place(
+            "bowl",
+            x=(side * 0.02, side * 0.12),
+            y=(-0.18, 0.0),
+            yaw=(-3.14, 3.14),
+            distances={"ball": 0.16},
         )
-        bowl = Region(x=(side * 0.02, side * 0.12), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
-        yield Placement("bowl", draw.one_of("bowl"), bowl, distances={"ball": 0.16})
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -68,8 +68,16 @@ class StandHandedObject(StandOn):
 
     def layout(self, draw: Draw) -> Bodies:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.08, 0.14)
-        air = Region(x=(side * 0.05, side * 0.18), y=(-0.15, 0.0), yaw=(-3.14, 3.14), z=z)
-        yield Placement("object", draw.one_of("can", "pill_bottle"), air, borne=True)
+        yield draw.place(
+            "object",
+            "can",
+            "pill_bottle",
+            x=(side * 0.05, side * 0.18),
+            y=(-0.15, 0.0),
+            yaw=(-3.14, 3.14),
+            z=z,
+            borne=True,
+        )
         yield self.pad(draw, side, object=0.14)
 
 
@@ -86,10 +94,17 @@ class StandHangingMug(StandOn):
 
     def layout(self, draw: Draw) -> Bodies:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.06, 0.12)
-        air = Region(x=(side * 0.05, side * 0.15), y=(-0.15, -0.05), yaw=(-3.14, 3.14), z=z)
-        yield Placement("mug", draw.one_of("mug"), air, borne=True)
-        coaster = Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0))
-        yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"mug": 0.14})
+        yield draw.place(
+            "mug",
+            x=(side * 0.05, side * 0.15),
+            y=(-0.15, -0.05),
+            yaw=(-3.14, 3.14),
+            z=z,
+            borne=True,
+        )
+        yield draw.place(
+            "coaster", x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), distances={"mug": 0.14}
+        )
 
 
 @register
@@ -104,10 +119,8 @@ class StandRampCan(StandOn):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "can",
-            draw.one_of("can", "pill_bottle"),
-            Region(x=(side * 0.05, side * 0.15), y=(-0.18, -0.02)),
+        yield draw.place(
+            "can", "can", "pill_bottle", x=(side * 0.05, side * 0.15), y=(-0.18, -0.02)
         )
         yield self.pad(draw, side, y=0.05, can=0.15)
 
@@ -124,6 +137,12 @@ class StandTossedCube(StandOn):
 
     def layout(self, draw: Draw) -> Bodies:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.12, 0.20)
-        air = Region(x=(side * 0.05, side * 0.18), y=(-0.18, -0.05), yaw=(-0.7, 0.7), z=z)
-        yield Placement("cube", draw.one_of("rubiks_cube"), air)
+        yield draw.place(
+            "cube",
+            "rubiks_cube",
+            x=(side * 0.05, side * 0.18),
+            y=(-0.18, -0.05),
+            yaw=(-0.7, 0.7),
+            z=z,
+        )
         yield self.pad(draw, side, half=0.055, cube=0.14)

@@ -16,7 +16,6 @@ class WipeCirclingMat(Task):
 
     Success: touching the mat, the held block moves over it."""
 
-    category = "tracking"
     target, manipulated = "mat", "block"
     motion = "circle"
     limits = by_name(stroke=Limit(0.05), lift=Limit(0.03))
@@ -24,8 +23,9 @@ class WipeCirclingMat(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        block = Region(x=(side * 0.26, side * 0.32), y=(-0.20, 0.0), yaw=(-0.7, 0.7))
-        yield Placement("block", draw.one_of("wooden_block"), block)
+        yield draw.place(
+            "block", "wooden_block", x=(side * 0.26, side * 0.32), y=(-0.20, 0.0), yaw=(-0.7, 0.7)
+        )
         mat = draw.one_of("mat", half=(0.10, 0.08))
         where = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0))
         yield Placement("mat", mat, where, distances={"block": 0.18})

@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, pause, place, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -12,7 +12,6 @@ class CatchDroppedBall(Task):
 
     Success: the ball lies in the skillet, which is held off the table."""
 
-    category = "tracking"
     step_limit = 500
     target, manipulated, falls = "ball", "skillet", "ball"
     motion = "drop"
@@ -22,14 +21,15 @@ class CatchDroppedBall(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.14, 0.19)
-        yield Placement(
-            "skillet",
-            draw.one_of("skillet"),
-            Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.5, 0.5)),
-        )
-        air = Region(x=(side * 0.06, side * 0.16), y=(-0.18, -0.05), z=z)
-        yield Placement(
-            self.target, draw.one_of(self.falls), air, distances={"skillet": 0.10}, gap=0.0
+        yield draw.place("skillet", x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.5, 0.5))
+        yield draw.place(
+            self.target,
+            self.falls,
+            x=(side * 0.06, side * 0.16),
+            y=(-0.18, -0.05),
+            z=z,
+            distances={"skillet": 0.10},
+            gap=0.0,
         )
 
     def meet(self, a: Actor) -> Skills:

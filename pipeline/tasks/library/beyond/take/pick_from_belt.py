@@ -15,7 +15,6 @@ class PickFromBelt(Task):
 
     Success: the acting arm holds it above where they met, off the table."""
 
-    category = "interception"
     target = "product"
     motion = "conveyor"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
@@ -23,8 +22,16 @@ class PickFromBelt(Task):
     own_conditions = ()
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.22, 0.22), y=(-0.20, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.03)
-        yield Placement("product", draw.one_of("can", "sauce_can", "pill_bottle"), region)
+        yield draw.place(
+            "product",
+            "can",
+            "sauce_can",
+            "pill_bottle",
+            x=(-0.22, 0.22),
+            y=(-0.20, 0.0),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.03,
+        )
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], self.target)
@@ -69,8 +76,14 @@ class StopRollingBall(PickFromBelt):
     motion = "rolling"
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.25, 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.03)
-        yield Placement("ball", draw.one_of("play_ball"), region)
+        yield draw.place(
+            "ball",
+            "play_ball",
+            x=(-0.25, 0.25),
+            y=(-0.20, 0.0),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.03,
+        )
 
 
 @register
@@ -85,10 +98,17 @@ class TakeHandedObject(PickFromBelt):
 
     def layout(self, draw: Draw) -> Bodies:
         z = TABLE_TOP + draw.uniform(0.08, 0.14)
-        region = Region(
-            x=(-0.25, 0.25), y=(-0.18, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        yield draw.place(
+            "object",
+            "can",
+            "pill_bottle",
+            x=(-0.25, 0.25),
+            y=(-0.18, 0.0),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.05,
+            z=z,
+            borne=True,
         )
-        yield Placement("object", draw.one_of("can", "pill_bottle"), region, borne=True)
 
 
 @register
@@ -102,10 +122,15 @@ class CatchTossedBall(PickFromBelt):
 
     def layout(self, draw: Draw) -> Bodies:
         z = TABLE_TOP + draw.uniform(0.12, 0.20)
-        region = Region(
-            x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        yield draw.place(
+            "ball",
+            "play_ball",
+            x=(-0.25, 0.25),
+            y=(-0.20, -0.05),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.05,
+            z=z,
         )
-        yield Placement("ball", draw.one_of("play_ball"), region)
 
 
 @register

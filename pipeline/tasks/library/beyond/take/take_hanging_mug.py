@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, shift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -12,7 +12,6 @@ class TakeHangingMug(Task):
 
     Success: the acting arm holds it away from where they met, off the table."""
 
-    category = "interception"
     target = "mug"
     motion = "pendulum"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
@@ -21,10 +20,15 @@ class TakeHangingMug(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         z = TABLE_TOP + draw.uniform(0.06, 0.12)
-        region = Region(
-            x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.05, z=z
+        yield draw.place(
+            "mug",
+            x=(-0.25, 0.25),
+            y=(-0.20, -0.05),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.05,
+            z=z,
+            borne=True,
         )
-        yield Placement("mug", draw.one_of("mug"), region, borne=True)
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], "mug", kinds=("side",))

@@ -4,7 +4,7 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -19,7 +19,6 @@ class AdjustBottle(Task):
 
     Success: the bottle is held upright above the table, its cap out on the arm's side."""
 
-    category = "interception"
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
     limits = by_name(
@@ -30,10 +29,13 @@ class AdjustBottle(Task):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         inwards = 0.0 if side < 0 else np.pi
-        region = Region(
-            x=(side * 0.08, side * 0.12), y=(-0.13, -0.08), yaw=(inwards - 0.4, inwards + 0.4)
+        yield draw.place(
+            "bottle",
+            "lying_bottle",
+            x=(side * 0.08, side * 0.12),
+            y=(-0.13, -0.08),
+            yaw=(inwards - 0.4, inwards + 0.4),
         )
-        yield Placement("bottle", draw.one_of("lying_bottle"), region)
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], "bottle", goals=[list(self._raised(a))])

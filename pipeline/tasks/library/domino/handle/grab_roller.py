@@ -2,7 +2,7 @@ from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, together
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
 
@@ -13,18 +13,13 @@ class GrabRoller(Task):
 
     Success: both arms hold the roller, grippers commanded to be closed, above where it lay."""
 
-    category = "interception"
     target = "roller"
     workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
     limits = by_name(rise=Limit(0.06, 0.05))
     own_conditions = ()
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "roller",
-            draw.one_of("roller"),
-            Region(x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8)),
-        )
+        yield draw.place("roller", x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"left": "left", "right": "right"}

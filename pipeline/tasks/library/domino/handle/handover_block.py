@@ -15,7 +15,7 @@ from pipeline.expert.skills import (
     together,
     upright_goal,
 )
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
 
@@ -29,7 +29,6 @@ class HandoverBlock(Task):
 
     Success: the block rests upright on the middle of the pad, released."""
 
-    category = "interception"
     step_limit = 800
     target = "block"
     limits = by_name(
@@ -38,14 +37,8 @@ class HandoverBlock(Task):
     own_conditions = ("upright", "on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.15, 0.20)), fixed=True
-        )
-        yield Placement(
-            "block",
-            draw.one_of("long_block"),
-            Region(x=(-0.25, -0.05), y=(0.0, 0.25), yaw=(-0.2, 0.2)),
-        )
+        yield draw.place("pad", x=(0.10, 0.25), y=(0.15, 0.20), fixed=True)
+        yield draw.place("block", "long_block", x=(-0.25, -0.05), y=(0.0, 0.25), yaw=(-0.2, 0.2))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"giver": "left", "receiver": "right"}

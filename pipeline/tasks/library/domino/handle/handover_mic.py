@@ -3,17 +3,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
 from pipeline.poses import yawed
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -27,15 +17,15 @@ class HandoverMic(Task):
 
     Success: the receiver alone holds the microphone, its head up on the receiver's side."""
 
-    category = "interception"
     step_limit = 600
     target = "microphone"
     limits = by_name(head=Limit(0.18), lift=Limit(0.03))
     own_conditions = ("released_by_giver", "held")
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.20)
-        yield Placement("microphone", draw.one_of("microphone"), region)
+        yield draw.place(
+            "microphone", x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.20
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         giver = side_of(bodies["microphone"])

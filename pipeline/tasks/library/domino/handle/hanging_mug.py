@@ -12,7 +12,7 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import frame, inverse, quat_rotate, transform
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -29,22 +29,15 @@ class HangingMug(Task):
     Success: the peg passes through the hole of the handle, and the mug hangs on the rack,
     released."""
 
-    category = "interception"
     step_limit = 900
     target = "mug"
     limits = by_name(axis=Limit(0.03), peg=Limit(0.05), hole=Limit(0.09), lift=Limit(0.03))
     own_conditions = ("on_peg_axis", "between_root_and_tip", "off_table", "released")
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "rack",
-            draw.one_of("rack"),
-            Region(x=(0.10, 0.30), y=(0.13, 0.17), yaw=(-0.2, 0.2)),
-            fixed=True,
-        )
+        yield draw.place("rack", x=(0.10, 0.30), y=(0.13, 0.17), yaw=(-0.2, 0.2), fixed=True)
         x = draw.uniform(-0.25, -0.10)
-        mug = Region(x=(x, x), y=(-0.05, 0.05 if x <= -0.15 else 0.0), yaw=(-1.57, 1.57))
-        yield Placement("mug", draw.one_of("mug"), mug)
+        yield draw.place("mug", x=(x, x), y=(-0.05, 0.05 if x <= -0.15 else 0.0), yaw=(-1.57, 1.57))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"catcher": "left", "hanger": "right"}

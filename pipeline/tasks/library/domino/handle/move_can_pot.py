@@ -5,7 +5,7 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -17,7 +17,6 @@ class MoveCanPot(Task):
 
     Success: the can rests upright beside the pot on that side, released."""
 
-    category = "interception"
     target = "can"
     workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
     limits = by_name(
@@ -30,13 +29,16 @@ class MoveCanPot(Task):
     own_conditions = ("on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "pot",
-            draw.one_of("pot"),
-            Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)),
+        yield draw.place("pot", x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8))
+        yield draw.place(
+            "can",
+            "sauce_can",
+            x=(-0.30, 0.30),
+            y=(0.05, 0.15),
+            yaw=(-0.79, 0.79),
+            away_from_centre=0.20,
+            distances={"pot": 0.30},
         )
-        can = Region(x=(-0.30, 0.30), y=(0.05, 0.15), yaw=(-0.79, 0.79), away_from_centre=0.20)
-        yield Placement("can", draw.one_of("sauce_can"), can, distances={"pot": 0.30})
 
     def meet(self, a: Actor) -> Skills:
         goals = resting_poses(a.frames("can")["base"], self._beside(a), ROUND)

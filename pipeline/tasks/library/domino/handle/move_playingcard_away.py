@@ -3,7 +3,7 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -15,15 +15,20 @@ class MovePlayingcardAway(Task):
 
     Success: the deck rests flat on the table far out on that side, released."""
 
-    category = "interception"
     target = "cards"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
     limits = by_name(out=Limit(0.23), tilt=Limit(0.26, unit="rad"), lift=Limit(0.02))
     own_conditions = ("on_arm_side", "upright", "on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.10, 0.10), y=(-0.20, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.05)
-        yield Placement("cards", draw.one_of("playing_cards"), region)
+        yield draw.place(
+            "cards",
+            "playing_cards",
+            x=(-0.10, 0.10),
+            y=(-0.20, 0.05),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.05,
+        )
 
     def meet(self, a: Actor) -> Skills:
         goals = resting_poses(a.frames("cards")["base"], self._aside(a), ROUND)

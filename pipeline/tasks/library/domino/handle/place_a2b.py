@@ -34,7 +34,6 @@ class PlaceBeside(Task):
     """Object A moves, object B, of another kind, lies still. `direction` is -1 where A shall come
     to stand left of B, +1 right."""
 
-    category = "interception"
     target = "a"
     workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
     direction: ClassVar[int]

@@ -5,7 +5,7 @@ from pipeline.expert.candidates import lifted
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -17,7 +17,6 @@ class RotateQrcode(Task):
 
     Success: the sign rests at its place on the arm's side, turned to the robot, released."""
 
-    category = "interception"
     target = "sign"
     workspace = Workspace(-0.35, 0.35, -0.20, 0.15)
     limits = by_name(
@@ -26,8 +25,14 @@ class RotateQrcode(Task):
     own_conditions = ("centred", "on_table", "at_rest", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.20, 0.20), y=(-0.20, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
-        yield Placement("sign", draw.one_of("qr_sign"), region)
+        yield draw.place(
+            "sign",
+            "qr_sign",
+            x=(-0.20, 0.20),
+            y=(-0.20, 0.0),
+            yaw=(-0.7, 0.7),
+            away_from_centre=0.05,
+        )
 
     def meet(self, a: Actor) -> Skills:
         goals = resting_poses(a.frames("sign")["base"], self._goal(a.arms), (0.0,))

@@ -14,17 +14,7 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -42,7 +32,6 @@ class ScanObject(Task):
     Success: the middle of the box is on the ray out of the scanner's window, near it, both held
     up."""
 
-    category = "interception"
     step_limit = 500
     target = "box"
     limits = by_name(plane=Limit(0.025), far=Limit(0.07), rise=Limit(0.05), lift=Limit(0.03))
@@ -50,12 +39,20 @@ class ScanObject(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        scanner = Region(
-            x=(side * 0.05, side * 0.25), y=(-0.15, -0.05), yaw=(np.pi - 1.2, np.pi + 1.2)
+        yield draw.place(
+            "scanner",
+            x=(side * 0.05, side * 0.25),
+            y=(-0.15, -0.05),
+            yaw=(np.pi - 1.2, np.pi + 1.2),
         )
-        yield Placement("scanner", draw.one_of("scanner"), scanner)
-        box = Region(x=(side * -0.25, side * -0.05), y=(-0.20, 0.0), yaw=(-1.2, 1.2))
-        yield Placement("box", draw.one_of("tea_box"), box, gap=0.05)
+        yield draw.place(
+            "box",
+            "tea_box",
+            x=(side * -0.25, side * -0.05),
+            y=(-0.20, 0.0),
+            yaw=(-1.2, 1.2),
+            gap=0.05,
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["box"])

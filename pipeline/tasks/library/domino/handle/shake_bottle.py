@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, shake
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.families.goods.bottles import BODY
 
@@ -13,7 +13,6 @@ class ShakeBottle(Task):
 
     Success: the bottle is held up, upright, and swung often and wide enough."""
 
-    category = "interception"
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
@@ -26,8 +25,7 @@ class ShakeBottle(Task):
     own_conditions = ("held", "upright", "shaken")
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-0.79, 0.79))
-        yield Placement("bottle", draw.one_of("bottle"), region)
+        yield draw.place("bottle", x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-0.79, 0.79))
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], "bottle", kinds=BODY, pitch=0.3)

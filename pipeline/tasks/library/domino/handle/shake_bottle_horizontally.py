@@ -4,7 +4,7 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, rock
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.goods.bottles import BODY
 from pipeline.world.physics.body import TABLE_TOP
@@ -29,7 +29,6 @@ class ShakeBottleHorizontally(Task):
 
     Success: the bottle is held up, level, and was rocked often and wide enough."""
 
-    category = "interception"
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
@@ -42,8 +41,7 @@ class ShakeBottleHorizontally(Task):
     own_conditions = ("held", "level", "shaken")
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.20, 0.20), y=(-0.15, -0.05), yaw=(-0.79, 0.79))
-        yield Placement("bottle", draw.one_of("bottle"), region)
+        yield draw.place("bottle", x=(-0.20, 0.20), y=(-0.15, -0.05), yaw=(-0.79, 0.79))
 
     def meet(self, a: Actor) -> Skills:
         goals = [list(self._tipped(a, lean)[0]) for lean in (0.0, 0.6, -0.6)]

@@ -1,17 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -23,18 +13,14 @@ class BeatBlockHammer(Task):
     Success: where they touch, hammer face and block top are close in the plane, the held hammer
     over the table."""
 
-    category = "tracking"
     target, manipulated = "block", "hammer"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
     limits = by_name(plane=Limit(0.02, 0.04), strike_height=Limit(0.02, 0.017), lift=Limit(0.02))
     own_conditions = ("held",)
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(1.4, 1.7))
-        )
-        block = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-0.5, 0.5))
-        yield Placement("block", draw.one_of("block"), block)
+        yield draw.place("hammer", x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(1.4, 1.7))
+        yield draw.place("block", x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-0.5, 0.5))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["block"])}

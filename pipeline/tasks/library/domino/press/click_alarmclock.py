@@ -1,5 +1,5 @@
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
 
 from .press import Press
 
@@ -15,5 +15,11 @@ class ClickAlarmclock(Press):
     limits = by_name(plane=Limit(0.027), height=Limit(0.027))
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)
-        yield Placement("clock", draw.one_of("alarm_clock"), region)
+        yield draw.place(
+            "clock",
+            "alarm_clock",
+            x=(-0.21, 0.21),
+            y=(-0.20, 0.10),
+            yaw=(-3.14, 3.14),
+            away_from_centre=0.05,
+        )

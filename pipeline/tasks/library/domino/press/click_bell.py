@@ -1,5 +1,5 @@
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
 
 from .press import Press
 
@@ -15,5 +15,4 @@ class ClickBell(Press):
     limits = by_name(plane=Limit(0.02), height=Limit(0.024))
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), away_from_centre=0.05)
-        yield Placement("bell", draw.one_of("bell"), region)
+        yield draw.place("bell", x=(-0.21, 0.21), y=(-0.20, 0.10), away_from_centre=0.05)

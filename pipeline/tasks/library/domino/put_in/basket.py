@@ -11,7 +11,6 @@ class IntoBasket(Task):
     """The target is caught by the `arm` beside it and put in the body "basket", which the `lifter`
     holds up."""
 
-    category = "interception"
     step_limit = 700
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
     limits = by_name(

@@ -47,7 +47,6 @@ class DumpBinBigbin(Task):
 
     Success: every ball is at the bottom of the big bin, and the left arm holds the table bin up."""
 
-    category = "interception"
     step_limit = 600
     target = "bin"
     limits = by_name(rise=Limit(0.26), depth=Limit(0.12))
@@ -57,15 +56,16 @@ class DumpBinBigbin(Task):
         big = draw.one_of("big_bin")
         out = -0.602 - float(big.shape().aabb()[1, 0])
         yield Placement("big_bin", big, Region(x=(out, out), y=(-0.12, -0.08), z=0.0), fixed=True)
-        where = Region(x=(-0.20, 0.20), y=(-0.20, -0.05), yaw=(-0.37, 0.37), away_from_centre=0.05)
-        yield Placement("bin", draw.one_of("table_bin"), where)
+        yield draw.place(
+            "bin",
+            "table_bin",
+            x=(-0.20, 0.20),
+            y=(-0.20, -0.05),
+            yaw=(-0.37, 0.37),
+            away_from_centre=0.05,
+        )
         for i, (x, y) in enumerate(BALLS):
-            yield Placement(
-                f"ball_{i + 1}",
-                draw.one_of("ball"),
-                Region(x=(x, x), y=(y, y), z=0.005),
-                inside="bin",
-            )
+            yield draw.place(f"ball_{i + 1}", "ball", x=(x, x), y=(y, y), z=0.005, inside="bin")
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["bin"]), "pourer": "left"}

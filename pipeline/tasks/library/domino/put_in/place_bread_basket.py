@@ -6,7 +6,7 @@ from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 DROPS = (0.0, 0.03, 0.06)  # m above the floor at which the bread may be let go, the lowest in reach
@@ -21,7 +21,6 @@ class PlaceBreadBasket(Task):
 
     Success: the bread rests in the middle of the basket, off the table, released."""
 
-    category = "tracking"
     step_limit = 700
     target, manipulated = "basket", "bread"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
@@ -29,10 +28,17 @@ class PlaceBreadBasket(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        bread = Region(x=(side * 0.15, side * 0.27), y=(-0.20, 0.05), yaw=(-np.pi / 4, np.pi / 4))
-        yield Placement("bread", draw.one_of("bread"), bread)
-        basket = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-3.14, 3.14))
-        yield Placement("basket", draw.one_of("bread_basket"), basket, distances={"bread": 0.10})
+        yield draw.place(
+            "bread", x=(side * 0.15, side * 0.27), y=(-0.20, 0.05), yaw=(-np.pi / 4, np.pi / 4)
+        )
+        yield draw.place(
+            "basket",
+            "bread_basket",
+            x=(-0.25, 0.25),
+            y=(-0.05, 0.15),
+            yaw=(-3.14, 3.14),
+            distances={"bread": 0.10},
+        )
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -14,17 +14,7 @@ from pipeline.expert.skills import (
     retreat,
 )
 from pipeline.poses import Pose, compose, yawed
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -42,7 +32,6 @@ class PlaceBreadSkillet(Task):
 
     Success: the bread rests in the middle of the held pan, released, both lifted."""
 
-    category = "interception"
     step_limit = 500
     target = "bread"
     limits = by_name(plane=Limit(0.035, 0.10), rise=Limit(0.02, 0.01), lift=Limit(0.03))
@@ -50,10 +39,12 @@ class PlaceBreadSkillet(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        skillet = Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-np.pi / 6, np.pi / 6))
-        yield Placement("skillet", draw.one_of("skillet"), skillet)
-        bread = Region(x=(side * -0.28, side * -0.20), y=(-0.20, 0.05), yaw=(-np.pi / 4, np.pi / 4))
-        yield Placement("bread", draw.one_of("bread"), bread)
+        yield draw.place(
+            "skillet", x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-np.pi / 6, np.pi / 6)
+        )
+        yield draw.place(
+            "bread", x=(side * -0.28, side * -0.20), y=(-0.20, 0.05), yaw=(-np.pi / 4, np.pi / 4)
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         pan = side_of(bodies["skillet"])

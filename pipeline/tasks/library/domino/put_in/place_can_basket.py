@@ -1,6 +1,6 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import Bodies, Draw, register
 
 from .basket import IntoBasket
 
@@ -16,14 +16,8 @@ class PlaceCanBasket(IntoBasket):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05))
-        )
-        yield Placement(
-            "can",
-            draw.one_of("can"),
-            Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)),
-        )
+        yield draw.place("basket", x=(side * -0.02, side * 0.02), y=(-0.08, -0.05))
+        yield draw.place("can", x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14))
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -3,7 +3,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.candidates import lifted
 from pipeline.expert.skills import grasp, lift, place, resting_poses
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import Bodies, Draw, register
 
 from .basket import IntoBasket
 
@@ -24,13 +24,15 @@ class PlaceObjectBasket(IntoBasket):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "basket",
-            draw.one_of("basket"),
-            Region(x=(side * -0.02, side * -0.02), y=(-0.08, -0.05)),
+        yield draw.place("basket", x=(side * -0.02, side * -0.02), y=(-0.08, -0.05))
+        yield draw.place(
+            "object",
+            "playing_cards",
+            "toy_car",
+            x=(side * 0.20, side * 0.25),
+            y=(-0.10, 0.10),
+            yaw=(-0.52, 0.52),
         )
-        item = Region(x=(side * 0.20, side * 0.25), y=(-0.10, 0.10), yaw=(-0.52, 0.52))
-        yield Placement("object", draw.one_of("playing_cards", "toy_car"), item)
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -15,17 +15,7 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.goods.bottles import BODY
 from pipeline.world.physics.body import TABLE_TOP, Body
@@ -38,7 +28,6 @@ class PutBottlesDustbin(Task):
 
     Success: the bottle is below the rim and within the outline of the dustbin, released."""
 
-    category = "interception"
     step_limit = 1700
     target = "bottle"
     limits = by_name(
@@ -51,14 +40,8 @@ class PutBottlesDustbin(Task):
     own_conditions = ("below_rim", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Bodies:
-        yield Placement(
-            "dustbin",
-            draw.one_of("dustbin"),
-            Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0),
-            fixed=True,
-        )
-        bottle = Region(x=(-0.25, 0.30), y=(0.03, 0.23), away_from_centre=0.05)
-        yield Placement("bottle", draw.one_of("bottle"), bottle)
+        yield draw.place("dustbin", x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0, fixed=True)
+        yield draw.place("bottle", x=(-0.25, 0.30), y=(0.03, 0.23), away_from_centre=0.05)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["bottle"]), "dropper": "left"}

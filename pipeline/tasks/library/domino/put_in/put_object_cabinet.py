@@ -57,7 +57,6 @@ class PutObjectCabinet(Task):
 
     Success: the object is in the open part of the open drawer, off the table, released."""
 
-    category = "interception"
     step_limit = 700
     target = "object"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.03)
@@ -87,8 +86,9 @@ class PutObjectCabinet(Task):
         slot = Region(x=(0.0, 0.0), y=(0.0, 0.0), z=float(cabinet.slot()[2]))
         yield Placement("drawer", cabinet.drawer(), slot, inside="cabinet", slide=cabinet.slide())
         side = draw.side()
-        item = Region(x=(side * 0.20, side * 0.32), y=(-0.20, -0.10), yaw=(-1.05, 1.05))
-        yield Placement("object", draw.one_of(*OBJECTS), item)
+        yield draw.place(
+            "object", *OBJECTS, x=(side * 0.20, side * 0.32), y=(-0.20, -0.10), yaw=(-1.05, 1.05)
+        )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["object"])

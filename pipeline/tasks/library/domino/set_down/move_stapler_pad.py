@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
 
 from .set_down import SetDown
 
@@ -27,7 +27,6 @@ class MoveStaplerPad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        stapler = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
-        yield Placement("stapler", draw.one_of("stapler"), stapler)
+        yield draw.place("stapler", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0))
         yield self.pad(draw, pad, gap=0.03, distances={"stapler": 0.10})

@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 from .set_down import SetDown
@@ -19,13 +19,10 @@ class PlaceEmptyCup(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "cup",
-            draw.one_of("cup"),
-            Region(x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14)),
+        yield draw.place("cup", x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
+        yield draw.place(
+            "coaster", x=(side * -0.05, side * 0.10), y=(-0.20, 0.05), distances={"cup": 0.10}
         )
-        coaster = Region(x=(side * -0.05, side * 0.10), y=(-0.20, 0.05))
-        yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"cup": 0.10})
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

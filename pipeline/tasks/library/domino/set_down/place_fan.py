@@ -4,7 +4,7 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.candidates import lifted
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
 
 from .set_down import SetDown
 
@@ -24,11 +24,7 @@ class PlaceFan(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "fan",
-            draw.one_of("fan"),
-            Region(x=(0.0, side * 0.10), y=(-0.15, -0.05), yaw=(-np.pi, np.pi)),
-        )
+        yield draw.place("fan", x=(0.0, side * 0.10), y=(-0.15, -0.05), yaw=(-np.pi, np.pi))
         yield self.pad(draw, Region(x=(-0.25, 0.25), y=(-0.20, 0.0)))
 
     def meet(self, a: Actor) -> Skills:

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 from .set_down import SetDown
@@ -27,8 +27,7 @@ class PlaceMousePad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        mouse = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
-        yield Placement("mouse", draw.one_of("mouse"), mouse)
+        yield draw.place("mouse", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0))
         yield self.pad(draw, pad, gap=0.03, distances={"mouse": 0.10})
 

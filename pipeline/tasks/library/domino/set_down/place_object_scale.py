@@ -18,12 +18,7 @@ class PlaceObjectScale(SetDown):
         side = draw.side()
         item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
         yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
-        yield Placement(
-            "scale",
-            draw.one_of("scale"),
-            Region(x=item.x, y=item.y, yaw=(-3.14, 3.14)),
-            distances={"object": 0.15},
-        )
+        yield draw.place("scale", x=item.x, y=item.y, yaw=(-3.14, 3.14), distances={"object": 0.15})
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -21,5 +21,11 @@ class PlaceObjectStand(SetDown):
         kind = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
         item = Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-np.pi / 3, np.pi / 3))
         yield Placement("object", kind, item)
-        stand = Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-np.pi / 6, np.pi / 6))
-        yield Placement("stand", draw.one_of("display_stand"), stand, distances={"object": 0.10})
+        yield draw.place(
+            "stand",
+            "display_stand",
+            x=(0.0, side * 0.05),
+            y=(-0.15, -0.10),
+            yaw=(-np.pi / 6, np.pi / 6),
+            distances={"object": 0.10},
+        )

@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 from .set_down import SetDown
@@ -24,14 +24,14 @@ class PlacePhoneStand(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "phone",
-            draw.one_of("phone"),
-            Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-0.7, 0.7)),
-        )
-        stand = Region(x=(0.0, side * 0.15), y=(0.0, 0.20))
-        yield Placement(
-            "stand", draw.one_of("phone_stand"), stand, gap=0.03, distances={"phone": 0.15}
+        yield draw.place("phone", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-0.7, 0.7))
+        yield draw.place(
+            "stand",
+            "phone_stand",
+            x=(0.0, side * 0.15),
+            y=(0.0, 0.20),
+            gap=0.03,
+            distances={"phone": 0.15},
         )
 
     def meet(self, a: Actor) -> Skills:

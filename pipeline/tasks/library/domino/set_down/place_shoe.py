@@ -32,13 +32,13 @@ class PlaceShoe(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        shoe = Region(
+        yield draw.place(
+            "shoe",
             x=(side * 0.22, side * 0.25),
             y=(-0.10, 0.05),
             yaw=(-np.pi, np.pi),
             away_from_origin=0.25,
         )
-        yield Placement("shoe", draw.one_of("shoe"), shoe)
         yield Placement(
             "mat",
             draw.one_of("mat", half=self.sizes["mat"].under(draw.rules)),

@@ -16,7 +16,6 @@ class SetDown(Task):
     "plane" (m, per axis) and "height" of the base over that frame; "angle" between the two, as good
     after each of `turns` equal parts of a turn; "tilt" of the body."""
 
-    category = "tracking"
     onto: ClassVar[str] = "centre"
     yaws: ClassVar[Sequence[float]] = ROUND
     turns: ClassVar[int] = 1

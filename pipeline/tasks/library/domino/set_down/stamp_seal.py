@@ -1,13 +1,4 @@
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    by_name,
-    register,
-    side_of,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
 
@@ -34,9 +25,7 @@ class StampSeal(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "stamp", draw.one_of("seal"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14))
-        )
+        yield draw.place("stamp", "seal", x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14))
         pad = Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10)
         yield self.pad(draw, pad, gap=0.03)
 
