@@ -18,7 +18,17 @@ from .lines import line_of
 from .policies.files import digest_of, expected_actions, module_of, name_actions
 from .policies.lerobot import LerobotForm
 from .policies.policy import NoAnswer, Policy, PolicyError, PolicyName
-from .policies.reference import Chaser, Interceptor, Random, ReplayPolicy, Static, Still, Tapper
+from .policies.reactive import Reactive
+from .policies.reference import (
+    Blind,
+    Chaser,
+    Interceptor,
+    Random,
+    ReplayPolicy,
+    Static,
+    Still,
+    Tapper,
+)
 from .policies.robotwin import RobotwinForm
 from .policies.xpolicylab import XPolicyLabForm
 from .serving import groot, starvla
@@ -57,6 +67,8 @@ for _name, _policy in (
     ("interceptor", Interceptor),
     ("random", Random),
     ("still", Still),
+    ("blind", Blind),
+    ("reactive", Reactive),
 ):
     POLICIES.add(_name, _policy)
 

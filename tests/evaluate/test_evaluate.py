@@ -83,6 +83,9 @@ def without_times(row):
         ("interceptor", 1, True),
         ("interceptor", 3, False),
         ("interceptor:delay=0.8", 1, False),
+        ("interceptor:foresight=1", 3, True),
+        ("reactive", 3, True),
+        ("blind", 1, False),
         ("random", 1, False),
     ],
 )
@@ -126,6 +129,8 @@ def test_overlap_takes_the_latency_out_of_a_policy_that_plans_ahead(tmp_path):
 
 def test_the_same_episode_gives_the_same_numbers_and_latency_changes_them():
     clock = "latency:normal:60:20"
+    again = [without_times(episode("reactive:delay=0.1,noise=0.002", 3)) for _ in range(2)]
+    assert again[0] == again[1]
     first, second = (without_times(episode("replay", 1, clock)) for _ in range(2))
     assert first == second
     assert first["seconds"] > without_times(episode("replay", 1))["seconds"]

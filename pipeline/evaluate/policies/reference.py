@@ -1,101 +1,22 @@
 """Reference policies without training. All but `random` and `still` are shown the simulation."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from contextlib import suppress
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.data.clock import PHYSICS_HZ
-from pipeline.data.setup.rules import Rules
-from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.scenes.case import Case, expert_actions
+from pipeline.evaluate.scenes.case import Case, expert, expert_actions
 from pipeline.evaluate.scenes.trial import Trial
-from pipeline.expert.actor import Actor, Skill
-from pipeline.motion.planar import PlanarMotion
-from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner
-from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.poses import Floats, Pose
 from pipeline.stages.failure import Failure
-from pipeline.stages.scene import Scene
 
 from .policy import LONGEST_CHUNK, Observation, PolicyError, Start
-
-
-@dataclass(frozen=True, eq=False)
-class Rehearsal:
-    """The first half of a script for a target at `aim` (7,). `actions` (T,A) are one a control
-    period; `meeting` (s) is the first touch, or the end; `held` what was in which hand then."""
-
-    aim: Pose
-    actions: Floats
-    last_skill: int
-    meeting: float
-    held: dict[str, str]
-
-
-def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
-    """Plan and run `meet` with the target at `aim` (7,); None without a plan."""
-    return _rehearse(_SceneKey(scene.spec, scene.rules, scene), tuple(map(float, aim)), fps)
-
-
-@dataclass(frozen=True)
-class _SceneKey:
-    spec: EpisodeSpec
-    rules: Rules
-    scene: Scene = field(compare=False)
-
-
-@lru_cache(maxsize=32)
-def _rehearse(key: _SceneKey, at: tuple[float, ...], fps: int) -> Rehearsal | None:
-    scene, aim, task = key.scene, np.array(at), key.scene.task
-    try:
-        # the expert's own stream: with the target at the manipulation pose this is its plan
-        actor = with_target_at(scene, aim).start(PlanarMotion.still(aim, 1.0), fps, "dry_run")
-        began = 0
-        for skill in task.meet(actor):
-            began = actor.simulation.steps
-            actor.perform(skill)
-    except (Failure, PlanFailure):
-        return None
-    actions = at_control_rate(np.array(actor.stream.commands), PHYSICS_HZ // fps)
-    actions.setflags(write=False)
-    met = (e.time for e in actor.simulation.events if e.name == "meeting")
-    meeting = next(met, actor.simulation.time)
-    return Rehearsal(aim, actions, began // (PHYSICS_HZ // fps), meeting, dict(actor.held))
-
-
-def with_target_at(scene: Scene, aim: Pose) -> Scene:
-    """The target, and what lies in it, moved to `aim` (7,)."""
-    target, bodies = scene.task.target, dict(scene.bodies)
-    moved = compose(aim, inverse(bodies[target].pose))
-    for name, body in scene.bodies.items():
-        if target in (name, body.inside):
-            bodies[name] = replace(body, pose=compose(moved, body.pose))
-    return replace(scene, bodies=bodies)
-
-
-def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Motions, actions (N,A). Ask for the next only after the last was executed."""
-    try:
-        for skill in skills:
-            for step in skill(actor):
-                yield at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
-    except PlanFailure:
-        return
-
-
-def at_control_rate(commands: Floats, every: int) -> Floats:
-    """The last of every `every` rows (N,A)."""
-    index = np.minimum(np.arange(every, len(commands) + every, every), len(commands)) - 1
-    return commands[index]
-
-
-FIRST_GUESSES = (2.0, 1.0, 3.0)
-"""s; when the robot may meet the target: its place then may be out of reach."""
+from .rehearsal import Rehearsal, guess_roles, live, meeting_plan, rehearse, sight_of
 
 
 class _Stream:
@@ -133,30 +54,65 @@ class ReplayPolicy(_Stream):
         self._motions = iter([expert_actions(case)])
 
 
-class Static(_Stream):
-    """The expert plans for the target at the start; what comes after the meeting is live."""
+class Blind(_Stream):
+    """The expert's actions in another scene of the same cell: what is typical of the task."""
+
+    OTHERS = 20  # scenes tried until the expert solves one
 
     def see(self, trial: Trial, case: Case) -> None:
-        self._motions = _open_loop(trial, _plan_as_it_stands(trial))
+        for number in range(1, self.OTHERS + 1):
+            with suppress(Failure):
+                other = replace(case.spec, seed=case.spec.seed + number * 7919, arm="")
+                log = expert(other, case.setup).replay.log
+                self._motions = iter([log.action[:-1]])
+                return
 
 
 class Interceptor(_Stream):
     """The expert assumes that the target keeps the velocity it has at the start, known to `noise` m
     (a third of it in m/s). For the first `delay` s it holds still, then takes what it saw at the
-    start for the present."""
+    start for the present. Without its `cue` it guesses which of several like bodies is asked for.
+    With `foresight` it knows the motion."""
 
-    def __init__(self, noise: float = 0.0, delay: float = 0.0, chunk: float = 1) -> None:
+    MOVING = True
+
+    def __init__(
+        self,
+        noise: float = 0.0,
+        delay: float = 0.0,
+        chunk: float = 1,
+        cue: float = 1,
+        foresight: float = 0,
+    ) -> None:
         super().__init__(chunk)
-        self._noise, self._delay = noise, delay
+        self._noise, self._delay, self._cue, self._foresight = noise, delay, cue, foresight
 
     def see(self, trial: Trial, case: Case) -> None:
         rng = np.random.default_rng([case.spec.seed, 1])
-        at = trial.simulation.pose(trial.scene.task.target)
-        velocity = trial.simulation.target_twist()[:3].copy()
+        seen, asked = trial.scene, trial.scene.task.target
+        if not self._cue:
+            seen, asked = guess_roles(seen, case.spec.seed)
+        at, velocity = sight_of(trial, asked)
         at[:2] += rng.normal(0, 1, 2) * self._noise
         velocity[:2] += rng.normal(0, 1, 2) * self._noise / 3
-        plan = _meeting_plan(trial, at, velocity)
-        self._motions = _open_loop(trial, plan, self._delay)
+        velocity *= self.MOVING
+
+        def ahead(seconds: float) -> Pose:
+            if self._foresight:
+                return trial.motion.pose(trial.time + seconds)
+            return np.concatenate([at[:3] + velocity * seconds, at[3:]])
+
+        plan = meeting_plan(seen, trial.fps, ahead)
+        self._motions = _open_loop(trial, plan, self._delay, ends=seen is not trial.scene)
+
+
+class Static(Interceptor):
+    """The expert plans for the target at the start; what comes after the meeting is live."""
+
+    MOVING = False
+
+    def __init__(self, chunk: float = 1, cue: float = 1) -> None:
+        super().__init__(chunk=chunk, cue=cue)
 
 
 class Chaser(_Stream):
@@ -216,21 +172,6 @@ def _plan_as_it_stands(trial: Trial) -> Rehearsal | None:
     return rehearse(trial.scene, trial.simulation.pose(trial.scene.task.target), trial.fps)
 
 
-def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
-    """The rehearsal, within 2 mm, for a target at `at` (7,) with this velocity (3,), or None."""
-
-    def ahead(seconds: float) -> Pose:
-        return np.concatenate([at[:3] + velocity * seconds, at[3:]])
-
-    tried = (rehearse(trial.scene, ahead(guess), trial.fps) for guess in FIRST_GUESSES)
-    plan = next((rehearsal for rehearsal in tried if rehearsal), None)
-    for _ in range(5):
-        if plan is None or np.linalg.norm(ahead(plan.meeting)[:3] - plan.aim[:3]) < 0.002:
-            break
-        plan = rehearse(trial.scene, ahead(plan.meeting), trial.fps) or plan
-    return plan
-
-
 class Still:
     def reset(self, start: Start) -> None:
         self._at: Floats | None = None
@@ -257,13 +198,16 @@ class Random:
         return self._at
 
 
-def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
-    """The rehearsed motion after `delay` s, then the rest."""
+def _open_loop(
+    trial: Trial, plan: Rehearsal | None, delay: float = 0.0, *, ends: bool = False
+) -> Iterator[Floats]:
+    """The rehearsed motion after `delay` s, then the rest unless it `ends` there."""
     if plan is None:
         return
     yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)
     yield plan.actions
-    yield from _finish(trial, plan)
+    if not ends:
+        yield from _finish(trial, plan)
 
 
 def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:

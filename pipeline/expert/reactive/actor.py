@@ -74,13 +74,17 @@ class ReactiveActor(Actor):
 
     def _look(self) -> None:
         now, seen = self.simulation.time, self.simulation.pose(self.simulation.target)
-        script = self.simulation.script
-        hidden = script is not None and script.hides(seen[:3], now)
+        hidden = self.is_hidden(seen[:3])
         seen[:3] += self._sight_rng.normal(0.0, 1.0, 3) * self.sight.noise
         if not hidden:
             self._late.append((now, seen))
         while self._late and self._late[0][0] <= now - self.sight.delay + 1e-9:
             self.track.see(*self._late.pop(0))
+
+    def is_hidden(self, point: Floats) -> bool:
+        """Whether an event hides a world point (3,) now."""
+        script = self.simulation.script
+        return script is not None and script.hides(point, self.simulation.time)
 
     @property
     def _carried(self) -> list[str]:

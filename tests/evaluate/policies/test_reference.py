@@ -6,12 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.evaluate.policies import reference
-from pipeline.evaluate.policies.reference import Rehearsal
+from pipeline.evaluate.policies import rehearsal
+from pipeline.evaluate.policies.rehearsal import Rehearsal
 
-TRIAL = SimpleNamespace(scene=None, fps=15)
-AT = np.array([0.0, 0.3, 0.74, 1, 0, 0, 0])
-SPEED = np.array([0.0, -0.1, 0.0])
+SCENE, FPS = SimpleNamespace(), 15
+
+
+def ahead(seconds):
+    return np.array([0.0, 0.3 - 0.1 * seconds, 0.74, 1, 0, 0, 0])
 
 
 def rehearsing(monkeypatch, reachable):
@@ -25,25 +27,25 @@ def rehearsing(monkeypatch, reachable):
             Rehearsal(aim, np.zeros((1, 14)), 0, 1 + 4 * aim[1], {}) if reachable(aim[1]) else None
         )
 
-    monkeypatch.setattr(reference, "rehearse", rehearse)
+    monkeypatch.setattr(rehearsal, "rehearse", rehearse)
     return aims
 
 
 def test_the_plan_is_for_where_the_target_is_when_the_robot_is_there(monkeypatch):
     rehearsing(monkeypatch, lambda y: True)
-    plan = reference._meeting_plan(TRIAL, AT, SPEED)
+    plan = rehearsal.meeting_plan(SCENE, FPS, ahead)
     # y = 0.3 - 0.1 (1 + 4 y)
     assert plan.aim[1] == pytest.approx(0.2 / 1.4, abs=0.002)
 
 
 def test_a_first_guess_out_of_reach_is_not_the_end(monkeypatch):
     aims = rehearsing(monkeypatch, lambda y: y > 0.11)
-    plan = reference._meeting_plan(TRIAL, AT, SPEED)
+    plan = rehearsal.meeting_plan(SCENE, FPS, ahead)
     assert aims[:2] == pytest.approx([0.1, 0.2])
     assert plan.aim[1] == pytest.approx(0.2 / 1.4, abs=0.002)
 
 
 def test_what_cannot_be_reached_has_no_plan(monkeypatch):
     aims = rehearsing(monkeypatch, lambda y: False)
-    assert reference._meeting_plan(TRIAL, AT, SPEED) is None
-    assert len(aims) == len(reference.FIRST_GUESSES)
+    assert rehearsal.meeting_plan(SCENE, FPS, ahead) is None
+    assert len(aims) == len(rehearsal.FIRST_GUESSES)
