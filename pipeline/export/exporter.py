@@ -43,8 +43,8 @@ class Exporter[O](ABC):
         """Write `job.out` by rename and return its summary. Raises ExportError."""
         representation = representation_of(job.options)
         options = recorded(job.options) | dict(job.given)
-        with stage_directory(job.out, job.dataset) as folder:
-            draft = ExportDraft(folder, job, self.name, options)
+        with stage_directory(job.out, job.dataset, self.name) as folder:
+            draft = ExportDraft(folder, job, self.name)
             summary = {"format": self.name, "options": options, "split": job.split}
             summary |= self.write(job, draft)
             for path in job.episodes:

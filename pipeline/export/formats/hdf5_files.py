@@ -126,16 +126,11 @@ class Hdf5Exporter[O](Exporter[O]):
             with closing(Provenance(directory / PROVENANCE, draft)) as rows:
                 for index, path in enumerate(paths):
                     made = self.file(directory, index)
-                    made_from = ["episode", draft.hash_of(path)]
-                    made_from += [] if shared is None else [shared]
-                    kept = draft.keep(made, made_from)
+                    made.parent.mkdir(parents=True, exist_ok=True)
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset, representation=representation)
                         rows.append(facts)
-                        if not kept:
-                            made.parent.mkdir(parents=True, exist_ok=True)
-                            self.contents(file, facts, options, shared).write(made)
-                            draft.record(made, made_from)
+                        self.contents(file, facts, options, shared).write(made)
                     job.advance()
                     if index == 0:
                         name = directory.relative_to(draft.folder).as_posix()

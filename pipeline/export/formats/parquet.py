@@ -56,17 +56,13 @@ class Parquet(Exporter[ParquetOptions]):
         plan = _plan(paths, job.dataset, options)
         files, rows = _Files(draft, plan, options), Provenance(draft.folder / PROVENANCE, draft)
         with closing(rows), closing(files):
-            items = [_item(index, path, draft, plan) for index, path in enumerate(paths)]
-            kept = 0
             for index, path in enumerate(paths):
-                if index >= kept:
-                    kept = index + files.keep(items, index)
+                for one in plan.joined:
+                    draft.note(one.file(job.dataset, source_of(path, job.dataset)))
                 with reading(path) as file:
                     facts = read_facts(file, job.dataset, representation=options.representation)
                     rows.append(facts)
-                    if index >= kept:
-                        table = episode_table(index, facts, file, plan, job.dataset)
-                        files.write(table, items[index])
+                    files.write(episode_table(index, facts, file, plan, job.dataset))
                 job.advance()
         return {
             "episodes": len(paths),
@@ -111,18 +107,11 @@ def _plan(paths: Sequence[Path], dataset: Path, options: ParquetOptions) -> Plan
     )
 
 
-def _item(index: int, path: Path, draft: ExportDraft, plan: Plan) -> list[Any]:
-    """All that the rows of an episode are made from."""
-    source = source_of(path, draft.dataset)
-    annotations = (draft.hash_if_there(one.file(draft.dataset, source)) for one in plan.joined)
-    return [index, source, draft.hash_of(path), *annotations]
-
-
 class _Files:
     """data-00000.parquet ...: a table is a row group."""
 
     def __init__(self, draft: ExportDraft, plan: Plan, options: ParquetOptions) -> None:
-        self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
+        self.folder, self.schema, self.options, self.count = draft.folder, plan.schema(), options, 0
         # JPEG and PNG bytes neither compress nor repeat
         codecs = {
             f"{field.name}.bytes" if field.type == IMAGE else field.name: (
@@ -138,44 +127,21 @@ class _Files:
             "use_content_defined_chunking": True,
         }
         self._writer: TableWriter | None = None
-        self._items: list[list[Any]] = []
 
     @property
     def _path(self) -> Path:
-        return self.draft.folder / f"data-{self.count:05d}.parquet"
+        return self.folder / f"data-{self.count:05d}.parquet"
 
-    def keep(self, items: Sequence[list[Any]], start: int) -> int:
-        """Take over the next file if its episodes begin at `start`; their number."""
-        older = self.draft.older.record.contents.get(self._path.name, {})
-        count, left = older.get("episodes", 0), len(items) - start
-        if self._writer is not None or not 0 < count <= left:
-            return 0
-        # it ended for want of episodes, and there are more
-        if not older.get("full", False) and count < left:
-            return 0
-        if not self.draft.keep(self._path, self._sources_of(items[start : start + count])):
-            return 0
-        self.count += 1
-        return count
-
-    def _sources_of(self, items: Sequence[list[Any]]) -> list[Any]:
-        return [self.schema.serialize().to_pybytes().hex(), *items]
-
-    def write(self, table: pa.Table, item: list[Any]) -> None:
-        """Write the rows of an episode that were made from `item`."""
+    def write(self, table: pa.Table) -> None:
+        """Write the rows of an episode."""
         if self._writer is None:
             self._writer = TableWriter(self._path, self.schema, **self.settings)
-        self._items.append(item)
         groups = max(1, -(-table.nbytes // self.options.group_bytes))
         self._writer.write_table(table, row_group_size=max(1, -(-len(table) // groups)))
         if self._path.stat().st_size >= self.options.file_bytes:
-            self.close(full=True)
+            self.close()
 
-    def close(self, full: bool = False) -> None:
-        """Finish the file; `full` if it is complete whatever follows."""
+    def close(self) -> None:
         if self._writer is not None:
             self._writer.close()
-            self._writer, items = None, self._items
-            sources = self._sources_of(items)
-            self.draft.record(self._path, sources, episodes=len(items), full=full)
-            self.count, self._items = self.count + 1, []
+            self._writer, self.count = None, self.count + 1

@@ -67,7 +67,7 @@ class Rlds(Exporter[RldsOptions]):
             frames += rows.frames
             split = FAILURES if facts and facts.meta.failure else "train"
             write_json(directory / "features.json", features)
-            sizes = _write_shards(draft, job, directory, f"{name}-{split}", paths)
+            sizes = _write_shards(job, directory, f"{name}-{split}", paths)
             write_json(directory / "dataset_info.json", _info(name, split, sizes))
         counts = {"episodes": len(job.episodes), "frames": frames}
         return counts | {"cameras": cameras, "directories": directories}
@@ -79,19 +79,14 @@ def _name(spec: Any) -> str:
 
 
 def _write_shards(
-    draft: ExportDraft, job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
+    job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
 ) -> list[list[int]]:
     """The bytes of each record by shard."""
     shards = list(batched(paths, job.options.shard_episodes))
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):
         made = directory / f"{name}.tfrecord-{number:05d}-of-{len(shards):05d}"
-        made_from = ["shard", [draft.hash_of(path) for path in shard]]
-        if kept := draft.keep(made, made_from):
-            sizes.append(kept["records"])
-        else:
-            sizes.append(write_records(made, _messages(job.dataset, shard, job.options)))
-            draft.record(made, made_from, records=sizes[-1])
+        sizes.append(write_records(made, _messages(job.dataset, shard, job.options)))
         for _ in shard:
             job.advance()
     return sizes

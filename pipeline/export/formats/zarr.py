@@ -1,8 +1,7 @@
-"""Replay buffers in zarr for Diffusion Policy and DP3 (docs/exports.md), in format 2. They are
-written by hand so that chunks of an older export are linked."""
+"""Replay buffers in zarr for Diffusion Policy and DP3 (docs/exports.md), in format 2."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,114 +48,46 @@ class ZarrOptions(ImageOptions):
     )
 
 
-@dataclass(frozen=True)
 class ZarrArray:
-    """An array on disk with `rows` of the first axis in every chunk."""
+    """An array (N,...) that grows on disk, with `rows` of its first axis in every chunk."""
 
-    folder: Path
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    rows: int
+    def __init__(self, folder: Path, rows: int) -> None:
+        self.folder, self.rows = folder, rows
+        self._waiting, self._count = list[NDArray[Any]](), 0
+        folder.mkdir(parents=True)
 
-    def begin(self) -> None:
+    def append(self, values: NDArray[Any]) -> None:
+        """Write full chunks; the rest waits."""
+        self._waiting.append(values)
+        while sum(map(len, self._waiting)) >= self.rows:
+            joined = np.concatenate(self._waiting)
+            self._write(joined[: self.rows])
+            self._waiting = [joined[self.rows :]]
+
+    def close(self) -> None:
+        """Write the last chunk, filled up with zeros, and what describes the array."""
+        last = np.concatenate(self._waiting)
+        if count := len(last):
+            self._write(np.pad(last, [(0, self.rows - count)] + [(0, 0)] * (last.ndim - 1)))
+            self._count += count - self.rows
         values = {
-            "chunks": [self.rows, *self.shape[1:]],
+            "chunks": [self.rows, *last.shape[1:]],
             "compressor": {"id": "zstd", "level": LEVEL},
-            "dtype": self.dtype.str,
+            "dtype": last.dtype.str,
             "fill_value": 0,
             "filters": None,
             "order": "C",
-            "shape": self.shape,
+            "shape": [self._count, *last.shape[1:]],
             "zarr_format": 2,
         }
-        self.folder.mkdir(parents=True)
         text = json.dumps(values, indent=4, sort_keys=True)
         (self.folder / ".zarray").write_text(text)
 
-    def chunk(self, number: int) -> Path:
-        return self.folder / ".".join([str(number), *("0" for _ in self.shape[1:])])
-
-    def write(self, number: int, values: NDArray[Any]) -> None:
-        """Write a chunk; the last one is filled up with zeros."""
-        filled = np.zeros((self.rows, *self.shape[1:]), self.dtype)
-        filled[: len(values)] = values
-        coded = pa.Codec("zstd", LEVEL).compress(filled.tobytes(), asbytes=True)
-        self.chunk(number).write_bytes(coded)
-
-
-class Buffer:
-    """The episodes of a robot, which end at rows `ends`."""
-
-    def __init__(self, job: Job[ZarrOptions], paths: Sequence[Path]) -> None:
-        self.job, self.options, self.paths = job, job.options, paths
-        self._last: tuple[Path, dict[str, NDArray[Any]]] | None = None
-        lengths = []
-        for path in paths:
-            with reading(path) as file:
-                lengths.append(len(file))
-        self.ends = np.cumsum(lengths)
-        self.kinds = _kinds(self.values(paths[0]))
-
-    def values(self, path: Path) -> dict[str, NDArray[Any]]:
-        """As `episode_values`. Raises ExportError if the first episode has other arrays."""
-        if self._last is None or self._last[0] != path:
-            with reading(path) as file:
-                representation = self.options.representation
-                facts = read_facts(file, self.job.dataset, representation=representation)
-                values = episode_values(file, facts, self.options)
-            kinds = _kinds(values)
-            if self._last is not None and kinds != self.kinds:
-                odd = min(k for k in {*kinds, *self.kinds} if kinds.get(k) != self.kinds.get(k))
-                differs = f"{odd} is not as in {self.paths[0]}; export them separately with --where"
-                raise ExportError(f"{path}: {differs}")
-            self._last = path, values
-        return self._last[1]
-
-    def describe(self, directory: Path, draft: ExportDraft) -> dict[str, str]:
-        """Write episodes.parquet; returns camera names."""
-        names = dict[str, str]()
-        with closing(Provenance(directory / PROVENANCE, draft)) as rows:
-            for path in self.paths:
-                with reading(path) as file:
-                    facts = read_facts(file, self.job.dataset)
-                names = cameras_of(facts, self.options)
-                rows.append(facts)
-                self.job.advance()
-        return names
-
-    def write(self, root: Path, draft: ExportDraft) -> None:
-        """Write the groups and arrays, or take chunks over."""
-        count, rows = int(self.ends[-1]), self.options.chunk_frames
-        arrays = {
-            key: ZarrArray(root / "data" / key, (count, *shape), dtype, rows)
-            for key, (dtype, shape) in self.kinds.items()
-        }
-        episodes, place = len(self.ends), root / "meta" / "episode_ends"
-        ends = ZarrArray(place, (episodes,), np.dtype("<i8"), episodes)
-        for folder in (root, root / "data", root / "meta"):
-            folder.mkdir(parents=True)
-            (folder / ".zgroup").write_text(json.dumps({"zarr_format": 2}, indent=4))
-        for array in (*arrays.values(), ends):
-            array.begin()
-        ends.write(0, self.ends)
-        starts = [0, *self.ends.tolist()]
-        for number, low in enumerate(range(0, count, rows)):
-            high, spans = min(low + rows, count), list[tuple[Path, int, int]]()
-            first, last = np.searchsorted(self.ends, (low, high - 1), side="right").tolist()
-            for k in range(first, last + 1):
-                begin, end = max(low, starts[k]), min(high, starts[k + 1])
-                spans.append((self.paths[k], begin - starts[k], end - starts[k]))
-            hashes = [[draft.hash_of(path), begin, end] for path, begin, end in spans]
-            for key, array in arrays.items():
-                made, made_from = array.chunk(number), [key, array.shape[1:], hashes]
-                if not draft.keep(made, made_from):
-                    parts = [self.values(path)[key][begin:end] for path, begin, end in spans]
-                    array.write(number, np.concatenate(parts))
-                    draft.record(made, made_from)
-
-
-def _kinds(values: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    return {key: (value.dtype, value.shape[1:]) for key, value in values.items()}
+    def _write(self, values: NDArray[Any]) -> None:
+        name = ".".join([str(self._count // self.rows), *("0" for _ in values.shape[1:])])
+        coded = pa.Codec("zstd", LEVEL).compress(values.tobytes(), asbytes=True)
+        (self.folder / name).write_bytes(coded)
+        self._count += self.rows
 
 
 def episode_values(
@@ -189,10 +120,33 @@ class Zarr(Exporter[ZarrOptions]):
     written = (DEPTH, POINTCLOUD)
 
     def write(self, job: Job[ZarrOptions], draft: ExportDraft) -> dict[str, Any]:
-        frames, cameras = 0, dict[str, str]()
+        counts, cameras = {"episodes": len(job.episodes), "frames": 0}, dict[str, str]()
         for directory, paths in by_embodiment(job.episodes, draft.folder).values():
-            buffer = Buffer(job, paths)
-            cameras |= buffer.describe(directory, draft)
-            buffer.write(directory / BUFFER, draft)
-            frames += int(buffer.ends[-1])
-        return {"episodes": len(job.episodes), "frames": frames, "cameras": cameras}
+            root, kinds = directory / BUFFER, dict[str, Any]()
+            arrays, ends = dict[str, ZarrArray](), [0]
+            with closing(Provenance(directory / PROVENANCE, draft)) as rows:
+                for path in paths:
+                    with reading(path) as file:
+                        facts = read_facts(file, job.dataset, None, job.options.representation)
+                        values = episode_values(file, facts, job.options)
+                    rows.append(facts)
+                    found = {key: (each.dtype, each.shape[1:]) for key, each in values.items()}
+                    if found != (kinds := kinds or found):
+                        odd = min(k for k in {*found, *kinds} if found.get(k) != kinds.get(k))
+                        differs = f"{odd} is not as in {paths[0]}; export them separately"
+                        raise ExportError(f"{path}: {differs} with --where")
+                    for key, each in values.items():
+                        if key not in arrays:
+                            arrays[key] = ZarrArray(root / "data" / key, job.options.chunk_frames)
+                        arrays[key].append(each)
+                    ends.append(ends[-1] + len(facts))
+                    cameras |= cameras_of(facts, job.options)
+                    job.advance()
+            arrays["ends"] = ZarrArray(root / "meta" / "episode_ends", len(paths))
+            arrays["ends"].append(np.array(ends[1:], "<i8"))
+            for array in arrays.values():
+                array.close()
+            for folder in (root, root / "data", root / "meta"):
+                (folder / ".zgroup").write_text(json.dumps({"zarr_format": 2}, indent=4))
+            counts["frames"] += ends[-1]
+        return counts | {"cameras": cameras}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, encode_frames
-from pipeline.export.formats.lerobot.videos import Clip, VideoFile
+from pipeline.export.formats.lerobot.videos import VideoFile
 from pipeline.export.shared.episodes import ExportError
 from pipeline.export.shared.statistics import TOGETHER, PlaneCounts, color_counts
 from pipeline.export.shared.video import Codec, decoded_planes, encode, frames_of
@@ -19,10 +19,6 @@ CODECS = {
     "av1": Codec("libsvtav1"),
     "h264": Codec("h264", crf=23, preset="veryfast"),
 }
-
-
-def clip_of(mp4: bytes, name: str = "") -> Clip:
-    return Clip(name, len(mp4), mp4)
 
 
 def clip(frames: int, seed: int) -> list[np.ndarray]:
@@ -40,7 +36,7 @@ def clip(frames: int, seed: int) -> list[np.ndarray]:
 def test_episodes_in_one_file_keep_count_time_and_colour(tmp_path, codec):
     clips = [clip(n, n) for n in (5, 8, 1)]
     video = VideoFile(tmp_path / "chunk" / "file.mp4", FPS)
-    spans = [video.append(clip_of(encode(c, FPS, codec)), len(c)) for c in clips]
+    spans = [video.append(encode(c, FPS, codec), len(c)) for c in clips]
     video.close()
     assert spans == [(0.0, 5 / 15), (5 / 15, 13 / 15), (13 / 15, 14 / 15)]
     got = list(frames_of(video.path))
@@ -85,7 +81,7 @@ def test_every_episode_starts_with_a_key_frame_even_with_gaps_between_them(tmp_p
 
     video = VideoFile(tmp_path / "file.mp4", FPS)
     for n in (3, 3, 2):  # odd lengths: a key frame every second frame would miss the starts
-        video.append(clip_of(encode(clip(n, n), FPS, Codec(gop=2))), n)
+        video.append(encode(clip(n, n), FPS, Codec(gop=2)), n)
     video.close()
     with av.open(str(video.path)) as container:
         keys = [p.is_keyframe for p in container.demux(video=0) if p.dts is not None]
@@ -107,7 +103,7 @@ def test_slow_motion_is_not_drawn_late():
 
 def test_a_lost_frame_is_noticed(tmp_path):
     with pytest.raises(ValueError, match="4 images for 5 frames"):
-        VideoFile(tmp_path / "file.mp4", FPS).append(clip_of(encode(clip(4, 0), FPS, Codec())), 5)
+        VideoFile(tmp_path / "file.mp4", FPS).append(encode(clip(4, 0), FPS, Codec()), 5)
 
 
 def test_frames_of_reads_from_memory_too():

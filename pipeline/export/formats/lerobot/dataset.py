@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from pipeline.export.shared.episodes import (
     exported_cameras,
     same,
 )
-from pipeline.export.shared.images import DEPTH
 from pipeline.export.shared.record import write_card, write_json
 from pipeline.export.shared.statistics import Stats, image_stats
 from pipeline.export.shared.tables import Provenance
@@ -37,8 +35,8 @@ from .format import (
     widen,
 )
 from .options import INDEX, LerobotOptions, datasets_of, index_row
-from .prepare import EpisodeSource, Prepared, prepare_all
-from .videos import Clip, EncodedFile, OlderVideos, VideoFile
+from .prepare import Prepared, prepare_all
+from .videos import VideoFile
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):
@@ -50,11 +48,10 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
         job.options.video()  # refused before anything is read
-        parts, index, per_task = {}, [], job.options.per_task
+        parts, index, per_task = dict[str, Any](), list[dict[str, Any]](), job.options.per_task
         with freeze_garbage():
-            known = OlderVideos(draft)
             for name, place in datasets_of(job.episodes, draft.folder, per_task).items():
-                parts[name], specs = self._write_dataset(job, draft, known, *place)
+                parts[name], specs = self._write_dataset(job, draft, *place)
                 path = place[0].relative_to(draft.folder).as_posix()
                 index.append(index_row(path, parts[name], specs))
         if len(parts) > 1 or per_task:
@@ -67,15 +64,13 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         }
 
     def _write_dataset(
-        self, job: Job[O], draft: ExportDraft, known: OlderVideos, root: Path, paths: Sequence[Path]
+        self, job: Job[O], draft: ExportDraft, root: Path, paths: Sequence[Path]
     ) -> tuple[dict[str, Any], list[EpisodeSpec]]:
         writer: Writer | None = None
         specs, options = list[EpisodeSpec](), job.options
-        hashes = ((path, draft.hash_of(path)) for path in paths)
-        sources = (EpisodeSource(path, sha, known.find(sha)) for path, sha in hashes)
-        workers, depth = min(job.workers, len(paths)), DEPTH in self.sensors(options)
+        workers = min(job.workers, len(paths))
         try:
-            for prepared in prepare_all(sources, job.dataset, options, workers, depth):
+            for prepared in prepare_all(paths, job.dataset, options, workers):
                 episode = replace(prepared, facts=widen(prepared.facts, options.pad))
                 writer = writer or self.writer(draft, root, episode.facts, options)
                 writer.append(episode)
@@ -108,7 +103,6 @@ class Writer(ABC):
         self.features = features_of(first, self.codec, self.names)
         self.tasks: dict[str, int] = {}
         self.provenance = Provenance(root / "meta" / "domino_episodes.parquet", draft)
-        self.encoded = EncodedFile(draft, root)
         self.colors: dict[str, NDArray[np.int64]] = {}
         self.sampled = self.frames = 0
 
@@ -120,23 +114,22 @@ class Writer(ABC):
         task = self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
         stats = column_stats(columns)
-        for camera, counts in episode.encoded.colors.items():
+        for camera, counts in episode.colors.items():
             key = image_key(self.names[camera])
-            stats[key] = image_stats(counts, episode.encoded.sampled)
+            stats[key] = image_stats(counts, episode.sampled)
             self.colors[key] = self.colors.get(key, 0) + counts
         return index, columns, stats
 
-    def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
-        """Count an episode; `places` are the video file and its first image by camera."""
+    def end(self, episode: Prepared) -> None:
+        """Count an episode."""
         self.provenance.append(episode.facts)
-        self.encoded.append(episode.sha, episode.encoded, places)
-        self.sampled += episode.encoded.sampled
+        self.sampled += episode.sampled
         self.frames += episode.facts.kept
 
-    def append_video(self, video: VideoFile, clip: Clip, facts: Facts) -> tuple[float, float]:
+    def append_video(self, video: VideoFile, mp4: bytes, facts: Facts) -> tuple[float, float]:
         """As VideoFile.append. Raises ExportError."""
         try:
-            return video.append(clip, facts.kept)
+            return video.append(mp4, facts.kept)
         except ValueError as error:
             raise ExportError(f"{facts.source}: {video.path.name}: {error}") from error
 
@@ -145,8 +138,7 @@ class Writer(ABC):
         """Add an episode."""
 
     def close(self) -> None:
-        with closing(self.encoded), closing(self.provenance):
-            return
+        self.provenance.close()
 
     @property
     def splits(self) -> dict[str, str]:

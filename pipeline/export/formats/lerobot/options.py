@@ -90,10 +90,6 @@ class LerobotV3Options(LerobotOptions):
     )
     video_bytes: int = option("bytes that a video file does not exceed", whole(1), 200 * MEGABYTE)
     video_seconds: int = option("seconds that a video file does not exceed", whole(1, 86_400), 1000)
-    language: bool = option(
-        "also write lerobot's language columns, which only lerobot 0.6 and later can read",
-        default=False,
-    )
     depth: bool = option(
         "also write depth maps, to files of their own that policies do not read", default=False
     )

@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -12,6 +12,8 @@ from pathlib import Path
 from threading import Thread
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.export.shared.episodes import ExportError, Facts, read_facts, reading
 from pipeline.export.shared.images import DEPTH, coded_images
@@ -19,69 +21,54 @@ from pipeline.export.shared.statistics import PlaneCounts, sample_rows
 from pipeline.export.shared.video import decoded_planes, encode
 
 from .options import LerobotOptions
-from .videos import Clip, Encoded, clip_name
-
-
-@dataclass(frozen=True, eq=False)
-class EpisodeSource:
-    """An episode file, its sha256, and its older videos if any."""
-
-    path: Path
-    sha: str
-    known: Encoded | None
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """An episode ready to be appended; `depth` is PNG by camera."""
+    """An episode ready to be appended: by camera its mp4, color counts (3,256) over `sampled`
+    images, and depth maps as PNG."""
 
-    sha: str
     facts: Facts
-    encoded: Encoded
+    videos: Mapping[str, bytes]
+    colors: Mapping[str, NDArray[np.int64]]
+    sampled: int
     depth: Mapping[str, Sequence[bytes]]
 
 
-def prepare(source: EpisodeSource, dataset: Path, options: LerobotOptions, depth: bool) -> Prepared:
+def prepare(path: Path, dataset: Path, options: LerobotOptions) -> Prepared:
     """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
-    with reading(source.path) as file:
+    with reading(path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
         facts = replace(facts, more=options.more_representations, labels=options.labels)
         if facts.size[0] % 2 or facts.size[1] % 2:
             odd = f"images of {facts.size} cannot become video; height and width must be even"
-            raise ExportError(f"{source.path}: {odd}")
-        maps, encoded = {}, source.known
-        if depth:
+            raise ExportError(f"{path}: {odd}")
+        maps, videos, colors = {}, dict[str, bytes](), dict[str, NDArray[np.int64]]()
+        if getattr(options, "depth", False):
             maps = {c: coded_images(file, c, DEPTH)[: facts.kept] for c in file.cameras}
-        if encoded is None:
-            encoded = Encoded({}, {}, len(sample_rows(facts.kept)))
-            rows = frozenset(sample_rows(facts.kept).tolist())
-            for camera in facts.cameras:
-                counted = PlaneCounts()
-                jpegs = file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]
-                frames = counted.passing(decoded_planes(jpegs), rows)
-                mp4 = encode(frames, facts.fps, options.video())
-                encoded.videos[camera] = Clip(clip_name(source.sha, camera), len(mp4), mp4)
-                encoded.colors[camera] = counted.counts()
-    return Prepared(source.sha, facts, encoded, maps)
+        rows = frozenset(sample_rows(facts.kept).tolist())
+        for camera in facts.cameras:
+            counted = PlaneCounts()
+            jpegs = file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]
+            frames = counted.passing(decoded_planes(jpegs), rows)
+            videos[camera] = encode(frames, facts.fps, options.video())
+            colors[camera] = counted.counts()
+    return Prepared(facts, videos, colors, len(sample_rows(facts.kept)), maps)
 
 
 def prepare_all(
-    sources: Iterable[EpisodeSource],
-    dataset: Path,
-    options: LerobotOptions,
-    workers: int,
-    depth: bool = False,
+    paths: Sequence[Path], dataset: Path, options: LerobotOptions, workers: int
 ) -> Iterator[Prepared]:
     """`prepare` in order, at most two episodes a worker ahead."""
     if workers <= 1:
         with _one_thread():
-            yield from (prepare(source, dataset, options, depth) for source in sources)
+            yield from (prepare(path, dataset, options) for path in paths)
         return
     with ProcessPoolExecutor(workers, get_context("spawn"), start_worker) as pool:
         pending: deque[Future[Prepared]] = deque()
         try:
-            for source in sources:
-                pending.append(pool.submit(prepare, source, dataset, options, depth))
+            for path in paths:
+                pending.append(pool.submit(prepare, path, dataset, options))
                 if len(pending) > 2 * workers:
                     yield pending.popleft().result()
             while pending:

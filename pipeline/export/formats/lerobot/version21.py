@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -48,22 +49,17 @@ class V21Writer(Writer):
         path = self._place(DATA_PATH, index)
         path.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(data_table(columns, self.schema), path)
-        places = {}
-        for camera, clip in episode.encoded.videos.items():
-            key = image_key(self.names[camera])
-            video = VideoFile(self._place(VIDEO_PATH, index, key), facts.fps, self.draft)
-            try:
-                self.append_video(video, clip, facts)
-            finally:
-                video.close()
-            places[camera] = video.path, 0
+        for camera, mp4 in episode.videos.items():
+            place = self._place(VIDEO_PATH, index, image_key(self.names[camera]))
+            with closing(VideoFile(place, facts.fps)) as video:
+                self.append_video(video, mp4, facts)
         row = {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}
         self.rows.append(row)
         plain = {
             key: {stat: entry[stat].tolist() for stat in STATS} for key, entry in stats.items()
         }
         self.stats.append({"episode_index": index, "stats": plain})
-        self.end(episode, places)
+        self.end(episode)
 
     def finish(self) -> dict[str, Any]:
         summary = super().finish()

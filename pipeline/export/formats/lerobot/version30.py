@@ -16,7 +16,7 @@ from pipeline.export.shared.tables import scalars
 
 from .dataset import LerobotExporter, Writer
 from .format import TEXT_FEATURES, data_table, episode_schema, image_key
-from .meta import EVENTS, PERSISTENT, data_schema, language_columns, with_language, write_meta
+from .meta import data_schema, write_meta
 from .options import MEGABYTE, LerobotV3Options
 from .prepare import Prepared
 from .tables import Tables, chunk_file, depth_schema, depth_table, read_column
@@ -31,8 +31,6 @@ class V3Writer(Writer):
     ) -> None:
         super().__init__(draft, root, first, options)
         self.options = options
-        if options.language:
-            self.features = with_language(self.features)
         self.data = Tables(root / "data", data_schema(self.features))
         schema = depth_schema([self.names[camera] for camera in first.cameras])
         self.depth = Tables(root / "depth", schema) if options.depth else None
@@ -48,21 +46,17 @@ class V3Writer(Writer):
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction]}
         row |= {"length": length} | _below("data", self.data.place)
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-        if self.options.language:
-            columns |= language_columns(facts, self.names, self.data.schema)
         self.data.write(data_table(columns, self.data.schema))
         if self.depth:
             self.depth.write(depth_table(episode.depth, self.depth.schema, index, self.frames))
-        places = {}
-        for camera, clip in episode.encoded.videos.items():
+        for camera, mp4 in episode.videos.items():
             key = image_key(self.names[camera])
             if key not in self.videos:
                 path = self.root / "videos" / key / chunk_file(self.data.number, "mp4")
-                self.videos[key] = VideoFile(path, facts.fps, self.draft)
-            start, end = self.append_video(self.videos[key], clip, facts)
+                self.videos[key] = VideoFile(path, facts.fps)
+            start, end = self.append_video(self.videos[key], mp4, facts)
             times = {"from_timestamp": start, "to_timestamp": end}
             row |= _below(f"videos/{key}", self.data.place | times)
-            places[camera] = self.videos[key].path, self.videos[key].frames - length
         for name, entry in stats.items():
             row |= _below(f"stats/{name}", {stat: v.tolist() for stat, v in entry.items()})
         told = scalars(facts, self.draft.validation)
@@ -70,19 +64,19 @@ class V3Writer(Writer):
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
         self.rows.append(row)
-        self.end(episode, places)
+        self.end(episode)
         if len(self.rows) == ROWS_PER_GROUP:
             self._flush()
 
     def _full(self, episode: Prepared) -> bool:
         most, options = self.options.video_seconds * self.first.fps, self.options
-        pairs = zip(self.videos.values(), episode.encoded.videos.values(), strict=True)
+        pairs = zip(self.videos.values(), episode.videos.values(), strict=True)
         return bool(self.videos) and (
             self.data.size >= options.data_bytes
             or any(
                 video.frames + episode.facts.kept > most
-                or video.size + clip.size > options.video_bytes
-                for video, clip in pairs
+                or video.size + len(mp4) > options.video_bytes
+                for video, mp4 in pairs
             )
         )
 
@@ -118,7 +112,7 @@ class V3Writer(Writer):
         stats = {
             name: vector_stats(read_column(self.root / "data", name))
             for name in self.data.schema.names
-            if name not in (*TEXT_FEATURES, PERSISTENT, EVENTS)
+            if name not in TEXT_FEATURES
         }
         stats |= {key: image_stats(counts, self.sampled) for key, counts in self.colors.items()}
         info = {

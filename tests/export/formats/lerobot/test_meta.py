@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from pipeline.export.formats.lerobot import meta
-from pipeline.export.formats.lerobot.meta import EVENTS, PERSISTENT
 
 
 def test_what_describes_a_dataset_has_the_bytes_that_lerobot_writes(tmp_path):
@@ -20,7 +19,6 @@ def test_what_describes_a_dataset_has_the_bytes_that_lerobot_writes(tmp_path):
 
     kinds = {"wide": ("float32", [7]), "one": ("float32", [1]), "text": ("string", [1])}
     kinds |= {"count": ("int64", [1]), "film": ("video", [4, 6, 3])}
-    kinds |= {name: ("language", [1]) for name in (PERSISTENT, EVENTS)}
     features = {
         name: {"dtype": kind, "shape": shape, "names": ["é"]}
         for name, (kind, shape) in kinds.items()

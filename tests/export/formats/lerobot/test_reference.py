@@ -31,7 +31,6 @@ def test_against_lerobot_itself(tmp_path, monkeypatch):
     lerobot_reads_every_frame(lerobot_dataset, tmp_path / "a")
     a_plain_data_loader_takes_the_default(tmp_path / "a/out")
     policies_are_built_from_a_dataset_with_depth(lerobot_dataset, tmp_path / "d")
-    lerobot_resolves_the_language(lerobot_dataset, tmp_path / "a")
     the_files_are_those_that_lerobot_writes(lerobot_dataset, tmp_path / "b")
     load_dataset_reads_the_directory(tmp_path / "c")
     statistics_of_an_episode_are_lerobots()
@@ -76,7 +75,6 @@ def lerobot_reads_every_frame(lerobot, root):
                     square = np.abs(source - COLORS[camera]).max(-1) < 10
                     assert np.abs(picture[square].mean(0) - COLORS[camera]).max() < 15
                 row += 1
-    assert not loaded.meta.has_language_columns
     assert loaded.meta.filter_episodes(lambda ep: ep["domino.level"] == 2) == [1]
     window = lerobot.LeRobotDataset(
         "domino/test",
@@ -255,63 +253,6 @@ def wanted_texts(t, frames):
     if frames // 2 < t < frames - 1:
         return {"subtask": "lift the bell with the left arm", "skill": "lift", "stage": "finish"}
     return {"subtask": "wait", "skill": "wait", "stage": "finish"}
-
-
-def lerobot_resolves_the_language(lerobot, root):
-    """With `--language` its resolvers give the subtask of every frame; rows pass its checks, and
-    traces begin at the target."""
-    from lerobot.datasets.language import (
-        LANGUAGE_COLUMNS,
-        column_for_style,
-        language_feature_info,
-        validate_camera_field,
-    )
-    from lerobot.datasets.language_render import active_at, emitted_at, nth_next
-
-    paths, out = sorted((root / "episodes").rglob("*.hdf5")), root / "language"
-    run("lerobot", root, out, paths, language=True)
-    features = json.loads((out / "meta/info.json").read_text())["features"]
-    assert {
-        name: {**features[name], "shape": (1,)} for name in LANGUAGE_COLUMNS
-    } == language_feature_info()
-    loaded = lerobot.LeRobotDataset("domino/test", root=out, video_backend="pyav")
-    assert loaded.meta.has_language_columns
-    for row in range(6):  # the third episode: grasp for three frames, wait, lift, wait
-        item = loaded[9 + row]
-        rows, events, t = (
-            item["language_persistent"],
-            item["language_events"],
-            float(item["timestamp"]),
-        )
-        for column, each in [("language_persistent", r) for r in rows] + [
-            ("language_events", r) for r in events
-        ]:
-            assert column_for_style(each["style"]) == column
-            validate_camera_field(each["style"], each["camera"])
-        wanted = wanted_texts(row, 6)
-        assert (
-            active_at(t, persistent=rows, style="subtask")["content"]
-            == wanted["subtask"]
-            == item["subtask"]
-        )
-        assert (item["skill"], item["stage"]) == (wanted["skill"], wanted["stage"])
-        plan = active_at(t, persistent=rows, style="plan")["content"].splitlines()
-        assert plan[0] == f"1. {wanted['subtask']}" and len(plan) == (4, 4, 4, 3, 2, 1)[row]
-        left, right = active_at(t, persistent=rows, style="motion")["content"].split("; ")
-        # both hands sink by 0.1 m/s; a subtask of n frames lasts n/15 s, the last one ends with the
-        # episode
-        sunk = f"{-0.1 * (3, 3, 3, 1, 1, 0)[row] / 15:+.3f}".replace("-0.000", "+0.000")
-        assert left.startswith(f"left hand +0.000 +0.000 {sunk} m") and right.startswith(
-            f"right hand +0.000 +0.000 {sunk} m"
-        )
-        if row < 3:
-            assert nth_next(t, persistent=rows, style="subtask")["content"] == "wait"
-        seen = emitted_at(
-            t, persistent=rows, events=events, style="trace", camera="observation.images.cam_high"
-        )
-        points = json.loads(seen["content"])["points"]
-        first = item["trace.cam_high"].numpy().reshape(15, 3)
-        np.testing.assert_allclose(points[1:], first[2::3, :2], atol=0.051)
 
 
 def load_dataset_reads_the_directory(root):
