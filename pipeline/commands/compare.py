@@ -46,9 +46,6 @@ def compare(
             0.01, 100, "Estimate the number of scenes that a difference of this many points needs."
         ),
     ] = 5,
-    unpaired: Annotated[
-        bool, option("Also compare runs with other scenes, rules or clocks; less precise.")
-    ] = False,
     one_by_one: Annotated[
         bool,
         option(
@@ -69,14 +66,9 @@ def compare(
     exact test, scenes needed. Of runs with --paired, also --sequential, each policy with itself
     without events."""
     from pipeline.evaluate.scoring.compare import compare as compare_arms
-    from pipeline.evaluate.scoring.compare import (
-        compare_sequentially,
-        compare_unpaired,
-        event_arms,
-        read_arms,
-    )
+    from pipeline.evaluate.scoring.compare import compare_sequentially, event_arms, read_arms
 
-    paired = [] if unpaired else event_arms(runs)
+    paired = event_arms(runs)
     if paired and not one_by_one:
         effects = [row for arms in paired for row in compare_arms(*arms, effect)]
         print_result({"effect": effect, "events": effects}, as_json, _describe(effects, effect))
@@ -90,8 +82,7 @@ def compare(
         text = "\n".join(map(_describe_test, tests))
         print_result({"alpha": alpha, "score": score, "comparisons": tests}, as_json, text)
         return
-    pairwise = compare_unpaired if unpaired else compare_arms
-    comparisons = [row for arms in paired for row in pairwise(*arms, effect)]
+    comparisons = [row for arms in paired for row in compare_arms(*arms, effect)]
     _correct(comparisons)
     shares = dict.fromkeys(map(_describe_share, comparisons))
     text = "\n".join([_describe(comparisons, effect), *shares]).rstrip()
@@ -123,7 +114,7 @@ def _correct(comparisons: list[Values]) -> None:
     from pipeline.evaluate.scoring.sequential import holm
 
     for what in {row["what"] for row in comparisons}:
-        rows = [row for row in comparisons if row["what"] == what and "p" in row]
+        rows = [row for row in comparisons if row["what"] == what]
         for row, p in zip(rows, holm([row["p"] for row in rows]), strict=True):
             row["p"] = p
 

@@ -87,7 +87,7 @@ def find_candidates(
         ok &= _reaches_one(arm, local, np.asarray(goal), ok)
     if not ok.any():
         raise PlanFailure(
-            "grasp_unreachable", f"no grasp of {name} is in reach of the {arm.side} arm", arm, tcp
+            "grasp_unreachable", f"no grasp of {name} is in reach of the {arm.side} arm"
         )
     x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
     pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))

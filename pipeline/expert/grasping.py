@@ -201,8 +201,6 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     raise PlanFailure(
         "grasp_blocked" if lines else "grasp_unreachable",
         f"no grasp of {name} can be reached by the {arm.side} arm without touching something",
-        arm,
-        found.tcp[found.order],
     )
 
 

@@ -7,11 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.expert.skills import lift
 from pipeline.intake.check_task import check_task
-from pipeline.planning.kinematics import ik_many
-from pipeline.planning.planner import planner_for
-from pipeline.poses import quat_about, quat_multiply
 from pipeline.tasks import TASKS, Task
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
@@ -94,42 +90,6 @@ def test_a_task_that_never_meets_its_target_is_found_out(documented_task, monkey
     monkeypatch.setattr(type(TASKS[documented_task]), "meet", lambda self, a: iter(()))
     findings = {f.name: f for f in check_task(documented_task, levels=(1,))}
     assert not findings["level 1"].ok
-
-
-def test_a_pose_out_of_reach_is_named_with_the_nearest_one(documented_task, monkeypatch):
-    monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 1)
-    monkeypatch.setattr("pipeline.intake.check_task.LAYOUTS", 2)
-    # no arm lifts a can by half a metre
-    monkeypatch.setattr(
-        type(TASKS[documented_task]),
-        "finish",
-        lambda self, a: iter([lift(a.arms["arm"], 0.5, least=1.0)]),
-    )
-    findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
-    detail = findings["level 0 pose"].detail
-    assert re.match(
-        r"seed 0: finish: lift \(\w+, can\): the \w+ tcp is to be at \([^)]*\) m, 30 degrees below",
-        detail,
-    )
-    wanted, nearest = (
-        np.array([float(x) for x in place.split(",")])
-        for place in re.findall(r"\(([-\d., ]+)\) m", detail)
-    )
-    apart = float(re.findall(r"([\d.]+) cm away", detail)[0]) / 100
-    assert apart == pytest.approx(np.linalg.norm(wanted - nearest), abs=2e-3)
-    # a search over all headings: the arm reaches the nearest place with this pitch, and not the
-    # wanted one
-    side, down = re.findall(r"the (\w+) tcp", detail)[0], np.radians(30)
-    chain = planner_for("aloha-agilex").chains[side]
-    turned = [
-        quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), down))
-        for yaw in np.linspace(0, 2 * np.pi, 73)
-    ]
-    reached = [
-        ik_many(chain, np.array([[*place, *quat] for quat in turned]), [chain.home])[1].any()
-        for place in (nearest, wanted)
-    ]
-    assert reached == [True, False]
 
 
 def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monkeypatch):

@@ -17,9 +17,7 @@ from .results import EPISODES, Results, check_episode
 from .sequential import sequential
 from .statistics import (
     SceneResult,
-    by_task,
     paired_numbers,
-    unpaired_numbers,
 )
 from .summary import Row, scene_of
 
@@ -184,20 +182,6 @@ def _means(rows: Sequence[Row], measure: str) -> dict[Any, float]:
     }
 
 
-def compare_unpaired(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """On any scenes. Raises CompareError if their tasks differ."""
-    groups = (_group(arm.rows, scene_of).values() for arm in (a, b))
-    first, second = (by_task([(g[0]["task"], _rate(g)) for g in scenes]) for scenes in groups)
-    if other := sorted(first.keys() ^ second.keys()):
-        raise CompareError(
-            f"{other[0]}: only one of {a.name} and {b.name} tried this task: evaluate both on the"
-            " same tasks"
-        )
-    scenes = min(sum(map(len, tasks.values())) for tasks in (first, second))
-    head = {"what": "all", "first": a.name, "second": b.name, "scenes": scenes}
-    return [head | unpaired_numbers(first, second, effect)]
-
-
 def _rate(rows: Sequence[Row]) -> float:
     return float(np.mean([row["success"] for row in rows]))
 
@@ -222,14 +206,9 @@ def _why_other(a: ComparedPolicy, b: ComparedPolicy) -> str:
     for name in ("clock", "rules"):
         one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
         if one != two:
-            return (
-                f"{a.name} and {b.name} differ in {name}: {one} and {two}; add --unpaired to"
-                " compare them all the same"
-            )
-    return (
-        f"{a.name} and {b.name} share no episode: evaluate both with the same cells and --seed, or"
-        " add --unpaired"
-    )
+            return f"{a.name} and {b.name} differ in {name}: {one} and {two}"
+    same = "evaluate both with the same cells and --seed"
+    return f"{a.name} and {b.name} share no episode: {same}"
 
 
 def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:

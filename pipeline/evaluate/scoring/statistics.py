@@ -56,23 +56,6 @@ def paired_numbers(scenes: Sequence[SceneResult], effect: float) -> dict[str, An
     }
 
 
-def unpaired_numbers(first: ByTask, second: ByTask, effect: float) -> dict[str, Any]:
-    """As `paired_numbers`, of scenes that need not be the same; without a test."""
-    rates = 100 * mean(first), 100 * mean(second)
-    change = mean(second) - mean(first)
-    if spread(first) == spread(second) == 0:
-        low, high = _exact(change, min(sum(map(len, tasks.values())) for tasks in (first, second)))
-    else:
-        low, high = np.quantile(_resample(second, 1) - _resample(first, 0), [0.025, 0.975])
-    return {
-        "first_rate": rates[0],
-        "second_rate": rates[1],
-        "effect": rates[1] - rates[0],
-        "interval": [100 * float(low), 100 * float(high)],
-        "needed": scenes_needed(spread(first) + spread(second), effect / 100),
-    }
-
-
 def mean(values: ByTask) -> float:
     """The mean of the means of the tasks."""
     return float(np.mean([v.mean() for v in values.values()]))
@@ -83,20 +66,16 @@ def spread(values: ByTask) -> float:
     return float(np.mean([v.var(ddof=1) for v in values.values() if len(v) > 1] or [0.0]))
 
 
-def _resample(values: ByTask, seed: int) -> NDArray[np.float64]:
-    """Means (RESAMPLES,) of scenes drawn again within each task."""
-    rng = np.random.default_rng(seed)
-    sizes = ((v, (RESAMPLES, len(v))) for v in values.values())
-    return np.mean([v[rng.integers(len(v), size=size)].mean(1) for v, size in sizes], axis=0)
-
-
 def interval(change: ByTask) -> tuple[float, float]:
     """95 % interval of the mean, by a bootstrap over scenes in tasks; exact if all changed
     alike."""
     values = np.concatenate(list(change.values()))
     if np.ptp(values) == 0:
         return _exact(float(values[0]), len(values))
-    low, high = np.quantile(_resample(change, 0), [0.025, 0.975])
+    rng = np.random.default_rng(0)
+    sizes = ((v, (RESAMPLES, len(v))) for v in change.values())
+    means = np.mean([v[rng.integers(len(v), size=size)].mean(1) for v, size in sizes], axis=0)
+    low, high = np.quantile(means, [0.025, 0.975])
     return float(low), float(high)
 
 

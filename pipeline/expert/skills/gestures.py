@@ -48,9 +48,8 @@ def pour(
 
     (_, over), (ends, down) = reached(upright), reached(tipped)
     if not len(over) or not len(down):
-        bodies = np.atleast_2d(np.asarray(tipped if len(over) else upright, float))
         why = f"the {side} arm cannot hold it there, upright and tipped"
-        raise PlanFailure("pour_unreachable", why, arm, compose(bodies, hold[None]))
+        raise PlanFailure("pour_unreachable", why)
     cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(a, side, hold, ends)
     paths = (
         (k // len(down), _tipping(over, down, k))
@@ -131,5 +130,5 @@ def turn(
     path = arm.line(arm.q, goal)
     if path is None or not arm.apart()(path):
         why = f"the {side} wrist cannot turn that far"
-        raise PlanFailure("turn_unreachable", why, arm, goal[None])
+        raise PlanFailure("turn_unreachable", why)
     yield {side: arm.timed(path, speed_scale=speed)}

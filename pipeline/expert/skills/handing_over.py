@@ -77,7 +77,7 @@ def _meeting_point(
     q, ok = arm.solve(hands)
     if not ok.any():
         why = f"no place of {len(places)} to hand over is in reach of the {giver} arm"
-        raise PlanFailure("pose_unreachable", why, arm, hands)
+        raise PlanFailure("pose_unreachable", why)
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     some = found[:: max(1, len(found) // HAND_OVER.judged)]

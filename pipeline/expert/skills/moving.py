@@ -40,7 +40,7 @@ def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTra
     q, ok = arm.solve(poses)
     if not ok.any():
         why = f"none of {len(poses)} poses is in reach of the {arm.side} arm"
-        raise PlanFailure("pose_unreachable", why, arm, poses)
+        raise PlanFailure("pose_unreachable", why)
     free = arm.checker()
     found = [i for i in np.flatnonzero(ok) if free(q[i])]
     for i in found[: MOVE.tries]:
@@ -49,7 +49,7 @@ def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTra
         except PlanFailure:
             continue
     why = f"the {arm.side} arm finds no free path to {len(poses)} poses"
-    raise PlanFailure("path_blocked", why, arm, poses)
+    raise PlanFailure("path_blocked", why)
 
 
 @skill()
@@ -91,7 +91,7 @@ def _lifts(
             yield line, share
     if not found:
         why = f"the {arm.side} arm cannot lift by {height} m"
-        raise PlanFailure("line_unreachable", why, arm, lifted(start, height)[None])
+        raise PlanFailure("line_unreachable", why)
 
 
 @skill()
@@ -106,7 +106,7 @@ def shift(a: Actor, side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) ->
             yield {side: arm.timed(path, minimum=share * float(np.linalg.norm(offset)) / speed)}
             return
     why = f"the {side} arm cannot move its hand by {np.round(offset[:3], 3)} m"
-    raise PlanFailure("line_unreachable", why, arm, (start + offset)[None])
+    raise PlanFailure("line_unreachable", why)
 
 
 @skill()
@@ -123,7 +123,7 @@ def retreat(a: Actor, side: str, distance: float, *, speed: float = SPEEDS.retre
             yield {side: arm.timed(path, minimum=metres / speed)}
             return
     why = f"the {side} arm cannot draw back by {distance} m"
-    raise PlanFailure("line_unreachable", why, arm, back[0][None])
+    raise PlanFailure("line_unreachable", why)
 
 
 @skill()

@@ -138,7 +138,7 @@ def place(
         yield {side: arm.timed(line, minimum=(approach.height + press) / speed)}
         return
     reason = "place_blocked" if approaches else "place_unreachable"
-    raise PlanFailure(reason, f"the {side} arm cannot set {name} down there", arm, hands)
+    raise PlanFailure(reason, f"the {side} arm cannot set {name} down there")
 
 
 @skill(body="body", part="part")
@@ -164,7 +164,7 @@ def press(
     q, ok = arm.solve(lifted(down, above))
     if not ok.any():
         why = f"the {side} arm cannot hover over the spot"
-        raise PlanFailure("press_unreachable", why, arm, lifted(down, above))
+        raise PlanFailure("press_unreachable", why)
     free = arm.checker()
     off_steep = np.repeat(np.abs(np.array(pitches) - PRESS.steep), len(down) // len(pitches))
     cost = np.linalg.norm(q - arm.q, axis=1) + PRESS.steep_weight * off_steep
@@ -189,9 +189,7 @@ def press(
         creeping = arm.timed(between(line, near, end), minimum=(end - near) * length / SPEEDS.creep)
         yield {side: descent.then(creeping).holding(TIMING.press)}
         return
-    raise PlanFailure(
-        "press_blocked", f"the {side} arm finds no free path down to the spot", arm, down
-    )
+    raise PlanFailure("press_blocked", f"the {side} arm finds no free path down to the spot")
 
 
 def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> Floats:

@@ -92,7 +92,7 @@ def rock(
             yield from _swung(a, side, swing, times, speed)
             return
     why = f"the {side} arm finds no room to rock what it holds"
-    raise PlanFailure("rock_unreachable", why, arm, hands)
+    raise PlanFailure("rock_unreachable", why)
 
 
 def _swing(arm: ArmPlanner, q: Floats, middle: Pose, ends: list[Pose]) -> _Swing | None:

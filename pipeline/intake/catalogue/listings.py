@@ -14,8 +14,6 @@ from pipeline.world import robots
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import FAMILIES
 
-"""The motions that are drawn: alpha 0.1 m/s, 4 s to a meeting 6 cm above the table."""
-
 
 def list_tasks() -> list[dict[str, Any]]:
     out = []

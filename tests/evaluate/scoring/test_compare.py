@@ -9,7 +9,7 @@ from scipy.stats import binomtest, ttest_rel
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.evaluate.scoring.compare import CompareError, compare, compare_unpaired, read_arms
+from pipeline.evaluate.scoring.compare import CompareError, compare, read_arms
 from pipeline.evaluate.scoring.results import EPISODES, Results, text_key
 from pipeline.evaluate.scoring.statistics import interval, scenes_needed, sign_flip
 
@@ -143,25 +143,13 @@ def test_the_scenes_of_both_are_compared_and_counted(tmp_path):
     assert told.output.splitlines()[-1] == "q against p: the 4 episodes of both, of 4 and 40"
 
 
-def test_other_scenes_are_refused_unless_unpaired(tmp_path):
-    a, b = write(tmp_path / "a", "p", [1, 0, 1, 0] * 10), write(tmp_path / "b", "q", [1] * 30)
-    late, task = (
-        write(tmp_path / "c", "q", [1] * 40, clock="latency:100"),
-        write(tmp_path / "d", "q", [1], task="other"),
-    )
+def test_other_scenes_and_clocks_are_refused(tmp_path):
+    a, task = write(tmp_path / "a", "p", [1, 0]), write(tmp_path / "d", "q", [1], task="other")
+    late = write(tmp_path / "c", "q", [1, 0], clock="latency:100")
     with pytest.raises(CompareError, match="p and q share no episode"):
         compare(*read_arms([a, task]), 5)
-    with pytest.raises(CompareError, match="differ in clock: sim and latency:100; add --unpaired"):
+    with pytest.raises(CompareError, match="differ in clock: sim and latency:100"):
         compare(*read_arms([a, late]), 5)
-    (row,) = compare_unpaired(*read_arms([a, b]), 5)
-    half = 196 * np.sqrt(0.25 / 40)
-    assert row["interval"] == pytest.approx([50 - half, 50 + half], abs=2.6)
-    same = compare_unpaired(*read_arms([late, b]), 5)[0]
-    assert same["effect"] == 0 and same["interval"] == pytest.approx(
-        [-100 * (1 - 0.025 ** (1 / 30)), 100 * (1 - 0.025 ** (1 / 30))]
-    )
-    with pytest.raises(CompareError, match="a: only one of p and q tried this task"):
-        compare_unpaired(*read_arms([a, task]), 5)
 
 
 def test_a_run_with_several_policies_is_compared_within_itself(tmp_path):
