@@ -1,7 +1,8 @@
 """Closed-loop evaluation, measured: `python -m benchmarks.evaluation` prints control steps a second
 against the floor of bare physics and rendering.
 
-`together` compares one scene at a time with many scenes, for a policy that takes 5 ms an answer.
+`together` compares one scene at a time with many scenes, for a policy that takes 5 ms an answer;
+`parts` measures where the processor time of a step goes.
 `run --rows DIR` runs the study of the reference policies (benchmarks/study) into DIR and resumes
 where it was stopped; `page --rows DIR` writes its tables and plots into
 docs/measurements/evaluation.md. `resume` kills evaluations half-way and compares one process with
@@ -30,7 +31,7 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import interpolate_targets
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.names import make_here, policy_name
 from pipeline.evaluate.scenes.case import Case, expert_actions
 from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
 from pipeline.evaluate.scenes.trial import Eyes
@@ -153,7 +154,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "what", nargs="?", choices=("speed", "together", "run", "page", "resume"), default="speed"
+        "what",
+        nargs="?",
+        choices=("speed", "together", "parts", "run", "page", "resume"),
+        default="speed",
     )
     parser.add_argument(
         "--rows", type=Path, default=Path("out/study"), help="where the rows of the study are"
@@ -161,6 +165,7 @@ def main() -> None:
     parser.add_argument(
         "--tasks", default="", help="names; three for speed, ten for the study by default"
     )
+    parser.add_argument("--policy", default="", help="FILE.py of a network whose share is measured")
     parser.add_argument(
         "--seeds", type=int, default=20, help="admitted scenes of every task and cell"
     )
@@ -169,6 +174,7 @@ def main() -> None:
     )
     args = parser.parse_args()
     tasks = args.tasks.split(",") if args.tasks else ()
+    first, one_camera = (*tasks, "click_bell")[0], Setup(cameras=MOUNTED[:1], textures="unseen")
     match args.what:
         case "run":
             run(args.rows, [group for task in tasks or TEN for group in groups(task)], args.seeds)
@@ -178,9 +184,10 @@ def main() -> None:
             with TemporaryDirectory() as where:
                 print(compare(Path(where), args.episodes), hardware(), sep="\n")
         case "together":
-            print(
-                hardware(), "", together.table(first_case((tasks or ("click_bell",))[0])), sep="\n"
-            )
+            print(hardware(), together.table(first_case(first), one_camera), sep="\n\n")
+        case "parts":
+            network = make_here(policy_name(args.policy)) if args.policy else None
+            print(hardware(), together.parts(first_case(first), one_camera, network), sep="\n\n")
         case _:
             device = ensure_renderer()
             print(

@@ -27,42 +27,49 @@ def pose(position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) 
 
 def quat_multiply(a: ArrayLike, b: ArrayLike) -> Floats:
     """Hamilton product of quaternions wxyz, `(..., 4)` x `(..., 4)` -> `(..., 4)`."""
-    a, b = np.asarray(a, float), np.asarray(b, float)
-    out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
-    _multiply(a, b, out)
-    return out
+    return _joined(_multiply(_parts(a), _parts(b)))
 
 
-def _parts(a: Floats) -> list[Any]:
+def _parts(a: ArrayLike) -> list[Any]:
     """Components along the last axis; plain floats for a single vector, the fastest."""
+    a = np.asarray(a, float)
     return a.tolist() if a.ndim == 1 else [a[..., i] for i in range(a.shape[-1])]
 
 
-def _multiply(a: Floats, b: Floats, out: Floats) -> None:
-    aw, ax, ay, az = _parts(a)
-    bw, bx, by, bz = _parts(b)
-    out[..., 0] = aw * bw - ax * bx - ay * by - az * bz
-    out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
-    out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
-    out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+def _joined(parts: list[Any]) -> Floats:
+    """The array (..., n) of n components (...) of one shape."""
+    if type(parts[0]) is float:
+        return np.array(parts)
+    out = np.empty((*parts[0].shape, len(parts)))
+    for i, part in enumerate(parts):
+        out[..., i] = part
+    return out
+
+
+def _multiply(a: list[Any], b: list[Any]) -> list[Any]:
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
 
 
 def quat_rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     """Rotate vectors `(..., 3)` by unit quaternions wxyz `(..., 4)`."""
-    q, v = np.asarray(q, float), np.asarray(v, float)
-    out = np.empty((*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 3))
-    _rotate(q, v, out)
-    return out
+    return _joined(_rotate(_parts(q), _parts(v)))
 
 
-def _rotate(q: Floats, v: Floats, out: Floats) -> None:
+def _rotate(q: list[Any], v: list[Any]) -> list[Any]:
     """v + w t + u x t with u the vector part and t = 2 u x v."""
-    w, x, y, z = _parts(q)
-    a, b, c = _parts(v)
+    (w, x, y, z), (a, b, c) = q, v
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    out[..., 0] = a + w * tx + (y * tz - z * ty)
-    out[..., 1] = b + w * ty + (z * tx - x * tz)
-    out[..., 2] = c + w * tz + (x * ty - y * tx)
+    return [
+        a + w * tx + (y * tz - z * ty),
+        b + w * ty + (z * tx - x * tz),
+        c + w * tz + (x * ty - y * tx),
+    ]
 
 
 def quat_about(axis: ArrayLike, angle: float) -> Floats:
@@ -125,23 +132,16 @@ def frame(position: ArrayLike, x_axis: ArrayLike, y_axis: ArrayLike) -> Pose:
 
 def compose(a: ArrayLike, b: ArrayLike) -> Pose:
     """Pose product a * b, `(..., 7)` x `(..., 7)` -> `(..., 7)`."""
-    a, b = np.asarray(a, float), np.asarray(b, float)
-    out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
-    _rotate(a[..., 3:], b[..., :3], out[..., :3])
-    out[..., :3] += a[..., :3]
-    _multiply(a[..., 3:], b[..., 3:], out[..., 3:])
-    return out
+    p, q = _parts(a), _parts(b)
+    moved = _rotate(p[3:], q[:3])
+    return _joined([x + y for x, y in zip(moved, p, strict=False)] + _multiply(p[3:], q[3:]))
 
 
 def inverse(a: ArrayLike) -> Pose:
     """Inverse pose, `(..., 7)`."""
-    a = np.asarray(a, float)
-    out = np.empty(a.shape)
-    out[..., 3] = a[..., 3]
-    out[..., 4:] = -a[..., 4:]
-    _rotate(out[..., 3:], a[..., :3], out[..., :3])
-    out[..., :3] *= -1.0
-    return out
+    *at, w, x, y, z = _parts(a)
+    turn = [w, -x, -y, -z]
+    return _joined([-along for along in _rotate(turn, at)] + turn)
 
 
 def transform(a: ArrayLike, points: ArrayLike) -> Floats:

@@ -4,9 +4,11 @@ order."""
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from sapien.physx import PhysxRigidDynamicComponent
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.poses import Floats
@@ -27,11 +29,30 @@ _NONE = bytes(12)  # of an impulse; most points have none, and comparing takes h
 
 
 class Contacts:
-    """The contacts of one step, each read once: the binding costs more than their use."""
+    """The contacts of one step, each read once: the binding costs more than their use. `index` has
+    the components whose touching counts."""
 
-    def __init__(self, found: Sequence[Any]) -> None:
-        self._found, self._pushing = found, dict[int, list[Push]]()
+    def __init__(self, found: Sequence[Any], index: Mapping[Any, int]) -> None:
+        self._found, self._index, self._pushing = found, index, dict[int, list[Push]]()
         self.pairs: list[tuple[Any, Any]] = [tuple(contact.bodies) for contact in found]
+        self._sleepers: set[Any] | None = None
+
+    def look_for_sleep(self, table: Any) -> None:
+        """Note whether all that touch are the table and bodies that sleep."""
+        bodies = {body for pair in self.pairs for body in pair} - {table}
+        if all(
+            isinstance(body, PhysxRigidDynamicComponent) and body.is_sleeping for body in bodies
+        ):
+            self._sleepers = bodies
+
+    def still_hold(self, found: Sequence[Any]) -> bool:
+        """Whether the contacts `found` later are these: touches of a body do not change in its
+        sleep, and nothing can touch it without waking it."""
+        return (
+            self._sleepers is not None
+            and len(found) == len(self.pairs)
+            and all(body.is_sleeping for body in self._sleepers)
+        )
 
     def pushing(self, k: int) -> list[Push]:
         """The points of contact `k` with an impulse."""
@@ -69,12 +90,13 @@ class Contacts:
                 found.setdefault(side, []).extend(points)
         return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
 
-    def touching(self, index: Mapping[Any, int]) -> list[Pair]:
-        """Pairs of `index` that push each other, sorted."""
+    @cached_property
+    def touching(self) -> list[Pair]:
+        """Pairs of the index that push each other, sorted."""
         # The strongest of the pieces of a pair is its contact. Numpy takes five times as long.
         found: dict[tuple[int, int], tuple[float, list[list[Push]]]] = {}
         for k, (first, second) in enumerate(self.pairs):
-            a, b = index.get(first), index.get(second)
+            a, b = self._index.get(first), self._index.get(second)
             if a is None or b is None or not self.pushing(k):
                 continue
             strength, pair = self.strength(k), (a, b) if a < b else (b, a)

@@ -175,6 +175,7 @@ class PhysicsScene:
         self.scenery, self._props = scenery, props
         self.steps, self._stood = 0, math.inf
         self._read: Contacts | None = None
+        self._last: Contacts | None = None
         self._before: tuple[sapien.Pose, list[NDArray[np.float32]]] | None = None
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
@@ -281,9 +282,13 @@ class PhysicsScene:
     def touches(self) -> Contacts:
         """The contacts of the last step."""
         if self._read is None:
-            self._read = Contacts(self._scene.get_contacts())
+            found = self._scene.get_contacts()
+            if self._last is None or not self._last.still_hold(found):
+                self._last = Contacts(found, self._index)
+                self._last.look_for_sleep(self._table)
+            self._read = self._last
         return self._read
 
     def contacts(self) -> list[Pair]:
         """Touching pairs without the floor, in the order of `names`."""
-        return self.touches.touching(self._index)
+        return self.touches.touching

@@ -26,7 +26,7 @@ from pipeline.world.robots.contract import Embodiment
 
 from .arms import to_sapien
 from .body import BORNE, Body, Motion, StillMotion
-from .contacts import ForceWatch, Overload
+from .contacts import Contacts, ForceWatch, Overload
 from .drive import AfterTouch, Drive, Hold, ImperfectDrives
 from .events import EventScript
 from .scene_building import PhysicsScene, as_pose, move_solid
@@ -78,7 +78,7 @@ class Simulation(PhysicsScene):
         self._touchers = {component for component, name in named.items() if name in touchers}
         self._untouched = {component: name for component, name in named.items() if name in clutter}
         self._harmless = {*self._untouched, self._table}
-        self._watched = self._still_watched()
+        self._watched, self._watched_last = self._still_watched(), cast(Contacts | None, None)
         self.command = self.home_vector()
 
     def _first_poses(self, bodies: Sequence[Body]) -> list[Pose]:
@@ -188,8 +188,13 @@ class Simulation(PhysicsScene):
     def _watch(self) -> None:
         """Note the first touch of the target and of distractors; order in `names` decides ties."""
         touching, disturbed, contacts = list[int](), set[str](), self.touches
+        if contacts is self._watched_last:
+            return
+        self._watched_last = contacts
         for k, (a, b) in enumerate(contacts.pairs):
-            if (a not in self._watched and b not in self._watched) or not contacts.pushes(k):
+            if a not in self._watched and b not in self._watched:
+                continue
+            if (a in self._harmless and b in self._harmless) or not contacts.pushes(k):
                 continue
             for one, other in ((a, b), (b, a)):
                 is_toucher = other in self._touchers

@@ -29,6 +29,7 @@ from pipeline.poses import (
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
 from pipeline.world.physics.body import TABLE_TOP, Body
+from pipeline.world.physics.contacts import Contacts
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import PHYSICS_HZ, Simulation
 from pipeline.world.robots import get_embodiment
@@ -147,6 +148,27 @@ def test_the_table_carries_a_resting_body_with_its_weight():
 
 # --- the target
 # ------------------------------------------------------------------------------------------
+
+
+def test_contacts_of_sleeping_bodies_are_those_that_a_new_reading_gives(monkeypatch):
+    bodies = far_target(), body("box", "block", 0.1, 0.1), body("can", "can", 0.35, 0.0, up=0.02)
+
+    def contacts_of(simulation):
+        found, reused, last = list[list[tuple]](), 0, None
+        for step in range(300):
+            if step in (200, 220):
+                simulation.shift("can", np.array([-0.8, 0.3, 0.0]))
+            simulation.step(simulation.command, np.zeros(len(simulation.command)))
+            reused += simulation.touches is last
+            last = simulation.touches
+            found.append([(*pair[:3], *pair[3], pair[4]) for pair in simulation.contacts()])
+        return found, reused
+
+    found, reused = contacts_of(simulate(*bodies))
+    assert 30 < reused < 200
+    monkeypatch.setattr(Contacts, "still_hold", lambda *_: False)
+    assert contacts_of(simulate(*bodies)) == (found, 0)
+    assert len({len(pairs) for pairs in found}) > 1
 
 
 def test_the_target_follows_its_motion_until_it_is_touched():
