@@ -1,5 +1,5 @@
 """Episodes an hour of a policy that takes 5 ms for an answer or for a batch, by the number of
-scenes at a time, and where the processor time of a step goes."""
+scenes at a time. Also where the processor time of a step goes."""
 
 import os
 import subprocess
@@ -194,8 +194,8 @@ def _serve(policy: PolicyName, clients: int, wait: float) -> Iterator[tuple[int,
 def _run(
     jobs: Sequence[EpisodeJob], crew: Crew, wait: float | None
 ) -> tuple[list[Spent], float, float]:
-    """What each episode took, the processor time (s) of this process and of the server beside them,
-    and the wall time (s) from the first end on."""
+    """What each episode took. Beside them the processor time (s) of this process and of the server,
+    and the wall time (s), both from the first end on."""
     for name, value in SINGLE_THREAD.items():
         os.environ[name] = value
     ends: list[tuple[float, float]] = []
