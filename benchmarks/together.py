@@ -26,8 +26,7 @@ from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.client import full_message
 from pipeline.evaluate.serving.messages import pack, unpack
 from pipeline.run.evaluation import runner
-from pipeline.stages.scene import Scene, build_scene
-from pipeline.world.physics.simulation import Simulation
+from pipeline.stages.scene import build_scene
 
 POLICY = '''
 import time
@@ -117,9 +116,8 @@ def parts(case: Case, setup: Setup, network: Policy | None = None, repeats: int 
     actions, found = np.array(expert_actions(case)), list[dict[str, float]]()
     for _ in range(repeats):
         spent: dict[str, float] = defaultdict(float)
-        trial, simulation = (
-            made(build_scene(case.spec), case, setup) for made in (_trial, _simulation)
-        )
+        trial = Trial(build_scene(case.spec), case.target_motion, setup)
+        bare = build_scene(case.spec).start(case.target_motion, setup.fps, "evaluate").simulation
         eyes = Eyes(trial.scene, setup)
         if network is not None:
             words = instruction_of(trial.scene)
@@ -134,13 +132,13 @@ def parts(case: Case, setup: Setup, network: Policy | None = None, repeats: int 
             if network is not None:
                 with _counted(spent, NETWORK):
                     network.act(seen)
-            before = simulation.command
+            before = bare.command
             rows, velocity = interpolate_targets(
                 before, np.asarray(action), trial.per_period, 1 / trial.fps
             )
             with _counted(spent, "physics"):
                 for row in rows:
-                    simulation.step(row, velocity)
+                    bare.step(row, velocity)
             with _counted(spent, "physics, recorded and judged"):
                 trial.advance(action)
         eyes.close()
@@ -161,14 +159,6 @@ def parts(case: Case, setup: Setup, network: Policy | None = None, repeats: int 
             markdown(("an answer takes", f"highest ratio on {cores} cores"), most),
         )
     )
-
-
-def _trial(scene: Scene, case: Case, setup: Setup) -> Trial:
-    return Trial(scene, case.target_motion, setup)
-
-
-def _simulation(scene: Scene, case: Case, setup: Setup) -> Simulation:
-    return scene.start(case.target_motion, setup.fps, "evaluate").simulation
 
 
 @contextmanager
