@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 MOST_EPISODES = 100_000
 
+REAL_TIME = "paused,100,300"
+"""The clocks of the suite `decide`."""
+
 Baselines = Annotated[
     bool, option("Also evaluate `static` and `still` on the same scenes.", "--baselines")
 ]
@@ -48,7 +51,10 @@ PolicyText = Annotated[
 Episodes = Annotated[int, number(1, MOST_EPISODES, "Admitted scenes per cell; the paper has 100.")]
 ClockText = Annotated[
     str | None,
-    option("sim, step-locked, late:MS and others (docs/evaluation.md); by default the rules'."),
+    option(
+        "sim, step-locked, late:MS and others (docs/evaluation.md), also several, as in"
+        " paused,100,300; by default the rules', and these three for the suite decide."
+    ),
 ]
 InProcess = Annotated[
     bool,
@@ -152,10 +158,13 @@ def evaluate(
     intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
+    from pipeline.evaluate.evaluate import together
     from pipeline.evaluate.scenes.benchmark import read_benchmark
-    from pipeline.evaluate.scoring.summary import table
+    from pipeline.evaluate.scoring.clock import parse_clock
+    from pipeline.evaluate.scoring.summary import by_clock, table
     from pipeline.run.evaluation import EPISODE_SECONDS, evaluation_of, runner
     from pipeline.run.names import check_events
+    from pipeline.tasks.contract import expand_tasks
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
@@ -177,11 +186,13 @@ def evaluate(
         raise UsageError(
             f"--policy {policy} would get no images: add --like DATASET, or --cameras head"
         )
+    timed = setup.rules != "domino" and {*expand_tasks(recipe.tasks)} <= {*expand_tasks(["decide"])}
+    clocks = (clock or (REAL_TIME if timed else "")).split(",")
     evaluation = evaluation_of(
         recipe,
         setup,
         named_policy(policy, in_process, prints, given.export),
-        clock or "",
+        clocks[0],
         episodes=episodes or 100,
         seed=seed,
         split=instructions,
@@ -196,6 +207,7 @@ def evaluate(
         cells = tuple(frozen.choose(recipe, given.values, given.values.get("tasks", ())))
         scenes = episodes or frozen.head.scenes
         evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
+    others = [parse_clock(text) for text in clocks[1:]]
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
     if (paired or conditions) and not setup.events:
         raise UsageError("--paired and --conditions withhold --events: name some")
@@ -209,7 +221,10 @@ def evaluate(
         tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar,
     ):
         runs = runner(crew, EPISODE_SECONDS + ANSWERS * answer_seconds)
-        outcome = run_evaluation(evaluation, out, runs, manifests, bar.set_description_str)
+        outcome = together(
+            run_evaluation(each, out, runs, manifests, bar.set_description_str)
+            for each in (evaluation, *(replace(evaluation, clock=c) for c in others))
+        )
     if outcome.faults:
         count, first = sum(outcome.faults.values()), next(iter(outcome.faults))
         note(
@@ -217,6 +232,8 @@ def evaluate(
             f" {count} ({first})"
         )
     text = [table(outcome.cells), *_mean_lines(outcome)]
+    if others:
+        text = by_clock(outcome.cells, outcome.means)
     if outcome.benchmark:
         text.append(str(outcome.benchmark))
     print_result(outcome.to_dict(), as_json, "\n".join(text))

@@ -146,6 +146,17 @@ def evaluate(
         return EvaluationResult(summarise(rows), *means, len(missing), *files, noted)
 
 
+def together(outcomes: Iterable[EvaluationResult]) -> EvaluationResult:
+    """One result of evaluations into one directory."""
+    each = [*outcomes]
+    cells, means, baselines = (
+        [row for one in each for row in getattr(one, name)]
+        for name in ("cells", "means", "baselines")
+    )
+    run = sum(one.run for one in each)
+    return replace(each[-1], cells=cells, means=means, baselines=baselines, run=run)
+
+
 def _result(
     evaluation: Evaluation,
     seeds: Manifests,

@@ -205,4 +205,4 @@ def changes_of(values: Any) -> tuple[Change, ...]:
 
 def others_of(motion: object) -> Mapping[str, TargetMotion]:
     """What moves beside the target of a motion, by name."""
-    return motion.others if isinstance(motion, Company | Changed) else {}
+    return getattr(motion, "others", {})

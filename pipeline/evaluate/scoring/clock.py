@@ -23,8 +23,9 @@ STEP_LOCKED_RATE = 0.1 / 0.06  # of target motion to robot motion in the origina
 Join = Literal["switch", "blend", "rtc"]
 
 HELP = (
-    "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH,"
-    " latency:measured, or async: in place of latency:, also with :blend or :rtc at the end"
+    "sim (or paused), step-locked, late:MS, latency:MS (or MS), latency:normal:MEAN:SD,"
+    " latency:uniform:LOW:HIGH, latency:measured, or async: in place of latency:, also with :blend"
+    " or :rtc at the end"
 )
 
 
@@ -91,8 +92,10 @@ class Clock:
 def parse_clock(text: str) -> Clock:
     """A clock from its name. Raises ClockError, with the names there are."""
     kind, *rest = text.split(":")
-    if kind in ("sim", "sim-clock") and not rest:
+    if kind in ("sim", "sim-clock", "paused") and not rest:
         return Clock("sim", "sim")
+    if len(_milliseconds([text])) == 1:
+        kind, rest = "latency", [text]
     if text == "step-locked":
         return Clock(text, text)
     if kind == "late" and len(numbers := _milliseconds(rest)) == 1:

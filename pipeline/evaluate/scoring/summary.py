@@ -128,6 +128,28 @@ def two_by_two(means: Sequence[Row]) -> list[str]:
     return out
 
 
+def by_clock(cells: Sequence[Row], means: Sequence[Row]) -> list[str]:
+    """The success rates (per cent) by clock as lines of a table, and what the first clock hides."""
+    clocks = [*dict.fromkeys(row["clock"] for row in cells)]
+    names = {"sim": "paused"} | {c: f"{c.removeprefix('latency:')} ms" for c in clocks[1:]}
+    apart = [key for key in CELL if key != "clock"]
+    groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
+    for row in [*cells, *(mean for mean in means if mean["category"] == "all")]:
+        key = tuple(row.get(name, f"mean of {row.get('tasks')} tasks") for name in apart)
+        groups[key][row["clock"]] = row["success_rate"]
+    out = ["SR %".ljust(56) + "".join(f"{names.get(clock, clock):>14}" for clock in clocks)]
+    for key, rates in groups.items():
+        of = dict(zip(apart, key, strict=True))
+        where = f" [{of['condition']}]" if of["condition"] else ""
+        head = f"{of['task']:28} {of['embodiment']:14} level {of['level']}{where}"
+        out.append(f"{head:56}" + "".join(f"{rates[clock]:14.1f}" for clock in clocks))
+    first, *others = (
+        np.mean([row["success_rate"] for row in cells if row["clock"] == clock]) for clock in clocks
+    )
+    lost = [f"{first - x:.1f} at {names[c]}" for c, x in zip(clocks[1:], others, strict=True)]
+    return [*out, f"What {names.get(clocks[0], clocks[0])} hides, in points: {', '.join(lost)}"]
+
+
 def _processes(rows: Sequence[Row]) -> str:
     return ", ".join(sorted({row.get("process", "evaluator") for row in rows}))
 

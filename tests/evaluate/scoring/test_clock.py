@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.evaluate.scoring.clock import STEP_LOCKED_RATE, ClockError, parse_clock
 from pipeline.motion.planar import PlanarMotion, Segment
+from pipeline.motion.wrapped import Company, others_of
 
 MOTION = PlanarMotion(
     1,
@@ -23,7 +24,8 @@ def rng():
 
 def test_the_world_waits_for_nobody_but_a_slow_policy():
     assert parse_clock("sim").delay(9.0, rng()) == 0
-    assert parse_clock("sim-clock").name == "sim"
+    assert parse_clock("sim-clock").name == parse_clock("paused").name == "sim"
+    assert parse_clock("120") == parse_clock("latency:120")
     assert parse_clock("step-locked").delay(9.0, rng()) == 0
     assert parse_clock("latency:120").delay(9.0, rng()) == pytest.approx(0.12)
     assert parse_clock("latency:measured").delay(0.31, rng()) == 0.31
@@ -76,3 +78,8 @@ def test_a_late_target_stands_first_and_then_does_the_same():
     np.testing.assert_allclose(late.twist(0.3), np.zeros(6))
     np.testing.assert_allclose(late.pose(1.4), MOTION.pose(1.0))
     assert parse_clock("late:400").delay(9.0, rng()) == 0
+
+
+def test_what_moves_beside_a_target_is_late_too():
+    beside = others_of(parse_clock("late:400").motion(Company(MOTION, {"other": MOTION})))
+    assert np.array_equal(beside["other"].pose(1.4), MOTION.pose(1.0))

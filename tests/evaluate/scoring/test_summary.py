@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from pipeline.evaluate.scoring.statistics import bootstrap, wilson
-from pipeline.evaluate.scoring.summary import over_tasks, summarise, table
+from pipeline.evaluate.scoring.summary import by_clock, over_tasks, summarise, table
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 20), (1, 7), (10, 20), (19, 20), (100, 100)])
@@ -106,3 +106,17 @@ def test_every_task_counts_the_same_in_a_mean():
     low, high = means[1, "all"]["success_rate_interval"]
     assert (low, high) == pytest.approx([100 * x for x in wilson(2.0, 8 / 3)])
     assert means[3, "all"]["episodes"] == 1
+
+
+def test_clocks_are_columns_and_what_a_pause_hides_is_a_mean_over_cells():
+    solved = {"sim": (True, True), "latency:100": (True, False), "latency:300": (False, False)}
+    rows = [
+        row(task, success, 0, clock=clock)
+        for clock, both in solved.items()
+        for task, success in zip("ab", both, strict=True)
+    ]
+    head, a, b, mean, hides = by_clock(summarise(rows), over_tasks(rows))
+    assert head.split()[-5:] == ["paused", "100", "ms", "300", "ms"]
+    numbers = [[float(text) for text in line.split()[-3:]] for line in (a, b, mean)]
+    assert numbers == [[100, 100, 0], [100, 0, 0], [100, 50, 0]]
+    assert "50.0 at 100 ms, 100.0 at 300 ms" in hides
