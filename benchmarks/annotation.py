@@ -47,7 +47,7 @@ from pipeline.annotate.store import episode_paths
 from pipeline.annotate.work import StageWorker
 from pipeline.annotate.world_stage import WorldStage
 from pipeline.data.episode.file import open_episode
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.data.slots.annotations import annotation_path, read_entry
 from pipeline.run.annotate import annotate
 

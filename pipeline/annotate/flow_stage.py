@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import extrinsics_cv
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.data.names import HEAD
 from pipeline.poses import Floats, inverse, matrix
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import View
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.data.episode.world import WorldTruth
 from pipeline.data.keys import arrays_digest, frames_digest
 from pipeline.poses import Floats

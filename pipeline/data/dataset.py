@@ -62,14 +62,12 @@ class Dataset(Paths):
                     f"{self.root} holds another recipe, with more: {'; '.join(more)}: name all of"
                     " it and what is new (a dataset only grows), or choose another --out"
                 )
-            self._freeze(recipe)
-            return
-        place = place_of(self.root)
-        if (self.root.exists() and any(self.root.iterdir())) or (place and place.files(".*")):
-            raise DatasetError(f"{self.root} is not empty and is no dataset: choose another --out")
-        self._freeze(recipe)
-
-    def _freeze(self, recipe: Recipe) -> None:
+        else:
+            place, here = place_of(self.root), self.root.exists() and any(self.root.iterdir())
+            if here or (place and place.files(".*")):
+                raise DatasetError(
+                    f"{self.root} is not empty and is no dataset: choose another --out"
+                )
         write_atomic(self.manifest, seal_yaml(recipe.to_yaml()))
         put(self.manifest)
 

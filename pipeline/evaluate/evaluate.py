@@ -11,7 +11,7 @@ from random import SystemRandom
 from typing import Any
 
 from pipeline.data.atomic import exclusive, write_atomic
-from pipeline.data.episode.mp4 import encode_mp4
+from pipeline.data.episode.frames import encode_mp4
 from pipeline.data.errors import check_directory
 from pipeline.data.reading import check_plain
 from pipeline.data.recipe.model import Cell

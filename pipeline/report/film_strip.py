@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, project
 from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile, open_episode
-from pipeline.data.episode.mp4 import encode_mp4
+from pipeline.data.episode.frames import encode_mp4
 from pipeline.data.names import HEAD
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec

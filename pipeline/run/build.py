@@ -104,7 +104,8 @@ def _build(
                         progress.add(record.attempts)
                     case Died(job):
                         jobs.append(job.without(end))
-        draw_variants(dataset, recipe, index, crew, timeout, shown != "bar")
+        if recipe.variants > 1:
+            draw_variants(dataset, recipe, index, crew, timeout, shown != "bar")
     return todo, progress.lost
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.jpeg import encode_frames
+from pipeline.data.episode.frames import encode_frames
 from pipeline.data.episode.resample import frames_at, resample_log
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import digest

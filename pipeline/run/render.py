@@ -194,8 +194,7 @@ def draw_variants(
     dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool
 ) -> None:
     """Draw other looks from the first ones. Raises DatasetError."""
-    if recipe.variants > 1:
-        others = (slot for slot in recipe.slots() if slot.variant)
-        work = work_of(dataset, dataset, recipe, others, writer.catch_up())
-        if problems := draw_all(work, writer, crew, timeout, quiet):
-            raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
+    others = (slot for slot in recipe.slots() if slot.variant)
+    work = work_of(dataset, dataset, recipe, others, writer.catch_up())
+    if problems := draw_all(work, writer, crew, timeout, quiet):
+        raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")

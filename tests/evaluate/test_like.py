@@ -5,7 +5,7 @@ import numpy as np
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode
-from pipeline.data.episode.jpeg import encode_frames
+from pipeline.data.episode.frames import encode_frames
 from pipeline.evaluate.environment.env import DominoEnv
 from pipeline.evaluate.scenes.case import admit, expert_actions
 from tests.run.command import inside

@@ -13,7 +13,7 @@ from jinja2 import UndefinedError
 from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import CAMERA_TYPES, Camera
 from pipeline.data.episode.file import open_episode
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.data.recipe.model import Cell
 from pipeline.data.slots.records import ATTEMPTS
 from pipeline.html import render_page

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.atomic import atomic_directory
-from pipeline.data.episode.jpeg import EpisodeError, decode_frame
+from pipeline.data.episode.frames import EpisodeError, decode_frame
 from pipeline.data.keys import digest
 from training.puma.config import Config, MixtureSource
 from training.puma.errors import TrainError

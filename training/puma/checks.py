@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma import checkpoint
 from training.puma.config import Config, MixtureSource

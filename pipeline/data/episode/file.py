@@ -18,8 +18,8 @@ from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
 
+from .frames import EpisodeError, decode_frame, stated_size
 from .hdf5 import HASHES, check_dataset, content_hashes, differing, open_hdf5
-from .jpeg import EpisodeError, decode_frame, stated_size
 from .meta import EpisodeMeta
 from .state_log import Event, SkillRun, StateLog, Touch
 
@@ -233,37 +233,34 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
     def read(self) -> Episode:
         """The episode without its images."""
         with self._reading("is not a complete episode"):
-            return self._read()
-
-    def _read(self) -> Episode:
-        vector_names = self.names("joint_state", "names")
-        tcp = [self.array(f"endpose/{side}_endpose") for side in sides_of(vector_names)]
-        runs = parse_json(self.array("skills").item())
-        log = StateLog(
-            times=self.array("timestamp"),
-            bodies=self.names("state", "bodies"),
-            poses=self.array("state/poses"),
-            joints=self.names("state", "joints"),
-            qpos=self.array("state/qpos"),
-            qvel=self.array("state/qvel"),
-            vector_names=vector_names,
-            state=self.array("joint_state/vector"),
-            action=self.array("joint_action/vector"),
-            tcp=np.stack(tcp, axis=1),
-            target_velocity=self.array("target/velocity"),
-            contacts=self.array("state/contacts"),
-            events=[Event(**each) for each in json.loads(self.array("events").item())],
-            skills=[SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in runs],
-            touches=self._touches(),
-            target_angular_velocity=self._optional("target/angular_velocity"),
-            intervention=self._optional("intervention"),
-            expert_action=self._optional("expert_action"),
-        )
-        split = {s: self.instructions(s) for s in ("seen", "unseen")}
-        motion, tried = self.array("motion").item().decode(), self.attempts() or ()
-        return Episode(
-            self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried
-        )
+            vector_names = self.names("joint_state", "names")
+            tcp = [self.array(f"endpose/{side}_endpose") for side in sides_of(vector_names)]
+            runs = parse_json(self.array("skills").item())
+            log = StateLog(
+                times=self.array("timestamp"),
+                bodies=self.names("state", "bodies"),
+                poses=self.array("state/poses"),
+                joints=self.names("state", "joints"),
+                qpos=self.array("state/qpos"),
+                qvel=self.array("state/qvel"),
+                vector_names=vector_names,
+                state=self.array("joint_state/vector"),
+                action=self.array("joint_action/vector"),
+                tcp=np.stack(tcp, axis=1),
+                target_velocity=self.array("target/velocity"),
+                contacts=self.array("state/contacts"),
+                events=[Event(**each) for each in json.loads(self.array("events").item())],
+                skills=[SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in runs],
+                touches=self._touches(),
+                target_angular_velocity=self._optional("target/angular_velocity"),
+                intervention=self._optional("intervention"),
+                expert_action=self._optional("expert_action"),
+            )
+            split = {s: self.instructions(s) for s in ("seen", "unseen")}
+            motion, tried = self.array("motion").item().decode(), self.attempts() or ()
+            return Episode(
+                self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried
+            )
 
 
 def _line(error: BaseException) -> str:

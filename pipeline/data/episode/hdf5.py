@@ -23,17 +23,6 @@ def open_hdf5(path: Path) -> h5py.File:
     check_regular(path)
     # a finished file is never written again, and some file systems have no locks
     file = h5py.File(path, "r", locking=False)
-    try:
-        if problem := _find_problem(file):
-            raise OSError(problem)
-    except BaseException:
-        file.close()
-        raise
-    return file
-
-
-def _find_problem(file: h5py.File) -> str | None:
-    """The first thing in a file that is refused."""
     addresses = [h5o.get_info(file.id).addr]
 
     def visit(name: bytes, link: Any) -> str | None:
@@ -42,9 +31,16 @@ def _find_problem(file: h5py.File) -> str | None:
             return f"{name.decode(errors='replace')} is a link to elsewhere"
         return f"it has more than {MOST} objects" if len(addresses) > MOST else None
 
-    problem = file.id.links.visit(visit, info=True)
-    twice = len(set(addresses)) < len(addresses)
-    return problem or ("an object in it has two names" if twice else None)
+    try:
+        problem = file.id.links.visit(visit, info=True)
+        if not problem and len(set(addresses)) < len(addresses):
+            problem = "an object in it has two names"
+        if problem:
+            raise OSError(problem)
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 def check_dataset(dataset: h5d.DatasetID) -> None:

@@ -15,8 +15,8 @@ from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
 
 from .file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
+from .frames import encode_frames
 from .hdf5 import HASHES, content_hashes, new_hdf5
-from .jpeg import encode_frames
 from .state_log import Touch
 
 _GROUPS = (

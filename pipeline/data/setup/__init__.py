@@ -23,15 +23,17 @@ from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import MOUNTED, RETIRED, SIDES
 from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
 
-from .brought import Brought, read_light, read_textures
+from .brought import Brought
 from .rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
 from .written import (
     camera_name,
     check_kind,
     explain,
     read_cameras,
+    read_light,
     read_objects,
     read_size,
+    read_textures,
 )
 
 IMAGES = (

@@ -43,15 +43,6 @@ class Brought(BaseModel):
     licence: Annotated[str, Field(max_length=200)] = "not stated"
 
 
-def read_textures(value: Any) -> Any:
-    is_directory = isinstance(value, str) and value not in ("seen", "unseen")
-    return bring_textures(value) if is_directory else value
-
-
-def read_light(value: Any) -> Any:
-    return None if value == "none" else bring_light(value) if isinstance(value, str) else value
-
-
 def bring_textures(text: str) -> Brought:
     """The textures below a directory, read in a limited child process. Raises BroughtError."""
     root = Path(text).absolute()

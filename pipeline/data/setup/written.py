@@ -10,6 +10,8 @@ from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import SHOWN, show_value
 
+from .brought import bring_light, bring_textures
+
 
 def check_kind(value: Any, is_switch: bool) -> None:
     """Raise ValueError for NaN, and for true/false in place of a number or a name."""
@@ -39,6 +41,15 @@ def read_objects(value: Any) -> Any:
         each = names if isinstance(names, list | tuple) else [names]
         objects.setdefault(family, []).extend(str(n).removeprefix("robotwin:") for n in each)
     return objects
+
+
+def read_textures(value: Any) -> Any:
+    is_directory = isinstance(value, str) and value not in ("seen", "unseen")
+    return bring_textures(value) if is_directory else value
+
+
+def read_light(value: Any) -> Any:
+    return None if value == "none" else bring_light(value) if isinstance(value, str) else value
 
 
 def camera_name(camera: str | NamedCamera) -> str:

@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.jpeg import QUALITY, decode_frame
+from pipeline.data.episode.frames import QUALITY, decode_frame
 
 from .episodes import ExportError
 

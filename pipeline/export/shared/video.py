@@ -12,7 +12,7 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from pipeline.data.episode.jpeg import EpisodeError
+from pipeline.data.episode.frames import EpisodeError
 
 from .episodes import ExportError
 

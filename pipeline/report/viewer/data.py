@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.events import ENDED, FIRED, WITHHELD
 from pipeline.data.episode.file import EpisodeFile, open_episode
+from pipeline.data.episode.frames import encode_mp4
 from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
-from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.episode.state_log import Event, SkillRun, StateLog
 from pipeline.data.names import HEAD, SIDES
 from pipeline.data.slots.annotations import (

@@ -19,9 +19,9 @@ class RecipeKeys:
     def __init__(self, recipe: Recipe) -> None:
         self._recipe, self._root = recipe, core.package_root()
         self._placed: dict[tuple[str, bool], dict[str, str]] = {}
-        # slots whose objects are missing have no keys, which readers report
-        with suppress(RecipeError):
-            add_originals(recipe)
+        if recipe.assets is not None:
+            with suppress(RecipeError):  # slots whose objects are missing have no keys
+                add_originals(recipe)
         # a frozen recipe has all values written out; without defaults, a key which a later version
         # adds changes nothing
         given = recipe.model_dump(mode="json", exclude=set(CHOOSING), exclude_defaults=True)

@@ -64,7 +64,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
         conditions=failure.conditions,
     )
     flagged = replace(episode, meta=episode.meta.model_copy(update={"failure": why}))
-    return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)
+    return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)[0]
 
 
 def remove_failures(dataset: Dataset, slot: Slot) -> None:

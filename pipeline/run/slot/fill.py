@@ -29,7 +29,7 @@ from pipeline.stages.replay import Demonstrator, expert_of
 from pipeline.world.drawing.vulkan import ensure_renderer
 
 from .failures import Failed, keep_failure, keep_last_frames, remove_failures
-from .make import draw, episode_of, read_facts, renew, send_slot, write
+from .make import draw, episode_of, renew, send_slot, write
 from .worker_log import worker_log
 
 RENEWAL = -1
@@ -198,9 +198,8 @@ def _from_nothing(
         row |= asdict(rollout.motion.features())
         episode = episode_of(rollout, recipe, images.drawing, keys)
         episode = replace(episode, attempts=untimed([*rows, row]))
-        sha = write(dataset.episode(slot), episode, images, phases)
-        known = read_facts(dataset, slot)
+        sha, facts = write(dataset.episode(slot), episode, images, phases)
         rows.append({"seconds": time.perf_counter() - began} | row)
         remove_given_up(dataset, slot)
-        return SlotRecord(keys, True, sha, tuple(rows), phases.record(), known)
+        return SlotRecord(keys, True, sha, tuple(rows), phases.record(), facts)
     return replace(write_given_up(dataset, slot, keys, rows), phases=phases.record())

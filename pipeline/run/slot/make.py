@@ -12,7 +12,7 @@ from pipeline.data.cameras import View
 from pipeline.data.clock import PHYSICS_HZ, at_rate
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import Episode, EpisodeFile
-from pipeline.data.episode.jpeg import encode_frames
+from pipeline.data.episode.frames import encode_frames
 from pipeline.data.episode.meta import Drawing, EpisodeMeta, ObjectInfo
 from pipeline.data.episode.state_log import StateLog, physics_id
 from pipeline.data.episode.writer import write_episode
@@ -149,21 +149,15 @@ def stored_images(file: EpisodeFile) -> Images:
     return Images(file.meta.drawing, views, coded, optional("pointcloud"), tracks)
 
 
-def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
-    """Write an episode file; its sha256."""
+def write(path: Path, episode: Episode, images: Images, phases: Phases) -> tuple[str, FileFacts]:
+    """Write an episode file; its sha256, and what the index holds of it."""
     own = {key: v for key, v in episode.interception.items() if not key.startswith(TRACKS)}
     with phases("write"):
         tracked = replace(episode, interception=own | dict(images.tracks))
         write_episode(path, tracked, images.views, images.coded, images.pointcloud)
-        return file_hash(path)
-
-
-def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
-    """Facts of a slot's episode file. Raises EpisodeError."""
-    path = dataset.episode(slot)
-    with EpisodeFile(path) as file:
-        assets = list(file.meta.drawing.assets.values())
-        return FileFacts.of(path.stat(), len(file), file.meta.physics_id, assets)
+        meta, assets = episode.meta, list(episode.meta.drawing.assets.values())
+        facts = FileFacts.of(path.stat(), len(episode.log), meta.physics_id, assets)
+        return file_hash(path), facts
 
 
 def renew(
@@ -183,8 +177,8 @@ def renew(
     # version 0.1 stored no attempts in its episodes
     spoken, tried = sentences(scene, recipe.instructions), untimed(old_entry.attempts)
     episode = replace(old, instructions=spoken, meta=meta, attempts=tried)
-    sha = write(dataset.episode(slot), episode, images, phases)
-    return replace(old_entry, keys=keys, sha256=sha, file=read_facts(dataset, slot))
+    sha, facts = write(dataset.episode(slot), episode, images, phases)
+    return replace(old_entry, keys=keys, sha256=sha, file=facts)
 
 
 def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> None:

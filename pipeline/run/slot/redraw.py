@@ -16,7 +16,7 @@ from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
-from pipeline.data.slots.records import SlotRecord, untimed
+from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import redrawn_keys
 from pipeline.stages.attempt import Phases
 from pipeline.stages.drawing.render import (
@@ -31,7 +31,7 @@ from pipeline.stages.drawing.render import images_of as surfaces_of
 from pipeline.world.looks.materials import load_parts
 from pipeline.world.shapes import Parts
 
-from .make import images_of, read_facts, send_slot, write
+from .make import images_of, send_slot, write
 
 
 @dataclass(frozen=True)
@@ -86,11 +86,10 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
     if not job.record.accepted:
         return write_given_up(out, job.slot, keys, attempts)
     try:
-        sha = _draw(source, out, job, attempts, keys, phases)
-        known = read_facts(out, job.slot)
+        sha, facts = _draw(source, out, job, attempts, keys, phases)
     except DominoError as error:
         return str(error)
-    record = SlotRecord(keys, True, sha, attempts, phases.record(), known)
+    record = SlotRecord(keys, True, sha, attempts, phases.record(), facts)
     send_slot(out, job.slot, record)
     return record
 
@@ -102,7 +101,7 @@ def _draw(
     attempts: Sequence[Mapping[str, Any]],
     keys: SlotKeys,
     phases: Phases,
-) -> str:
+) -> tuple[str, FileFacts]:
     path, recipe, variant = source.episode(job.origin), job.recipe, job.slot.variant
     store, own = AssetStore(source.bodies), AssetStore(out.bodies)
     with phases("read"):

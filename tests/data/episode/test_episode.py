@@ -15,7 +15,7 @@ from PIL import Image
 
 from pipeline.data.episode import writer as module
 from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile, open_episode
-from pipeline.data.episode.jpeg import decode_frame, encode_frames, stated_size
+from pipeline.data.episode.frames import decode_frame, encode_frames, stated_size
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.names import is_embodiment, is_name
 from pipeline.data.spec import EpisodeSpec

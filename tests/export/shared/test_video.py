@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.data.episode.jpeg import EpisodeError, decode_frame, encode_frames
+from pipeline.data.episode.frames import EpisodeError, decode_frame, encode_frames
 from pipeline.export.formats.lerobot.videos import VideoFile
 from pipeline.export.shared.episodes import ExportError
 from pipeline.export.shared.statistics import TOGETHER, PlaneCounts, color_counts

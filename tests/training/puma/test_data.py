@@ -15,7 +15,7 @@ from pipeline.annotate.flow import Colour, bit_stable, colour_flow, farneback, s
 from pipeline.commands.options import Given
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode
-from pipeline.data.episode.jpeg import decode_frame
+from pipeline.data.episode.frames import decode_frame
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.setup import SETUP_FILE, Setup
 from tests.synthetic import episode_path, make_episode

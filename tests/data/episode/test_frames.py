@@ -4,7 +4,7 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.data.episode.mp4 import encode_mp4
+from pipeline.data.episode.frames import encode_mp4
 
 
 @pytest.mark.parametrize("size", [(64, 258), (96, 96), (52, 36)], ids=str)
