@@ -2,21 +2,33 @@
 side."""
 
 from collections.abc import Callable
+from itertools import product
 
 import cv2
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from .textures import Field, Rgba, by_name, fractal, mix, rgba, shade, value_noise
+from .textures import (
+    Field,
+    Rgba,
+    by_name,
+    draw_chip,
+    fine_noise,
+    fractal,
+    mix,
+    rgba,
+    shade,
+    value_noise,
+    weave,
+)
 
 
 def grain(rng: Generator, size: int) -> Field:
     """Wood along x in 0-1 (size, size), 1 is dark."""
     v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
-    rings = 0.5 + 0.5 * np.sin(
-        2 * np.pi * (np.float32(rng.integers(18, 30)) * v + 1.6 * fractal(rng, size, (4, 1), 2))
-    )
+    count = np.float32(rng.integers(18, 30))
+    rings = 0.5 + 0.5 * np.sin(2 * np.pi * (count * v + 1.6 * fractal(rng, size, (4, 1), 2)))
     fibre = value_noise(rng, size, (size // 2, 5))
     pores = np.clip(value_noise(rng, size, (size, 24)) - 0.72, 0, 1) * 2.2
     return np.clip(0.30 * rings + 0.42 * fibre + pores, 0, 1).astype(np.float32)
@@ -49,7 +61,7 @@ def _wood(colour: ArrayLike, t: Field) -> Field:
 
 def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """One colour with fine specks of two tones."""
-    specks = value_noise(rng, size, (size, size))
+    specks = fine_noise(rng, size, 1)
     t = 0.25 * np.clip((specks - 0.80) * 5, 0, 1) - 0.14 * np.clip((0.2 - specks) * 5, 0, 1)
     cloud = 0.03 * (fractal(rng, size, (3, 3), 3) - 0.5)
     return rgba(np.asarray(colour, np.float32) * (1 - t - cloud)[..., None])
@@ -57,21 +69,14 @@ def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 def steel(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Brushed sheet: streaks of one texel along x, scratches."""
-    streaks = 0.6 * value_noise(rng, size, (size, 4)) + 0.4 * value_noise(
-        rng, size, (size // 2, 12)
-    )
+    streaks = 0.6 * value_noise(rng, size, (size, 4))
+    streaks = streaks + 0.4 * value_noise(rng, size, (size // 2, 12))
     sheet = np.ascontiguousarray(mix(shade(colour, 1.04), shade(colour, 0.90), streaks), np.float32)
     tone = shade(colour, 1.1).tolist()
     for x, y, length, slope in rng.random((14, 4)):
-        start = (int(x * size), int(y * size))
-        cv2.line(
-            sheet,
-            start,
-            (start[0] + int(60 * length), start[1] + int(24 * (slope - 0.5))),
-            tone,
-            1,
-            cv2.LINE_AA,
-        )
+        x, y = int(x * size), int(y * size)
+        end = (x + int(60 * length), y + int(24 * (slope - 0.5)))
+        cv2.line(sheet, (x, y), end, tone, 1, cv2.LINE_AA)
     return rgba(sheet)
 
 
@@ -79,9 +84,7 @@ def linen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Threads of four texels, uneven yarn, soft creases."""
     threads = size // 4
     u = np.arange(size, dtype=np.float32) / 4
-    ridge = np.sin(np.pi * (u % 1))
-    over = ((np.floor(u)[:, None] + np.floor(u)[None]) % 2).astype(np.float32)
-    height = over * ridge[:, None] + (1 - over) * ridge[None]
+    height = weave(u, np.sin(np.pi * (u % 1)))
     yarn = value_noise(rng, size, (threads, 6)) + value_noise(rng, size, (6, threads)) - 1
     cloth = 0.90 + 0.12 * height + 0.09 * yarn + _folds(rng, size)
     return rgba(np.asarray(colour, np.float32) * cloth[..., None])
@@ -93,28 +96,24 @@ def _folds(rng: Generator, size: int) -> Field:
     bend, slow = fractal(rng, size, (2, 2), 3) - 0.5, fractal(rng, size, (3, 2), 3) - 0.5
     waves = np.sin(2 * np.pi * (across[None] + 2 * across[:, None] + 1.3 * bend)) * (0.6 + slow)
     kept = np.exp(-(((across - 0.5 + 0.004 * np.sin(9 * across)) * 90) ** 2))
-    return (0.09 * waves + 0.12 * slow - 0.10 * (kept[None] + 0.7 * kept[:, None])).astype(
-        np.float32
-    )
+    creases = 0.10 * (kept[None] + 0.7 * kept[:, None])
+    return (0.09 * waves + 0.12 * slow - creases).astype(np.float32)
 
 
 def gingham(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Woven squares of two tones, with folds."""
     own = np.asarray(colour, np.float32)
     bands = (np.arange(size) * int(rng.choice([16, 24, 32])) // size % 2).astype(np.float32)
-    thread = 0.94 + 0.10 * (
-        (np.arange(size)[:, None] + np.arange(size)[None]) // 2 % 2
-    ) * value_noise(rng, size, (size // 2, size // 2))
+    k = np.arange(size)
+    thread = 0.94 + 0.10 * ((k[:, None] + k[None]) // 2 % 2) * fine_noise(rng, size, 2)
     t = np.asarray(cv2.GaussianBlur((bands[:, None] + bands[None]) / 2, (3, 3), 0.8), np.float32)
     return rgba(mix(own * 0.45 + 0.5, own * 0.8, t) * (thread + _folds(rng, size))[..., None])
 
 
 def felt(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Pressed wool: short fibres, brushed patches, pills."""
-    fibres = (
-        value_noise(rng, size, (size // 6, size)) + value_noise(rng, size, (size, size // 6)) - 1
-    )
-    pills = np.clip(value_noise(rng, size, (size // 4, size // 4)) - 0.8, 0, 1)
+    along, across = (value_noise(rng, size, c) for c in ((size // 6, size), (size, size // 6)))
+    fibres, pills = along + across - 1, np.clip(fine_noise(rng, size, 4) - 0.8, 0, 1)
     tone = 0.86 + 0.22 * fibres + 0.16 * fractal(rng, size, (4, 4), 4) + 0.5 * pills
     return rgba(np.asarray(colour, np.float32) * tone[..., None].astype(np.float32))
 
@@ -122,48 +121,25 @@ def felt(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 def fine_terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Stone chips of 1 to 8 mm under a worn polish."""
     own = np.asarray(colour, np.float32)
-    ground = (
-        own
-        * (
-            0.94
-            + 0.08 * fractal(rng, size, (6, 6), 4)
-            + 0.05 * value_noise(rng, size, (size, size))
-        )[..., None]
-    )
-    canvas = np.ascontiguousarray(ground, np.float32)
+    tone = 0.94 + 0.08 * fractal(rng, size, (6, 6), 4) + 0.05 * fine_noise(rng, size, 1)
+    canvas = np.ascontiguousarray(own * tone[..., None], np.float32)
     tones = np.clip(own * rng.uniform(0.62, 1.12, (7, 1)) + rng.uniform(-0.05, 0.05, (7, 3)), 0, 1)
     for _ in range(1100):
         centre, radius = rng.integers(0, size, 2), (0.001 + 0.006 * rng.random() ** 3) * size
-        angles = np.sort(rng.uniform(0, 2 * np.pi, 7))
-        chip = (
-            np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.2, (7, 1))
-        )
+        chip = draw_chip(rng, radius, 7, 1.2)
         tone = tones[rng.integers(7)].tolist()
-        shifts = (
-            [(x, y) for x in (0, size) for y in (0, size)]
-            if (np.minimum(centre, size - centre) < 0.02 * size).any()
-            else [(0, 0)]
-        )
-        for shift in shifts:
-            cv2.fillPoly(
-                canvas,
-                [np.rint(chip + centre - np.array(shift)).astype(np.int32)],
-                tone,
-                lineType=cv2.LINE_AA,
-            )
-    return rgba(
-        cv2.GaussianBlur(canvas, (3, 3), 0.7)
-        * (0.97 + 0.05 * value_noise(rng, size, (size, size)))[..., None]
-    )
+        wraps = (np.minimum(centre, size - centre) < 0.02 * size).any()
+        for shift in product((0, size), repeat=2) if wraps else [(0, 0)]:
+            points = np.rint(chip + centre - np.array(shift)).astype(np.int32)
+            cv2.fillPoly(canvas, [points], tone, lineType=cv2.LINE_AA)
+    polish = (0.97 + 0.05 * fine_noise(rng, size, 1))[..., None]
+    return rgba(cv2.GaussianBlur(canvas, (3, 3), 0.7) * polish)
 
 
 def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Crystals of three tones, 1 to 4 mm."""
     own = np.asarray(colour, np.float32)
-    crystals, fine = (
-        value_noise(rng, size, (size // 3, size // 3)),
-        value_noise(rng, size, (size, size)),
-    )
+    crystals, fine = fine_noise(rng, size, 3), fine_noise(rng, size, 1)
     t = 0.7 * crystals + 0.3 * fine + 0.25 * (fractal(rng, size, (4, 4), 3) - 0.5)
     light, dark = np.clip((t - 0.58) * 6, 0, 1), np.clip((0.40 - t) * 6, 0, 1)
     return rgba(own * (1 + 0.10 * light - 0.30 * dark)[..., None])
@@ -171,7 +147,7 @@ def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 def concrete(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     """Clouds, fine sand, a few pinholes."""
-    clouds, sand = fractal(rng, size, (3, 3), 4), value_noise(rng, size, (size, size))
+    clouds, sand = fractal(rng, size, (3, 3), 4), fine_noise(rng, size, 1)
     slab = np.asarray(colour, np.float32) * (0.90 + 0.13 * clouds + 0.05 * (sand - 0.5))[..., None]
     slab = np.ascontiguousarray(slab, np.float32)
     tone = shade(colour, 0.62).tolist()
