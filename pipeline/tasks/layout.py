@@ -1,6 +1,6 @@
 """Layouts, and the object families and arms that they need."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cache
 from typing import Any
 
@@ -15,11 +15,8 @@ from pipeline.world.physics.body import Body, apart, outline_of
 from .contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, name_of
 
 TRIALS = 32  # layouts that are drawn to find the families of a task
-
 NAMED = 8  # layouts that are drawn to find the names of its bodies
-
 _LAYOUTS = 50  # layouts that are drawn until all bodies find room
-
 _POSES = 20  # poses that are drawn for a body before its layout is given up
 
 
@@ -48,17 +45,18 @@ def families_of(task: Task) -> frozenset[str]:
 
 
 def bodies_of(task: Task) -> set[str]:
-    return {placement.name for seed in range(NAMED) for placement in task.layout(_Recording(seed))}
+    return {placement.name for placement in _placed(task)}
 
 
 def goals_of(task: Task) -> set[str]:
     """Bodies that are neither target nor handled nor in another."""
-    return {
-        placement.name
-        for seed in range(NAMED)
-        for placement in task.layout(_Recording(seed))
-        if placement.name not in (task.target, task.manipulated) and not placement.inside
-    }
+    others = {placement.name for placement in _placed(task) if not placement.inside}
+    return others - {task.target, task.manipulated}
+
+
+def _placed(task: Task) -> Iterator[Placement]:
+    for seed in range(NAMED):
+        yield from task.layout(_Recording(seed))
 
 
 def lay_out(
@@ -78,22 +76,18 @@ def lay_out(
                 pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
             else:
                 others = [b for b in bodies.values() if not b.inside]
-                pose = _free_pose(
-                    p, others, draw.placement, in_view if p.name == task.target else None
-                )
+                is_seen = in_view if p.name == task.target else None
+                pose = _free_pose(p, others, draw.placement, is_seen)
             if pose is None:
                 why = f"no free place for {p.name}"
                 break
             family = name_of(p.instance)
             if family_of(p.instance) not in families_of(task):
-                declared = ", ".join(repr(name) for name in sorted({*families_of(task), family}))
-                raise UndeclaredFamily(
-                    f"task {task.name}: places a {family}, which its keys do not name: write"
-                    f" families = ({declared})"
-                )
-            bodies[p.name] = Body(
-                p.name, family, p.instance, pose, p.fixed, p.inside, p.slide, p.borne
-            )
+                declared = ", ".join(map(repr, sorted({*families_of(task), family})))
+                wrong = f"task {task.name}: places a {family}, which its keys do not name"
+                raise UndeclaredFamily(f"{wrong}: write families = ({declared})")
+            held = p.fixed, p.inside, p.slide, p.borne
+            bodies[p.name] = Body(p.name, family, p.instance, pose, *held)
         else:
             if suits(bodies):
                 return bodies
@@ -112,17 +106,15 @@ def _free_pose(
     rng: np.random.Generator,
     in_view: Callable[[np.ndarray], bool] | None,
 ) -> np.ndarray | None:
-    box = p.instance.shape().aabb()
+    box, region = p.instance.shape().aabb(), p.region
     for _ in range(_POSES):
-        pose = _drawn_pose(p.region, rng)
-        if in_view is not None and not in_view(middle(pose, p.instance)):
-            continue
+        pose = _drawn_pose(region, rng)
         if (
-            abs(pose[0]) < p.region.away_from_centre
-            or np.hypot(*pose[:2]) < p.region.away_from_origin
+            (in_view is None or in_view(middle(pose, p.instance)))
+            and abs(pose[0]) >= region.away_from_centre
+            and np.hypot(*pose[:2]) >= region.away_from_origin
+            and all(_far_enough(p, (pose, box), other) for other in others)
         ):
-            continue
-        if all(_far_enough(p, (pose, box), other) for other in others):
             return pose
     return None
 
@@ -139,11 +131,8 @@ def suits(task: Task, bodies: dict[str, Body], sides: Collection[str]) -> bool:
 
 @cache
 def _draw_arms(task: Task) -> frozenset[frozenset[str]]:
-    draws = (
-        Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
-        for seed in range(TRIALS)
-    )
-    return frozenset(frozenset(task.arms(lay_out(task, draw)).values()) for draw in draws)
+    layouts = (lay_out(task, _Recording(seed)) for seed in range(TRIALS))
+    return frozenset(frozenset(task.arms(bodies).values()) for bodies in layouts)
 
 
 def can_do(task: Task, sides: Collection[str]) -> bool:

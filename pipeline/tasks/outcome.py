@@ -1,6 +1,6 @@
 """What happened, read from a state log. A question answers False if it does not apply yet."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -19,7 +19,6 @@ from pipeline.poses import (
     quat_multiply,
     quat_rotate,
 )
-from pipeline.world.objects.contract import NamedFrames
 from pipeline.world.physics.body import Body
 from pipeline.world.robots.contract import Embodiment
 
@@ -41,33 +40,21 @@ class Outcome:
         target: str,
         rules: Rules = STRICT,
     ) -> None:
-        self.log, self.bodies, self.embodiment, self.target, self.rules = (
-            log,
-            bodies,
-            embodiment,
-            target,
-            rules,
-        )
-        self._frames: dict[str, NamedFrames] = {}
+        self.log, self.bodies, self.embodiment = log, bodies, embodiment
+        self.target, self.rules = target, rules
 
     def until(self, frames: int) -> "Outcome":
         """The same episode cut after its first `frames` frames."""
-        log, rows = (
-            self.log,
-            ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity"),
-        )
-        spin = None if log.target_angular_velocity is None else log.target_angular_velocity[:frames]
+        log, spin = self.log, self.log.target_angular_velocity
+        rows = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")
         cut = replace(
             log,
             **{name: getattr(log, name)[:frames] for name in rows},
-            target_angular_velocity=spin,
+            target_angular_velocity=None if spin is None else spin[:frames],
             contacts=log.contacts[log.contacts["frame"] < frames],
             events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
         )
         return Outcome(cut, self.bodies, self.embodiment, self.target, self.rules)
-
-    # --- where things are
-    # ------------------------------------------------------------------------------------------
 
     def pose(self, name: str, frame: int = -1) -> Pose:
         """World pose (7,) of a body at a frame."""
@@ -75,9 +62,7 @@ class Outcome:
 
     def frame(self, name: str, point: str, at: int = -1) -> Pose:
         """World pose (7,) of a named frame of a body."""
-        if name not in self._frames:
-            self._frames[name] = self.bodies[name].instance.frames()
-        return compose(self.pose(name, at), self._frames[name][point])
+        return compose(self.pose(name, at), self.bodies[name].instance.frames()[point])
 
     def offset(self, a: Pose, b: Pose) -> Floats:
         """Position of pose a relative to b in world axes (3,), m."""
@@ -86,9 +71,9 @@ class Outcome:
     def _began(self, name: str) -> int:
         """The first frame; for the target the last one before the meeting."""
         met = self.log.time_of("meeting") if name == self.target else None
-        return (
-            0 if met is None else max(0, int(np.searchsorted(self.log.times, met, side="left")) - 1)
-        )
+        if met is None:
+            return 0
+        return max(0, int(np.searchsorted(self.log.times, met, side="left")) - 1)
 
     def rise(self, name: str) -> float:
         """How far (m) a body's origin is above where it began, a target above where it was met."""
@@ -125,10 +110,8 @@ class Outcome:
     def orientation_error(self, a: Pose, b: Pose, turns: int = 1) -> float:
         """Angle (rad) between two orientations, b being as good after every 1/`turns` of a turn
         about its z axis."""
-        goals = [
-            quat_multiply(b[3:], quat_about((0, 0, 1), 2 * np.pi * k / turns)) for k in range(turns)
-        ]
-        return min(angle_between(a[3:], goal) for goal in goals)
+        ways = (quat_about((0, 0, 1), 2 * np.pi * k / turns) for k in range(turns))
+        return min(angle_between(a[3:], quat_multiply(b[3:], way)) for way in ways)
 
     def at_rest(self, name: str, speed: float = 0.03, point: str = "") -> bool:
         """Whether a body, or a named frame of it, moved slower than `speed` m/s over the last
@@ -139,11 +122,8 @@ class Outcome:
             p = p - self.log.pose(self.target)[-4:, :3]
         return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])
 
-    # --- grippers
-    # ------------------------------------------------------------------------------------------
-
     def opening(self, side: str, frame: int = -1) -> float:
-        """Measured normalised opening of a gripper at a frame, 0 closed to 1 open."""
+        """Normalised opening of a gripper at a frame, 0 closed to 1 open."""
         return float(self.log.state[frame, self.log.vector_names.index(f"{side}_gripper")])
 
     def commanded(self, side: str, frame: int = -1) -> float:
@@ -167,16 +147,10 @@ class Outcome:
         """Whether all grippers are open."""
         return all(self.gripper_open(side) for side in self.log.sides)
 
-    # --- the meeting
-    # ------------------------------------------------------------------------------------------
-
     def met_by(self) -> str:
         """The body or link that touched the target first, "" if none did."""
         meeting = self.log.event("meeting")
         return meeting.by if meeting else ""
-
-    # --- contacts
-    # ------------------------------------------------------------------------------------------
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -217,19 +191,13 @@ class Outcome:
             "released": not self.handled(name),
         }
 
-    def _finger_contacts(self, side: str, name: str) -> Iterator[np.void]:
-        for finger in self.fingers(side):
-            yield from self.contacts(finger, name)
-
     def first_held(self, name: str) -> int | None:
         """The first frame at which all fingers of one hand touched a body, None for never."""
-        held = [
-            set[int].intersection(
-                *({int(f) for f in self.contacts(link, name)["frame"]} for link in fingers)
-            )
-            for fingers in map(self.fingers, self.log.sides)
-        ]
-        return min(set[int]().union(*held), default=None)
+        held = set[int]()
+        for side in self.log.sides:
+            frames = (self.contacts(link, name)["frame"].tolist() for link in self.fingers(side))
+            held |= set[int].intersection(*map(set, frames))
+        return min(held, default=None)
 
     def took(self, name: str) -> bool:
         """Whether a hand ever held a body."""
@@ -237,7 +205,7 @@ class Outcome:
 
     def touched(self, side: str, name: str) -> bool:
         """Whether a finger of an arm ever touched a body."""
-        return any(True for _ in self._finger_contacts(side, name))
+        return any(len(self.contacts(finger, name)) for finger in self.fingers(side))
 
     def press(
         self, side: str, name: str, point: str, limit: Mapping[str, float]
@@ -247,7 +215,8 @@ class Outcome:
         near = (limit["plane"], limit["plane"], limit["height"])
         frames = [
             int(row["frame"])
-            for row in self._finger_contacts(side, name)
+            for finger in self.fingers(side)
+            for row in self.contacts(finger, name)
             if within(row["point"] - self.frame(name, point, int(row["frame"]))[:3], near)
         ]
         return {

@@ -42,18 +42,11 @@ def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> 
 LARGEST = 4096  # pixels along an edge
 
 
-def write_png(texture: NDArray[np.uint8]) -> bytes:
-    return cv2.imencode(".png", cv2.cvtColor(texture, cv2.COLOR_RGBA2BGRA))[1].tobytes()
-
-
 def read_png(coded: bytes) -> NDArray[np.uint8]:
     """The image (H,W,4) RGBA of a PNG. Raises ValueError."""
-    size = struct.unpack(">2I", coded[16:24]) if len(coded) > 24 else (0, 0)
-    pixels = (
-        cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
-        if 0 < max(size) <= LARGEST
-        else None
-    )
+    size, pixels = struct.unpack(">2I", coded[16:24]) if len(coded) > 24 else (0, 0), None
+    if 0 < max(size) <= LARGEST:
+        pixels = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.shape[2:] != (4,) or pixels.dtype != np.uint8:
         raise ValueError(f"a texture is damaged, or larger than {LARGEST} pixels")
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA), np.uint8)
@@ -72,14 +65,8 @@ class GlbError(DominoError):
 
 def write_glb(parts: Parts) -> bytes:
     """Binary glTF; equal parts give equal bytes."""
-    blob, views, accessors, primitives, materials = (
-        bytearray(),
-        list[Any](),
-        list[Any](),
-        list[Any](),
-        list[Any](),
-    )
-    images = list[Any]()
+    blob = bytearray()
+    views, accessors, primitives, materials, images = (list[Any]() for _ in range(5))
 
     def view(data: bytes) -> int:
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(data)})
@@ -87,19 +74,12 @@ def write_glb(parts: Parts) -> bytes:
         return len(views) - 1
 
     def put(array: NDArray[Any], kind: str, component: int) -> int:
-        bounds = (
-            {"min": array.min(0).tolist(), "max": array.max(0).tolist()} if kind == "VEC3" else {}
-        )
+        count = array.size // _WIDTHS[kind]
         where = view(np.ascontiguousarray(array).tobytes())
-        accessors.append(
-            {
-                "bufferView": where,
-                "componentType": component,
-                "count": array.size // _WIDTHS[kind],
-                "type": kind,
-            }
-            | bounds
-        )
+        each = {"bufferView": where, "componentType": component, "count": count, "type": kind}
+        if kind == "VEC3":
+            each |= {"min": array.min(0).tolist(), "max": array.max(0).tolist()}
+        accessors.append(each)
         return len(accessors) - 1
 
     for mesh, material in parts:
@@ -109,13 +89,9 @@ def write_glb(parts: Parts) -> bytes:
         }
         if mesh.uvs is not None:
             attributes["TEXCOORD_0"] = put(mesh.uvs, "VEC2", _FLOAT)
-        primitives.append(
-            {
-                "attributes": attributes,
-                "indices": put(mesh.triangles.ravel(), "SCALAR", _UINT),
-                "material": len(materials),
-            }
-        )
+        indices = put(mesh.triangles.ravel(), "SCALAR", _UINT)
+        drawn = {"attributes": attributes, "indices": indices, "material": len(materials)}
+        primitives.append(drawn)
         color = np.round(linear(material.color), _DIGITS).tolist()
         surface = {
             "baseColorFactor": [*color, 1.0],
@@ -123,34 +99,25 @@ def write_glb(parts: Parts) -> bytes:
             "roughnessFactor": material.roughness,
         }
         if material.texture is not None:
-            surface |= {
-                "baseColorFactor": [1.0, 1.0, 1.0, 1.0],
-                "baseColorTexture": {"index": len(images)},
-            }
-            images.append(
-                {"bufferView": view(write_png(material.texture)), "mimeType": "image/png"}
-            )
+            surface["baseColorFactor"] = [1.0, 1.0, 1.0, 1.0]
+            surface["baseColorTexture"] = {"index": len(images)}
+            png = cv2.imencode(".png", cv2.cvtColor(material.texture, cv2.COLOR_RGBA2BGRA))[1]
+            images.append({"bufferView": view(png.tobytes()), "mimeType": "image/png"})
         materials.append({"pbrMetallicRoughness": surface})
-    drawn = (
-        {"images": images, "textures": [{"source": i} for i in range(len(images))]}
-        if images
-        else {}
-    )
-    text = json.dumps(
-        {
-            "asset": {"version": "2.0", "generator": GENERATOR},
-            "scene": 0,
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": primitives}],
-            "materials": materials,
-            "accessors": accessors,
-            "bufferViews": views,
-            "buffers": [{"byteLength": len(blob)}],
-        }
-        | drawn,
-        separators=(",", ":"),
-    ).encode()
+    document = {
+        "asset": {"version": "2.0", "generator": GENERATOR},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
+        "materials": materials,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(blob)}],
+    }
+    if images:
+        document |= {"images": images, "textures": [{"source": i} for i in range(len(images))]}
+    text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     head = struct.pack("<5I", _MAGIC, 2, 28 + len(text) + len(blob), len(text), _JSON)
     return head + text + struct.pack("<2I", len(blob), _BINARY) + bytes(blob)

@@ -47,21 +47,8 @@ _WITH_S = (
     "is|was|has|does|stands|lies|rests|hangs|faces|points|"
     "sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"
 )
-_CAUSE = ("let", "make", "have", "see", "watch")
-_WHEN = (
-    "while",
-    "as",
-    "when",
-    "once",
-    "after",
-    "until",
-    "before",
-    "that",
-    "where",
-    "which",
-    "because",
-    "if",
-)
+_CAUSE = "let|make|have|see|watch"
+_WHEN = "while|as|when|once|after|until|before|that|where|which|because|if"
 
 
 def check_templates(
@@ -72,11 +59,8 @@ def check_templates(
     choices: Collection[str] = (),
 ) -> None:
     """Raise ValueError, listing every fault of the templates."""
-    wrong = [
-        f"no {split} templates"
-        for split, templates in (("seen", seen), ("unseen", unseen))
-        if not templates
-    ]
+    splits = (("seen", seen), ("unseen", unseen))
+    wrong = [f"no {split} templates" for split, templates in splits if not templates]
     known = {*objects, *arms, *choices}
     met: set[str] = set()
     for template in (*seen, *unseen):
@@ -86,36 +70,23 @@ def check_templates(
         met.add(key)
         if any(slot not in choices for slot in _ARTICLE.findall(template)):
             wrong.append(f"{template!r} has an article before a slot")
-        wrong += [
-            f"{template!r} has the possessive of {{{name}}}"
-            for name in _POSSESSIVE.findall(template)
-            if name in objects
-        ]
+        for name in _POSSESSIVE.findall(template):
+            wrong += [f"{template!r} has the possessive of {{{name}}}"] * (name in objects)
         if crowded(re.sub(r"\{.*?\}", "x", template)):
             wrong.append(f"{template!r} has two phrases with 'with' in one clause")
         try:
-            wrong += [
-                f"{template!r} has the unknown slot {{{s}}}"
-                for s in slots(template)
-                if s not in known
-            ]
-            wrong += [
-                f"{template!r} has the slot {{{s}}} twice"
-                for s in slots(template)
-                if len(_uses(template, s)) > 1
-            ]
+            for slot in slots(template):
+                if slot not in known:
+                    wrong.append(f"{template!r} has the unknown slot {{{slot}}}")
+                if len(re.findall(rf"\{{{slot}[}}:]", template)) > 1:
+                    wrong.append(f"{template!r} has the slot {{{slot}}} twice")
         except ValueError as error:
             wrong.append(str(error))
         if bool(MOTION.search(_SLOT_NAME.sub(" ", template))) != template.startswith(MOVING):
-            wrong.append(
-                f"{template!r} speaks of motion without the mark ~, or has the mark and does not"
-            )
+            fault = "speaks of motion without the mark ~, or has the mark and does not"
+            wrong.append(f"{template!r} {fault}")
     if wrong:
         raise ValueError("; ".join(wrong))
-
-
-def _uses(template: str, slot: str) -> list[str]:
-    return re.findall(rf"\{{{slot}[}}:]", template)
 
 
 def faults(text: str, wording: Wording) -> list[str]:
@@ -137,44 +108,29 @@ def _find_names(text: str, wording: Wording) -> list[str]:
 
 def _repeats(text: str, wording: Wording) -> bool:
     """Whether a noun or arm is named twice; "bread" in "bread basket" does not count."""
-    known = {noun for d in _find_names(text, wording) for noun in nouns(d)} | {
-        "button",
-        "handle",
-        "peg",
-        "cap",
-        "ball",
-        "code",
-        "table",
-    }
+    known = {noun for d in _find_names(text, wording) for noun in nouns(d)}
+    known |= {"button", "handle", "peg", "cap", "ball", "code", "table"}
     tokens = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
-    heads = [
-        word
-        for word, after in zip(tokens, [*tokens[1:], ""], strict=True)
-        if word in known and after not in known
-    ]
+    pairs = zip(tokens, [*tokens[1:], ""], strict=True)
+    heads = [word for word, after in pairs if word in known and after not in known]
     arms = [m[0].lower() for m in _SIDE.finditer(text)]
     return len(set(heads)) < len(heads) or len(set(arms)) < len(arms)
 
 
 def _disagrees(text: str, wording: Wording) -> bool:
-    for thing in sorted(
-        [*_find_names(text, wording), "left arm", "right arm"], key=len, reverse=True
-    ):
-        text = re.sub(
-            rf"\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b", "XX", text, flags=re.IGNORECASE
-        )
+    things = [*_find_names(text, wording), "left arm", "right arm"]
+    for thing in sorted(things, key=len, reverse=True):
+        pattern = rf"(?i)\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b"
+        text = re.sub(pattern, "XX", text)
     they = _THEY.search(text)
     if they and not re.search(rf"\b({_MANY}|both|two)\b|XX.*XX", text[: they.start()]):
         return True
-    when, cause = "|".join(_WHEN), "|".join(_CAUSE)
-    return any(
-        re.search(pattern, text, re.IGNORECASE)
-        for pattern in (
-            rf"(?:^|[.;:!?]\s|\b(?:{when}) )(?:XX|it) (?:{_BARE})\b",
-            rf"\b(?:{cause}) (?:XX|it) (?:{_WITH_S})\b",
-            rf"\b(?:{_MANY}) (?:{_WITH_S}|falls|lands|drops)\b",
-        )
+    patterns = (
+        rf"(?:^|[.;:!?]\s|\b(?:{_WHEN}) )(?:XX|it) (?:{_BARE})\b",
+        rf"\b(?:{_CAUSE}) (?:XX|it) (?:{_WITH_S})\b",
+        rf"\b(?:{_MANY}) (?:{_WITH_S}|falls|lands|drops)\b",
     )
+    return any(re.search(pattern, text, re.IGNORECASE) for pattern in patterns)
 
 
 def _wrong_arm(text: str, wording: Wording) -> bool:

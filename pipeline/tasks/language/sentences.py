@@ -6,7 +6,7 @@ adjective; {choice} is a bare word. A template that begins with "~" applies to m
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -41,25 +41,18 @@ def beside(module: str) -> Traversable:
     return files(package) if package else Path(getattr(sys.modules[module], "__file__", "")).parent
 
 
-def _phrases(task: str) -> str:
-    return f"phrases/{task}.txt"
-
-
 def has_templates(task: str, module: str) -> bool:
-    return beside(module).joinpath(_phrases(task)).is_file()
+    return beside(module).joinpath(f"phrases/{task}.txt").is_file()
 
 
-def read_templates(
-    task: str, module: str = "pipeline.tasks.library.any"
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def read_templates(task: str, module: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Seen and unseen templates from phrases/<task>.txt beside the module. Raises LanguageError."""
-    where = _phrases(task)
+    where = f"phrases/{task}.txt"
     try:
         text = beside(module).joinpath(where).read_text("utf-8")
     except FileNotFoundError as missing:
-        raise LanguageError(
-            f"task {task!r} has no templates: give the class `seen` and `unseen` or write {where}"
-        ) from missing
+        fix = f"give the class `seen` and `unseen` or write {where}"
+        raise LanguageError(f"task {task!r} has no templates: {fix}") from missing
     return two_lists(text, where)
 
 
@@ -85,41 +78,27 @@ def instructions(
     No combination of template and descriptions repeats before all were used. Raises LanguageError
     for an unknown slot or side, and if no template of a split is true.
     """
-    objects, arms = wording.objects, wording.arms
-    for role, side in arms.items():
+    for role, side in wording.arms.items():
         if side not in SIDES:
             raise LanguageError(f"arm {role!r} is {side!r}: sides are left and right")
-    words = {
-        "seen": {name: w.seen for name, w in objects.items()},
-        "unseen": {name: w.unseen for name, w in objects.items()},
-    }
-    return {
-        split: _draw(
-            [
-                _fillings(t, words[split], arms, wording.choices)
-                for t in templates
-                if _true(t, arms, wording.moving)
-            ],
-            split,
-            rng,
-            count,
-        )
-        for split, templates in (("seen", wording.seen), ("unseen", wording.unseen))
-    }
+    drawn = dict[str, list[str]]()
+    for split in ("seen", "unseen"):
+        words = {name: getattr(each, split) for name, each in wording.objects.items()}
+        true = [t for t in getattr(wording, split) if _true(t, wording.arms, wording.moving)]
+        fillings = [_fillings(t, words, wording.arms, wording.choices) for t in true]
+        drawn[split] = _draw(fillings, split, rng, count)
+    return drawn
 
 
 def slots(template: str) -> tuple[str, ...]:
     """The slots of a template, each once, in order. Raises LanguageError for a malformed one."""
     try:
-        fields = [
-            (name, spec, conversion)
-            for _, name, spec, conversion in Formatter().parse(template)
-            if name is not None
-        ]
+        parts = list(Formatter().parse(template))
     except ValueError as error:
         raise LanguageError(f"{template!r} is malformed: {error}") from error
-    for name, spec, conversion in fields:
-        if not name.isidentifier() or conversion or not re.fullmatch("[a-z]*", spec or ""):
+    fields = [(name, spec, change) for _, name, spec, change in parts if name is not None]
+    for name, spec, change in fields:
+        if not name.isidentifier() or change or not re.fullmatch("[a-z]*", spec or ""):
             raise LanguageError(f"{template!r} has a slot that is not a plain name: {name!r}")
     return tuple(dict.fromkeys(name for name, _, _ in fields))
 
@@ -134,9 +113,8 @@ def sentence(text: str) -> str:
 @lru_cache(maxsize=4096)
 def nouns(phrase: str) -> frozenset[str]:
     """Nouns in the singular: "bell" and "base" of "red bell with a black base"."""
-    return frozenset(
-        singular(part.split()[-1]) for part in _PART.split(phrase.lower()) if part.strip()
-    )
+    parts = _PART.split(phrase.lower())
+    return frozenset(singular(part.split()[-1]) for part in parts if part.strip())
 
 
 def singular(word: str) -> str:
@@ -178,10 +156,8 @@ def _fillings(
     names = [name for name in slots(template) if name not in choices]
     for name in names:
         if name not in words and name not in arms:
-            raise LanguageError(
-                f"{template!r} has the slot {{{name}}}: there are"
-                f" {', '.join(sorted({*words, *arms, *choices}))}"
-            )
+            known = ", ".join(sorted({*words, *arms, *choices}))
+            raise LanguageError(f"{template!r} has the slot {{{name}}}: there are {known}")
         if name in words and not words[name]:
             raise LanguageError(f"{template!r} has the slot {{{name}}}, which has no description")
     bodies = [n for n in names if n in words]
@@ -198,18 +174,16 @@ def _fillings(
     filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
     roles = {n: f"{arms[n]} arm" for n in names if n not in words}
 
+    def filling(descriptions: Iterable[str]) -> _Filling:
+        return _Filling(template, roles | dict(zip(bodies, descriptions, strict=True)), choices)
+
     @cache
     def heavy(traits: tuple[bool, ...]) -> bool:
-        fillers = {
-            n: "x with a x" if trait else "x" for n, trait in zip(bodies, traits, strict=True)
-        }
-        return crowded(_Filling(template, {**roles, **fillers}, choices).text())
+        fillers = ("x with a x" if trait else "x" for trait in traits)
+        return crowded(filling(fillers).text())
 
     light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
-    return [
-        _Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}, choices)
-        for f in light or filled
-    ]
+    return [filling(f) for f in light or filled]
 
 
 def crowded(text: str) -> bool:

@@ -111,7 +111,7 @@ def stone(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     return rgba(mix(shade(colour, 1.12), shade(colour, 0.62), t))
 
 
-def weave(u: NDArray[np.float32], ridge: NDArray[np.float32]) -> Field:
+def weave(u: Field, ridge: Field) -> Field:
     """Height (N, N) of a plain weave of threads with a profile `ridge` (N,), at threads `u`."""
     over = chequered(np.floor(u)).astype(np.float32)
     return over * ridge[:, None] + (1 - over) * ridge[None]

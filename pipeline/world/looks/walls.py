@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .textures import BASIC, Rgba, by_name, fractal, rgba
 
 SPAN = 3.0  # m
+type Span = tuple[float, float]
 MUTED = (
     *((0.66, 0.27, 0.22), (0.24, 0.38, 0.52), (0.83, 0.71, 0.42), (0.35, 0.47, 0.38)),
     *((0.87, 0.85, 0.80), (0.22, 0.24, 0.27), (0.56, 0.44, 0.34), (0.46, 0.50, 0.55)),
@@ -27,46 +28,25 @@ class Wall:
     rng: Generator
 
     def block(
-        self,
-        left: float,
-        low: float,
-        width: float,
-        height: float,
-        colour: ArrayLike,
-        relief: float = 0.12,
+        self, x: float, low: float, width: float, height: float, colour: ArrayLike, relief=0.12
     ) -> None:
         """A rectangle, lighter at its top and darker at its foot by `relief`."""
-        x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
-        ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[
-            :, None, None
-        ]
-        self.canvas[y0:y1, x0:x1] = np.clip(np.asarray(colour, np.float32) * ramp, 0, 1)
+        area = self._area(x, low, width, height)
+        ramp = np.linspace(1 - relief, 1 + relief / 2, len(area), dtype=np.float32)
+        area[:] = np.clip(np.asarray(colour, np.float32) * ramp[:, None, None], 0, 1)
 
-    def shadow(
-        self, left: float, low: float, width: float, height: float, share: float = 0.25
-    ) -> None:
+    def shadow(self, x: float, low: float, width: float, height: float, share=0.25) -> None:
         """A soft shadow that fades from top to foot."""
-        x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
-        self.canvas[y0:y1, x0:x1] *= (
-            1 - np.linspace(0, share, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
-        )
+        area = self._area(x, low, width, height)
+        area *= 1 - np.linspace(0, share, len(area), dtype=np.float32)[:, None, None]
 
-    def shelf(
-        self, left: float, low: float, width: float, things: Callable[[float, float, float], None]
-    ) -> None:
-        """A board, its shadow, and `things` (left, low, width)."""
+    def shelf(self, left: float, low: float, width: float, sizes: Span, heights: Span) -> None:
+        """A `row` on a board with a shadow."""
         self.shadow(left, low - 0.16, width, 0.16)
         self.block(left, low - 0.03, width, 0.03, OAK)
-        things(left, low, width)
+        self.row(left, low, width, sizes, heights)
 
-    def row(
-        self,
-        left: float,
-        low: float,
-        width: float,
-        sizes: tuple[float, float],
-        heights: tuple[float, float],
-    ) -> None:
+    def row(self, left: float, low: float, width: float, sizes: Span, heights: Span) -> None:
         """Boxes, books or jars of random sizes and muted colours; a third has a label."""
         at = left + 0.03
         while at < left + width - sizes[1]:
@@ -76,9 +56,8 @@ class Wall:
             self.block(at, low, w, h, colour, 0.2)
             self.block(at + 0.9 * w, low, 0.1 * w, h, colour * 0.78, 0.2)
             if self.rng.random() < 0.35:
-                self.block(
-                    at + 0.15 * w, low + 0.35 * h, 0.6 * w, 0.3 * h, (0.90, 0.89, 0.85), 0.03
-                )
+                label = at + 0.15 * w, low + 0.35 * h, 0.6 * w, 0.3 * h
+                self.block(*label, (0.90, 0.89, 0.85), 0.03)
             at += w + self.rng.choice([0.006, 0.01, 0.05, 0.12])
 
     def cupboards(self, height: float, width: float, colour: ArrayLike, drawers: int) -> None:
@@ -89,10 +68,9 @@ class Wall:
             for j in range(drawers):
                 low = 0.1 + j * each
                 self.block(k * width + 0.004, low, width - 0.008, each - 0.008, colour, 0.08)
-                self.block(
-                    k * width + 0.35 * width, low + 0.72 * each, 0.3 * width, 0.012, STEEL, 0.3
-                )
-                self.shadow(k * width + 0.35 * width, low + 0.72 * each - 0.015, 0.3 * width, 0.015)
+                x, y, wide = k * width + 0.35 * width, low + 0.72 * each, 0.3 * width
+                self.block(x, y, wide, 0.012, STEEL, 0.3)
+                self.shadow(x, y - 0.015, wide, 0.015)
         self.shadow(0, height - 0.06, SPAN, 0.06, 0.35)
         self.block(0, height, SPAN, 0.04, OAK, 0.1)
 
@@ -104,19 +82,18 @@ class Wall:
         self.block(left - 0.08, low - 0.09, width + 0.16, 0.04, (0.88, 0.88, 0.86))
         self.shadow(left - 0.08, low - 0.16, width + 0.16, 0.07)
 
-    def _texels(self, *lengths: float) -> list[int]:
-        return [round(float(np.clip(v, 0, SPAN)) * len(self.canvas) / SPAN) for v in lengths]
+    def _area(self, left: float, low: float, width: float, height: float) -> NDArray[np.float32]:
+        """The texels of a rectangle (m)."""
+        sides = np.clip((left, left + width, low, low + height), 0, SPAN).tolist()
+        x0, x1, y0, y1 = (round(v * len(self.canvas) / SPAN) for v in sides)
+        return self.canvas[y0:y1, x0:x1]
 
 
 def _plaster(rng: Generator, size: int, colour: ArrayLike) -> Wall:
     stipple = fractal(rng, size, (6, 6), 5)
     fall = np.linspace(0.90, 1.02, size, dtype=np.float32)[:, None]  # the floor takes light away
-    return Wall(
-        (np.asarray(colour, np.float32) * (fall * (0.975 + 0.05 * stipple))[..., None]).astype(
-            np.float32
-        ),
-        rng,
-    )
+    tone = (fall * (0.975 + 0.05 * stipple))[..., None]
+    return Wall((np.asarray(colour, np.float32) * tone).astype(np.float32), rng)
 
 
 def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
@@ -155,7 +132,7 @@ def workshop(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
         wall.block(x + 0.3 * w, 1.5 - 0.45 * h, 0.4 * w, 0.45 * h, STEEL, 0.2)
         if k % 2:
             wall.block(x - 0.02, 1.46, w + 0.04, 0.035, STEEL, 0.3)
-    wall.shelf(left - 0.1, 1.78, 1.5, lambda x, y, w: wall.row(x, y, w, (0.09, 0.22), (0.10, 0.24)))
+    wall.shelf(left - 0.1, 1.78, 1.5, (0.09, 0.22), (0.10, 0.24))
     wall.window((left + 1.65) % 2.2, 1.2, 0.7, 0.9)
     return _out_of_focus(wall.canvas)
 
@@ -167,16 +144,10 @@ def kitchen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     for j in range(int(1.5 / height)):
         for i in range(-1, int(SPAN / width) + 1):
             tone = np.asarray(colour) * rng.uniform(0.97, 1.04) * 1.03
-            wall.block(
-                (i + 0.5 * (j % 2) * (width > height)) * width,
-                j * height,
-                width - 0.006,
-                height - 0.006,
-                tone,
-                0.04,
-            )
+            x = (i + 0.5 * (j % 2) * (width > height)) * width
+            wall.block(x, j * height, width - 0.006, height - 0.006, tone, 0.04)
     left = 0.2 + rng.random()
-    wall.shelf(left, 1.02, 1.5, lambda x, y, w: wall.row(x, y, w, (0.06, 0.11), (0.09, 0.18)))
+    wall.shelf(left, 1.02, 1.5, (0.06, 0.11), (0.09, 0.18))
     cupboard = np.array(MUTED[rng.integers(2, 5)])
     wall.cupboards(0.56, 0.6, cupboard, 1)
     wall.row(0.2, 0.60, 2.6, (0.07, 0.16), (0.10, 0.26))
@@ -204,12 +175,7 @@ def laboratory(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     for y in np.arange(1.25, 1.85, 0.1):
         wall.block(left + 0.1, float(y), rng.uniform(0.2, 0.9), 0.008, (0.24, 0.32, 0.52), 0.0)
     for k, low in enumerate((1.12, 1.5)):
-        wall.shelf(
-            left + 1.5,
-            low,
-            1.2,
-            lambda x, y, w, k=k: wall.row(x, y, w, (0.10, 0.32), (0.12, 0.25 + 0.04 * k)),
-        )
+        wall.shelf(left + 1.5, low, 1.2, (0.10, 0.32), (0.12, 0.25 + 0.04 * k))
     return _out_of_focus(wall.canvas)
 
 
@@ -218,7 +184,7 @@ def office(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
     wall = _plaster(rng, size, colour)
     left = 1.3 * rng.random()
     for low in (1.0, 1.4):
-        wall.shelf(left, low, 1.5, lambda x, y, w: wall.row(x, y, w, (0.02, 0.055), (0.18, 0.28)))
+        wall.shelf(left, low, 1.5, (0.02, 0.055), (0.18, 0.28))
     wall.window(left + 1.75 if left < 0.4 else max(left - 0.9, 0.1), 1.1, 0.7, 1.1)
     wall.cupboards(0.54, 0.75, MUTED[rng.choice([4, 5, 6])], 2)
     wall.row(0.1, 0.58, 2.8, (0.02, 0.06), (0.16, 0.28))
