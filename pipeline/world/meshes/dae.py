@@ -139,7 +139,7 @@ class _Reader:
             if shader is None:
                 continue
             light = "emission" if kind == "constant" else "diffuse"
-            color, texture = shader.find(f"{light}/color"), shader.find(f"{light}/texture")
+            color, texture = (shader.find(f"{light}/{tag}") for tag in ("color", "texture"))
             if texture is not None:
                 return MeshLook((0.8, 0.8, 0.8), self._texture(texture.get("texture", ""), profile))
             if color is not None:

@@ -5,7 +5,6 @@ import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path, PureWindowsPath
 from typing import Any
 from urllib.parse import unquote
@@ -42,7 +41,9 @@ def find_file(name: str, beside: Path, within: Path) -> Path:
     """The file `name`, relative to the folder `beside`, below the folder `within`. Raises
     MeshError."""
     check_name(name)
-    path = _below(beside / name, within, name)
+    path = (beside / name).resolve()
+    if not path.is_relative_to(within.resolve()):
+        raise MeshError(f"{name!r} is outside of {within}; copy the file there")
     if path.is_file():
         return path
     missing = "is no regular file" if path.exists() else f"was not found in {beside}"
@@ -71,13 +72,6 @@ def similar(name: str, beside: Path, within: Path) -> Path | None:
         folder = folder / part
     inside = folder.is_file() and folder.resolve().is_relative_to(within.resolve())
     return folder if inside else None
-
-
-def _below(path: Path, within: Path, name: str) -> Path:
-    target = path.resolve()
-    if not target.is_relative_to(within.resolve()):
-        raise MeshError(f"{name!r} is outside of {within}; copy the file there")
-    return target
 
 
 def parse_xml(data: bytes) -> Any:
@@ -123,12 +117,6 @@ class Folders:
     root: Path
     packages: Mapping[str, Path]
 
-    @cached_property
-    def _above(self) -> list[Path]:
-        return [
-            folder for folder in self.urdf.resolve().parents if folder.is_relative_to(self.root)
-        ]
-
     def find(self, name: str) -> tuple[Path, Path]:
         """The file that a URDF names, and the folder that bounds it. Raises MeshError.
 
@@ -150,28 +138,25 @@ class Folders:
             return self.packages[name].resolve()
         if not name or name.startswith("."):
             return None
-        own = [folder for folder in self._above if name in (folder.name, _package_name(folder))]
-        folders = (*own, *(folder / name for folder in self._above))
-        return next(filter(Path.is_dir, folders), None)
+        above = [
+            folder for folder in self.urdf.resolve().parents if folder.is_relative_to(self.root)
+        ]
+        own = [folder for folder in above if name in (folder.name, _package_name(folder))]
+        return next(filter(Path.is_dir, (*own, *(folder / name for folder in above))), None)
 
 
 def folders_of(
     urdf: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None
 ) -> Folders:
     """The default root is the file's package, else FOLDERS_ABOVE."""
-    above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
-    packaged = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
-    return Folders(
-        urdf, packaged if root is None or not root.is_dir() else root.resolve(), packages or {}
-    )
+    if root is None or not root.is_dir():
+        above = list(urdf.resolve().parents)[: 1 + FOLDERS_ABOVE]
+        root = next((folder for folder in above if (folder / PACKAGE).is_file()), above[-1])
+    return Folders(urdf, root.resolve(), packages or {})
 
 
-def _package_name(folder: Path) -> str | None:
-    path = folder / PACKAGE
-    if not path.is_file():
-        return None
+def _package_name(folder: Path) -> str:
     try:
-        name = parse_xml(read_bytes(path)).findtext("name")
+        return parse_xml(read_bytes(folder / PACKAGE)).findtext("name", "").strip()
     except MeshError:
-        return None
-    return name.strip() if name else None
+        return ""

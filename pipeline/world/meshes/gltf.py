@@ -2,9 +2,9 @@
 
 import base64
 import json
+import re
 import struct
 from collections.abc import Iterator
-from itertools import product
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_to_bytes
@@ -26,10 +26,7 @@ COMPRESSED = {
 }
 READ = {"KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_unlit"}
 INSTANCES = "EXT_mesh_gpu_instancing"
-LOOKS = tuple(
-    f"{vendor}_{kind}_"
-    for vendor, kind in product(("KHR", "EXT", "MSFT"), ("materials", "lights", "texture"))
-)
+LOOKS = re.compile("(KHR|EXT|MSFT)_(materials|lights|texture)_")
 POINTS, STRIP, FAN = (0, 1, 2, 3), 5, 6
 REPEAT = 10497
 MAX_NODES = 50_000
@@ -72,7 +69,7 @@ class _Document:
                 _refuse_packed({name: None})
             if name == INSTANCES:
                 raise MeshError(f"has instances of a mesh on the GPU: make them nodes ({name})")
-            if name in required - READ and not name.startswith(LOOKS):
+            if name in required - READ and not LOOKS.match(name):
                 raise MeshError(f"requires the extension {name[:60]!r}, which is not read")
             if name not in READ | COMPRESSED.keys():
                 self.notes.append(f"ignores the extension {name[:60]!r}")

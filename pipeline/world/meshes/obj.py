@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,20 +28,14 @@ class _Material:
     offset: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(eq=False)
-class _Faces:
-    """Numbers of points and coordinates (-1: none) at corners of triangles."""
+type _Corners = list[tuple[int, int]]
+"""Numbers of the point and the coordinates (-1: none) of each corner of triangles."""
 
-    points: list[int] = field(default_factory=list)
-    uvs: list[int] = field(default_factory=list)
 
-    def add(self, corners: list[str], points: int, uvs: int) -> None:
-        named = [f"{corner}//".split("/")[:2] for corner in corners]
-        at = [_index(point, points) for point, _ in named]
-        texels = [_index(texel, uvs) if texel else -1 for _, texel in named]
-        for k in range(1, len(at) - 1):
-            self.points += (at[0], at[k], at[k + 1])
-            self.uvs += (texels[0], texels[k], texels[k + 1])
+def _triangles(corners: list[str], points: int, uvs: int) -> _Corners:
+    named = (f"{corner}//".split("/")[:2] for corner in corners)
+    at = [(_index(point, points), _index(uv, uvs) if uv else -1) for point, uv in named]
+    return [corner for k in range(1, len(at) - 1) for corner in (at[0], at[k], at[k + 1])]
 
 
 def _index(text: str, count: int) -> int:
@@ -56,7 +51,7 @@ def read_obj(file: Path, within: Path) -> MeshFile:
     notes: list[str] = []
     library: dict[str, _Material] = {}
     points, uvs = list[list[float]](), list[list[float]]()
-    groups = {"": _Faces()}
+    groups: dict[str, _Corners] = {"": []}
     faces = groups[""]
     for word, rest in _lines(read_bytes(file)):
         if word == "v":
@@ -64,23 +59,29 @@ def read_obj(file: Path, within: Path) -> MeshFile:
         elif word == "vt":
             uvs.append([float(v) for v in f"{rest} 0".split()[:2]])
         elif word == "f":
-            faces.add(rest.split(), len(points), len(uvs))
+            faces += _triangles(rest.split(), len(points), len(uvs))
         elif word == "usemtl":
-            faces = groups.setdefault(rest, _Faces())
+            faces = groups.setdefault(rest, [])
         elif word == "mtllib":
             library |= _read_library(rest, file, within, notes)
-    if library and not any(faces.points for name, faces in groups.items() if name):
+    if library and not any(faces for name, faces in groups.items() if name):
         notes.append("names a material library and uses none of it: it has no color")
     at, colors = _vertices(points, notes)
     texels = np.array(uvs, float).reshape(-1, 2)
     parts = []
     for name, faces in groups.items():
-        if not faces.points:
+        if not faces:
             continue
         if name and name not in library:
             notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
         part, shade = _gather(faces, at, texels, colors)
-        parts.append(_looked(part, shade, library.get(name, _Material()), (file, within, notes)))
+        material = library.get(name, _Material())
+        image = None
+        if material.texture and part.uv is None:
+            notes.append("has a texture and no coordinates for it: the color alone is used")
+        elif material.texture:
+            image = _texture(material.texture, file, within, notes)
+        parts.append(_looked(part, shade, material, image))
     return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
 
 
@@ -106,10 +107,10 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
 
 
 def _gather(
-    faces: _Faces, at: Floats, texels: Floats, colors: Floats | None
+    faces: _Corners, at: Floats, texels: Floats, colors: Floats | None
 ) -> tuple[Part, Floats | None]:
     """Triangles of one material, and its points' colors (P,3), if any."""
-    corners = np.stack([faces.points, faces.uvs], 1)
+    corners = np.array(faces)
     if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
         raise MeshError("has a triangle of vertices that it does not hold")
     used, index = np.unique(corners, axis=0, return_inverse=True)
@@ -118,15 +119,8 @@ def _gather(
     return part, None if colors is None else colors[used[:, 0]]
 
 
-def _looked(
-    part: Part, shade: Floats | None, material: _Material, place: tuple[Path, Path, list[str]]
-) -> Part:
-    file, within, notes = place
-    kd, image, uv = np.array(material.kd or (1.0, 1.0, 1.0)), None, part.uv
-    if material.texture and uv is None:
-        notes.append("has a texture and no coordinates for it: the color alone is used")
-    elif material.texture:
-        image = _texture(material.texture, file, within, notes)
+def _looked(part: Part, shade: Floats | None, material: _Material, image: Any) -> Part:
+    kd, uv = np.array(material.kd or (1.0, 1.0, 1.0)), part.uv
     if image is not None and uv is not None:
         uv = (uv * material.scale + material.offset) * [1, -1] + [0, 1]
         return replace(part, look=MeshLook((1.0, 1.0, 1.0), tinted(image, kd)), uv=uv)

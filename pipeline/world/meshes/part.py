@@ -60,7 +60,12 @@ def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
     for part in parts:
         key = part.look.color, id(part.look.texture), part.uv is None
         groups.setdefault(key, []).append(part)
-    return tuple(_join(group) for group in groups.values())
+    joints = list[Part]()
+    for group in groups.values():
+        uvs = [part.uv for part in group if part.uv is not None]
+        uv = np.concatenate(uvs) if uvs else None
+        joints.append(Part(*stacked(group), group[0].look, uv))
+    return tuple(joints)
 
 
 def stacked(parts: Sequence[Part]) -> tuple[Floats, Ints]:
@@ -68,13 +73,6 @@ def stacked(parts: Sequence[Part]) -> tuple[Floats, Ints]:
     starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
     return np.concatenate([part.points for part in parts]), np.concatenate(faces)
-
-
-def _join(parts: list[Part]) -> Part:
-    if len(parts) == 1:
-        return parts[0]
-    uvs = [part.uv for part in parts if part.uv is not None]
-    return Part(*stacked(parts), parts[0].look, np.concatenate(uvs) if uvs else None)
 
 
 SHADES = 31  # per channel: what two colors of a palette differ by at least is 1/31

@@ -18,22 +18,18 @@ from .dae import read_dae
 from .files import MAX_TRIANGLES, read_bytes
 from .gltf import read_gltf
 from .obj import read_obj
-from .part import Color, Ints, MeshError, MeshFile, MeshLook, Part, joined, painted, stacked
+from .part import Ints, MeshError, MeshFile, MeshLook, Part, joined, painted, stacked
 
 PLAIN = (0.8, 0.8, 0.8)
 CREASE = 40.0
 
 
-def drawn(parts: Sequence[Part], budget: int, fewest: int, plain: Color = PLAIN) -> Parts:
+def drawn(parts: Sequence[Part], budget: int, fewest: int) -> Parts:
     """Meshes and materials, about `budget` triangles in all and `fewest` a part."""
     total = max(1, sum(len(part.faces) for part in parts))
-    return tuple(
-        (
-            _mesh(part, max(fewest, budget * len(part.faces) // total)),
-            Material(part.look.color or plain, texture=part.look.texture),
-        )
-        for part in parts
-    )
+    looks = (Material(part.look.color or PLAIN, texture=part.look.texture) for part in parts)
+    shares = (max(fewest, budget * len(part.faces) // total) for part in parts)
+    return tuple(zip(map(_mesh, parts, shares), looks, strict=True))
 
 
 def _mesh(part: Part, budget: int) -> Mesh:
