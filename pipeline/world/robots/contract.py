@@ -3,6 +3,7 @@ an arm; in the world they carry its side: `left_joint1`."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,9 +105,8 @@ class Embodiment:
     @property
     def vector_names(self) -> tuple[str, ...]:
         """State and action names: joints and gripper of each arm."""
-        return tuple(
-            f"{side}_{n}" for side, arm in self.arms.items() for n in (*arm.arm_joints, "gripper")
-        )
+        joints = {side: (*arm.arm_joints, "gripper") for side, arm in self.arms.items()}
+        return tuple(f"{side}_{name}" for side, names in joints.items() for name in names)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -163,16 +163,13 @@ def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
 def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
     """Like `link_poses` for an arm configuration (dof,) rad and a gripper value 0-1."""
     jaws = jaw_positions(arm.gripper, gripper).tolist()
-    positions = [*np.asarray(q, float).tolist(), *jaws]
-    return link_poses(
-        arm, dict(zip((*arm.arm_joints, *arm.gripper.joints), positions, strict=True))
-    )
+    names, positions = (*arm.arm_joints, *arm.gripper.joints), (*np.asarray(q, float), *jaws)
+    return link_poses(arm, dict(zip(names, positions, strict=True)))
 
 
 def root_link(arm: Arm) -> str:
     """The link that no joint moves."""
-    children = {joint.child for joint in arm.joints}
-    return next(link.name for link in arm.links if link.name not in children)
+    return _roots(arm)[0]
 
 
 def arm_limits(arm: Arm) -> np.ndarray:
@@ -187,14 +184,17 @@ class RobotError(DominoError):
 
 def check_arm(name: str, side: str, arm: Arm) -> None:
     """Raise RobotError for the first fault that reading a URDF does not refuse."""
-    for check in (_tree, _frames, _drives, _numbers):
-        for problem in check(arm):
-            raise RobotError(f"robot {name!r}, {side} arm: {problem}")
+    for problem in chain(_tree(arm), _frames(arm), _drives(arm), _numbers(arm)):
+        raise RobotError(f"robot {name!r}, {side} arm: {problem}")
+
+
+def _roots(arm: Arm) -> list[str]:
+    moved = {joint.child for joint in arm.joints}
+    return [link.name for link in arm.links if link.name not in moved]
 
 
 def _tree(arm: Arm) -> Iterator[str]:
-    moved = {joint.child for joint in arm.joints}
-    roots = [link.name for link in arm.links if link.name not in moved]
+    roots = _roots(arm)
     if len(roots) != 1:
         loose = f"links {', '.join(map(repr, roots))} hang on no joint"
         problem = loose if roots else "its joints form a ring"
@@ -236,17 +236,18 @@ def _drives(arm: Arm) -> Iterator[str]:
 
 def _frames(arm: Arm) -> Iterator[str]:
     links = [link.name for link in arm.links]
-    named = [("hand", arm.hand), ("camera.link", arm.camera.link)]
-    named += [("gripper.fingers", finger) for finger in arm.gripper.fingers]
-    named += [("allowed_overlap", link) for pair in arm.allowed_overlap for link in pair]
-    for field, link in named:
-        if link not in links:
-            yield _missing(field, link, "links", links)
+    named = {
+        "hand": (arm.hand,),
+        "camera.link": (arm.camera.link,),
+        "gripper.fingers": arm.gripper.fingers,
+        "allowed_overlap": chain(*arm.allowed_overlap),
+    }
+    for field, names in named.items():
+        yield from (_missing(field, name, "links", links) for name in names if name not in links)
 
 
 def _numbers(arm: Arm) -> Iterator[str]:
-    poses = [("base", arm.base), ("tcp", arm.tcp), ("camera.pose", arm.camera.pose)]
-    for field, pose in poses:
+    for field, pose in (("base", arm.base), ("tcp", arm.tcp), ("camera.pose", arm.camera.pose)):
         p = np.asarray(pose, float)
         if p.shape != (7,) or not np.isfinite(p).all() or abs(np.linalg.norm(p[3:]) - 1) > 1e-6:
             yield f"{field} is no pose: give x, y, z and a unit quaternion w, x, y, z"

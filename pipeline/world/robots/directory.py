@@ -134,9 +134,7 @@ class RobotModel:
         hand, tool = settings.hand, settings.tcp
         up = np.cross(tool.approach, tool.opening)
         tcp = frame(tool.position, tool.approach, np.cross(up, tool.approach))
-        limits = {
-            name: limit.model_dump(exclude_none=True) for name, limit in settings.limits.items()
-        }
+        limits = {k: limit.model_dump(exclude_none=True) for k, limit in settings.limits.items()}
         joints = robot.parent_joint.values()
         return Arm(
             model=self.name,

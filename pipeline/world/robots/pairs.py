@@ -74,27 +74,23 @@ def register_all(folder: Path) -> None:
         register(path.parent)
 
 
-def _arm_and_stand(model: RobotModel, side: str, layout: Layout) -> tuple[Arm, Stand]:
-    arm = model.arm(side)
-    if layout == "original" and model.settings.original is not None:
-        arm = replace(arm, base=np.concatenate([model.settings.original[side], arm.base[3:]]))
-    x, y, z = arm.base[:3].tolist()
-    return arm, pedestal((x, y, z), model.settings.foot)
-
-
 def pair(left: RobotModel | None, right: RobotModel | None, layout: Layout = "ours") -> Embodiment:
     """The left arm of one model and the right arm of another; None for a missing one. Raises
     RobotError for an unsound spec."""
     twin = left if left is right else None
-    arms, parts = {}, []
+    arms, parts = dict[str, Arm](), list[Stand]()
     for side, model in zip(SIDES, (left, right), strict=True):
         if model is None:
             continue
-        arms[side], stand = _arm_and_stand(model, side, layout)
-        check_arm(model.name, side, arms[side])
-        parts.append(stand)
-    body = twin.body() if twin else None
-    parts = parts if body is None else [body]
+        arm, original = model.arm(side), model.settings.original
+        if layout == "original" and original is not None:
+            arm = replace(arm, base=np.concatenate([original[side], arm.base[3:]]))
+        check_arm(model.name, side, arm)
+        arms[side] = arm
+        x, y, z = arm.base[:3].tolist()
+        parts.append(pedestal((x, y, z), model.settings.foot))
+    if twin and (body := twin.body()):
+        parts = [body]
     return Embodiment(
         twin.name if twin else "+".join(model.name if model else NONE for model in (left, right)),
         arms,

@@ -53,19 +53,14 @@ def pedestal(base: Triple, half: float) -> Stand:
     column_y = min(y, TABLE_EDGE - 0.015 - half)
     front = max(y, column_y) + half
     width = half - 0.012
-    foot = ((x - half, column_y - half, z - 0.018), (x + half, front, z))
-    column = ((x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017))
-    plate = ((x - half - 0.05, column_y - half - 0.06, 0), (x + half + 0.05, column_y + half, 0.03))
-    visual = painted(
-        (CHARCOAL, [block(*foot, 0.003)]),
-        (SILVER, [block(*column, 0.004)]),
-        (GREY, [block(*plate, 0.004)]),
-    )
-    solid = (
-        box((x - half, column_y - half, z - 0.018), (x + half, front, z - GAP)),
-        box((x - half, column_y - half, 0), (x + half, column_y + half, z - 0.018)),
-    )
-    return visual, solid
+    left, right, back = x - half, x + half, column_y - half
+    foot = block((left, back, z - 0.018), (right, front, z), 0.003)
+    column = (x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017)
+    plate = (left - 0.05, back - 0.06, 0), (right + 0.05, column_y + half, 0.03)
+    boards = (SILVER, [block(*column, 0.004)]), (GREY, [block(*plate, 0.004)])
+    upper = box((left, back, z - 0.018), (right, front, z - GAP))
+    lower = box((left, back, 0), (right, column_y + half, z - 0.018))
+    return painted((CHARCOAL, [foot]), *boards), (upper, lower)
 
 
 def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:

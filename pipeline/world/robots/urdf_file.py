@@ -21,9 +21,7 @@ MAX_URDF_BYTES = 8_000_000
 MAX_LINKS = 500
 MAX_NAME = 500  # characters of a link's or joint's name
 FREE = ("floating", "planar")
-_KINDS = {kind: kind for kind in ("revolute", "prismatic", "fixed", *FREE)} | {
-    "continuous": "revolute"
-}
+_KINDS = {k: k for k in ("revolute", "prismatic", "fixed", *FREE)} | {"continuous": "revolute"}
 _VECTORS = {"xyz": (3,), "rpy": (3,), "scale": (1, 3), "rgba": (3, 4), "size": (3,)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _LIMITS = ("lower", "upper", "velocity", "effort")
@@ -89,10 +87,8 @@ class UrdfRobot:
         poses = {base: pose()}
         for link in self.below(base)[1:]:
             joint = self.parent_joint[link]
-            poses[link] = compose(
-                poses[joint.parent],
-                compose(joint.origin, joint_motion(joint, positions.get(link, 0.0))),
-            )
+            local = compose(joint.origin, joint_motion(joint, positions.get(link, 0.0)))
+            poses[link] = compose(poses[joint.parent], local)
         return poses
 
     def below(self, base: str) -> list[str]:
@@ -115,10 +111,8 @@ def read_urdf(
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
         raise UrdfError(f"{path}: has {len(elements)} links; a robot has at most {MAX_LINKS}")
-    paints = {
-        m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)
-    }
-    shapes = _Shapes(folders_of(path, root, packages), paints)
+    named = (m for m in document.iter("material") if m.get("name") and _color(m))
+    shapes = _Shapes(folders_of(path, root, packages), {m.get("name"): _color(m) for m in named})
     links = {_name(e, path): _link(e, shapes) for e in elements}
     names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
     for tag, name in {x for x in names if names.count(x) > 1}:
@@ -233,8 +227,7 @@ def _joint(e: Any, path: Path) -> Joint:
     if kind is None or len(ends) < 2 or not all(ends):
         kinds = ", ".join(k for k in _KINDS if k not in FREE)
         raise UrdfError(f"{path}: joint {name!r} needs a parent, a child and a type of {kinds}")
-    turn = e.find("axis")
-    axis = np.array([1.0, 0.0, 0.0]) if turn is None else _vector(turn, "xyz", (1.0, 0.0, 0.0))
+    axis = _vector(e.find("axis"), "xyz", (1.0, 0.0, 0.0))
     if kind == "fixed":
         axis = np.array([0.0, 0.0, 1.0])
     if not axis.any():
@@ -260,14 +253,12 @@ def _name(e: Any, path: Path) -> str:
 
 def _origin(e: Any) -> Pose:
     origin = e.find("origin")
-    if origin is None:
-        return pose()
     roll, pitch, yaw = _vector(origin, "rpy", (0.0, 0.0, 0.0)).tolist()
     return at(_vector(origin, "xyz", (0.0, 0.0, 0.0)), (roll, pitch, yaw))
 
 
 def _vector(e: Any, key: str, default: tuple[float, ...]) -> Floats:
-    text = e.get(key)
+    text = None if e is None else e.get(key)
     return np.array(default if text is None else [float(v) for v in text.split()])
 
 

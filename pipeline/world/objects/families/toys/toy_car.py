@@ -1,13 +1,14 @@
-"""A toy car, its nose towards +x; a ball, and one with a stripe that fits a gripper."""
+"""A toy car, its nose towards +x, and a wagon; a ball, and one whose stripe shows how it rolls."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import glaze, made_of, metal, plastic, rubber
-from pipeline.world.objects.colliders import ALONG_Y, prism_collider, slab, sphere_collider
+from pipeline.world.looks.materials import glaze, made_of, metal, painted, plastic, rubber
+from pipeline.world.objects.colliders import ALONG_Y, prism_collider, slab, sphere_collider, tray
 from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.families.containers.bins import open_box
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism, sphere
 from pipeline.world.objects.grasping import box_pinches, side_pinches
 from pipeline.world.objects.kit import (
@@ -17,6 +18,7 @@ from pipeline.world.objects.kit import (
     Parametric,
     between,
     drawn,
+    hollow,
     mark,
     one_of,
     other,
@@ -144,3 +146,32 @@ class ToyCar(Parametric):
         grasps = box_pinches(*half, heights=heights, offsets=(-0.25, 0.0, 0.25), axes="y")
         nose = mark(self.length / 2, 0, 0.5 * belt, (1, 0, 0), (0, 0, 1))
         return standing(0, grasps, top=mark(cabin, 0, self.height), nose=nose)
+
+
+WALL, FLOOR, LOW = 0.004, 0.012, 0.006  # m: sides, height of the floor, of the underside
+
+
+@register("wagon")
+class Wagon(Parametric):
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.048, 0.054, size=LONG)
+    hy: float = between(0.040, 0.044)
+    height: float = between(0.024, 0.028)
+
+    def shape(self) -> Shape:
+        box = at(open_box(self.hx, self.hy, self.height - LOW, FLOOR - LOW, 0.006), (0, 0, LOW))
+        lying = quat_about((1, 0, 0), np.pi / 2)
+        wheels = [
+            at(cylinder(0.011, 0.005, 16), (x * self.hx, y, 0.011), lying)
+            for x in (-0.6, 0.6)
+            for y in (-self.hy, self.hy + 0.005)
+        ]
+        return Shape(
+            ((box, painted(self.colour)), *((wheel, rubber("black")) for wheel in wheels)),
+            (*slab(self.hx, self.hy, FLOOR), *tray(self.hx, self.hy, WALL, self.height)[1:]),
+            mass=0.2,
+            friction=0.7,
+        )
+
+    def frames(self) -> NamedFrames:
+        return hollow(self.height, FLOOR)
