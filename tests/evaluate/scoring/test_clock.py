@@ -82,4 +82,4 @@ def test_a_late_target_stands_first_and_then_does_the_same():
 
 def test_what_moves_beside_a_target_is_late_too():
     beside = others_of(parse_clock("late:400").motion(Company(MOTION, {"other": MOTION})))
-    assert np.array_equal(beside["other"].pose(1.4), MOTION.pose(1.0))
+    np.testing.assert_allclose(beside["other"].pose(1.4), MOTION.pose(1.0))
