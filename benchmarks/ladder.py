@@ -216,14 +216,13 @@ def wanted(args: argparse.Namespace, known: set[tuple[Any, ...]]) -> Iterator[Sc
     policies = (
         [*GROUPS[args.policies].values()] if args.policies in GROUPS else args.policies.split()
     )
-    tried = [
-        (p, c, e) for p in policies for c in args.clocks.split(",") for e in args.events.split(",")
-    ]
     for scene in range(args.scenes):
         for task in expand_tasks(args.tasks.split(",")):
             for level in map(int, args.levels.split(",")):
-                left = tuple(one for one in tried if (task, level, scene, *one) not in known)
-                yield SceneJob(task, level, scene, args.seed, left)
+                for event in args.events.split(","):
+                    tried = [(p, c, event) for p in policies for c in args.clocks.split(",")]
+                    left = [one for one in tried if (task, level, scene, *one) not in known]
+                    yield SceneJob(task, level, scene, args.seed, tuple(left))
 
 
 if __name__ == "__main__":
