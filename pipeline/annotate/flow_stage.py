@@ -126,7 +126,8 @@ def exact_flow(
 
 
 def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """(H,W,2) px -> (h,w,2) px of the small image, by area average; `size` = (width, height)."""
+    """Shrink (H,W,2) px to (h,w,2) px of the small image, by area average; `size` = (width,
+    height)."""
     height, width = flow.shape[:2]
     if (width, height) == size:
         return flow

@@ -18,7 +18,7 @@ def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True)
 class FlowOptions:
-    """`source` is farneback or sim (exact); `size` is (width, height) in px."""
+    """The flow comes from `source` farneback or sim (exact), at `size` (width, height) in px."""
 
     source: str = "farneback"
     stride: int = 4

@@ -20,7 +20,7 @@ class AnnotateError(DominoError):
 
 
 def digest(value: Any) -> str:
-    """sha256 (64 hex digits) of the canonical JSON of plain data."""
+    """Hash the canonical JSON of plain data: sha256, 64 hex digits."""
     return hashlib.sha256(canonical(value)).hexdigest()
 
 

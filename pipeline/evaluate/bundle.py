@@ -69,7 +69,8 @@ class RecordedResult(BaseModel):
         return self.code, self.policy, self.clock, self.options, self.seed, self.cells
 
     def owns(self, key: Sequence[Any]) -> bool:
-        """Whether a row of this key is of this policy, clock and options, in whatever scene."""
+        """Tell whether a row of this key is of this policy, clock and options, in whatever
+        scene."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]
 
@@ -103,7 +104,7 @@ def pack(commands: Floats) -> bytes:
 
 
 def unpack(data: bytes) -> Floats:
-    """Inverse of `pack`. Raises ValueError."""
+    """Return the commands (T,1+A) that `pack` wrote. Raises ValueError."""
     try:
         with gzip.open(BytesIO(data)) as file:
             plain = file.read(LONGEST + 1)
@@ -124,7 +125,7 @@ def actions_file(out: Path, key: str) -> Path:
 
 
 def hash_rows(rows: Iterable[Row]) -> str:
-    """Whatever their order, without their wall times."""
+    """Hash rows whatever their order, without their wall times."""
     lines = sorted(json.dumps({**row, TIMES: None}, sort_keys=True) for row in rows)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
@@ -136,7 +137,7 @@ def hash_scenes(cases: Iterable[Case]) -> str:
 
 
 def read_bundle(out: Path) -> list[RecordedResult]:
-    """None without a bundle.json. Raises BundleError, OSError."""
+    """Read the results of OUT/bundle.json, [] if there is none. Raises BundleError, OSError."""
     path = out / BUNDLE
     if not path.exists():
         return []

@@ -89,7 +89,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """As `play_arm`; a paired row has the arm without events in `control`."""
+    """Run an episode as `play_arm` does; a paired row has the arm without events in `control`."""
     if not job.paired:
         return play_arm(job)
     tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)

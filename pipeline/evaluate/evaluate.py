@@ -259,7 +259,7 @@ def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]
 
 
 def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
-    """As `introduce`, for a runner."""
+    """Call `introduce` in a worker of a runner."""
     return introduce(*job)
 
 

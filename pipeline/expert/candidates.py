@@ -62,7 +62,7 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
-    """Which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
+    """Tell which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
     near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
     return np.any(near, axis=0) & np.ones(len(directions), bool)
 
@@ -75,7 +75,8 @@ def find_candidates(
     options: GraspOptions,
     avoid: Sequence[Floats],
 ) -> Candidates:
-    """All grasps that fit between the jaws. Raises PlanFailure: no_grasp, grasp_unreachable."""
+    """Rank all grasps that fit between the jaws. Raises PlanFailure: no_grasp,
+    grasp_unreachable."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
     q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))

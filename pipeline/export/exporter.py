@@ -32,7 +32,7 @@ class Exporter[O](ABC):
         """Writes to `draft.folder`; returns a part of the summary. Raises ExportError."""
 
     def sensors(self, options: O) -> Collection[str]:
-        """Those of `images.SENSORS` that are written."""
+        """Which of `images.SENSORS` are written."""
         return self.written
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:

@@ -27,7 +27,8 @@ class Encoder:
 
 
 def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> Encoder:
-    """Raises AnnotateError for other files, or a size its patches do not divide."""
+    """Load an encoder. Raises AnnotateError for other files, or a size its patches do not
+    divide."""
     from transformers import AutoModel
 
     model = load_model(AutoModel, files, device)

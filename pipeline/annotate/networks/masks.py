@@ -55,7 +55,7 @@ class Segmenter:
 
 
 def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
-    """Raises AnnotateError for files that are no GroundingDINO."""
+    """Load a detector. Raises AnnotateError for files that are no GroundingDINO."""
     from transformers import AutoTokenizer, GroundingDinoForObjectDetection
 
     model = load_model(GroundingDinoForObjectDetection, files, device)
@@ -67,7 +67,7 @@ def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
 
 
 def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
-    """Raises AnnotateError for files that are no SAM 2."""
+    """Load a segmenter. Raises AnnotateError for files that are no SAM 2."""
     from transformers import Sam2Model
 
     model = load_model(Sam2Model, files, device)
@@ -76,9 +76,7 @@ def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
 
 
 def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """(height, width) with the shorter side at `short` unless the longer exceeds `long`; rounded
-    down.
-    """
+    """Fit (height, width) so that the shorter side is `short` and the longer at most `long`."""
     low, high = min(height, width), max(height, width)
     exact: float = short if high / low * short <= long else long * low / high
     side, other = round(exact), int(exact * high / low)
@@ -206,6 +204,6 @@ def pack(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def unpack(packed: NDArray[np.uint8], height: int, width: int) -> NDArray[np.bool_]:
-    """Inverse of `pack`: (T,K,H,W)."""
+    """Masks (T,K,H,W) from the bits that `pack` made."""
     bits = np.unpackbits(packed, axis=-1, count=height * width)
     return bits.reshape(*packed.shape[:-1], height, width).astype(bool)

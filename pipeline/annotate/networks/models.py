@@ -121,7 +121,8 @@ def load_model(cls: type, files: ModelFiles, device: str) -> Any:
 
 @contextlib.contextmanager
 def inference(device: str, precision: str) -> Iterator[None]:
-    """No gradients; mixed precision as asked ("auto": half on a GPU, float32 on a CPU)."""
+    """Compute without gradients, in mixed precision as asked ("auto": half on a GPU, float32 on a
+    CPU)."""
     import torch
 
     kind = device.split(":")[0]
@@ -134,7 +135,7 @@ def inference(device: str, precision: str) -> Iterator[None]:
 
 
 def image_settings(files: ModelFiles) -> dict[str, Any]:
-    """`size`, `image_mean`, `image_std` of a model, by default ImageNet's."""
+    """The `size`, `image_mean` and `image_std` of a model, by default ImageNet's."""
     settings: dict[str, Any] = {}
     for name in ("processor_config.json", "preprocessor_config.json"):
         path = Path(files.path) / name

@@ -37,7 +37,7 @@ class Contract:
 
     @property
     def actions(self) -> Representation:
-        """Raises PolicyError for an unknown word."""
+        """The representation of an action. Raises PolicyError for an unknown word."""
         try:
             return Representation(self.representation, self.rotation, self.frame)
         except ValueError as error:

@@ -29,7 +29,7 @@ def stated_actions(options: Mapping[str, Any]) -> Representation:
 
 
 def expected_actions(text: str) -> Representation | None:
-    """None without such options."""
+    """The representation that the options of a name state, or None."""
     options = dict(parse_qsl(text.partition("?")[2]))
     return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
 

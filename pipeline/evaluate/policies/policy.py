@@ -141,7 +141,7 @@ class PolicyName:
 
 
 def attribute(policy: object, name: str) -> Any:
-    """None if there is none. Raises PolicyError."""
+    """An attribute of a policy, or None. Raises PolicyError if its code fails."""
     with foreign(f"its attribute {name} cannot be read"):
         return getattr(policy, name, None)
 
@@ -158,7 +158,7 @@ def foreign(what: str) -> Iterator[None]:
 
 
 def count_inferences(policy: object) -> int | None:
-    """None if it does not count in whole numbers."""
+    """How often the network has run; None if the policy does not count in whole numbers."""
     count: object = attribute(policy, "inferences")
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return None

@@ -145,7 +145,7 @@ class Turns:
         return answer
 
     def first(self) -> Observation:
-        """Raises Over at the end of the episode."""
+        """Wait for the next observation. Raises Over at the end of the episode."""
         observation = self._observations.get()
         if observation is None:
             raise Over

@@ -242,6 +242,6 @@ def read_benchmark(given: str) -> Benchmark:
 
 @lru_cache(maxsize=16)
 def frozen_scenes(given: str, cell: Cell) -> tuple[Case, ...]:
-    """All scenes of a cell. Raises BenchmarkError."""
+    """Read all scenes of a cell. Raises BenchmarkError."""
     benchmark = read_benchmark(given)
     return tuple(benchmark.cases([cell], benchmark.head.scenes)[cell])

@@ -49,7 +49,7 @@ class FrozenCase(BaseModel):
     state: FrozenScene
 
     def case(self, cell: Cell, setup: Setup) -> Case:
-        """Raises ValueError if target and motion do not meet."""
+        """Make the case. Raises ValueError if target and motion do not meet."""
         motion = motion_from_json(json.dumps(self.motion))
         target = TASKS[cell.task].target
         at = next((body.pose for body in self.state.bodies if body.name == target), (np.inf,) * 7)

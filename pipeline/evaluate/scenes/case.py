@@ -99,7 +99,8 @@ class Case:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
-        """Inverse of `to_dict`. Raises ValueError, TypeError, KeyError or AttributeError."""
+        """Make a case from what `to_dict` gave. Raises ValueError, TypeError, KeyError or
+        AttributeError."""
         numbers, texts = (values["meeting"], values["frames"]), (values["start"], values["end"])
         whole = all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers)
         if not whole or not all(isinstance(t, str) for t in texts):

@@ -41,7 +41,7 @@ class FrozenBody(BaseModel):
     borne: bool = False
 
     def instance(self) -> Family:
-        """Raises ValueError for a missing family and for other parameters."""
+        """Make the object. Raises ValueError for a missing family and for other parameters."""
         if self.family not in FAMILIES:
             raise ValueError(
                 f"the object {self.family[:80]!r} is not installed: give --plugins with its"
@@ -58,7 +58,7 @@ class FrozenBody(BaseModel):
         return family(**self.parameters)
 
     def body(self) -> Body:
-        """Raises ValueError."""
+        """Make the body at its pose. Raises ValueError."""
         if abs(np.linalg.norm(self.pose[3:]) - 1) > 1e-6:
             raise ValueError(f"{self.name} has no rotation")
         placed = np.array(self.pose), self.fixed, self.inside, self.slide, self.borne

@@ -88,7 +88,7 @@ class Manifest:
 
     @classmethod
     def from_json(cls, text: bytes) -> "Manifest":
-        """Inverse of `to_json`. Raises ValueError."""
+        """Read what `to_json` wrote. Raises ValueError."""
         values = parse_json(text)
         schema = values.pop("schema", None) if isinstance(values, dict) else None
         if schema not in (3, SCHEMA):
@@ -158,7 +158,8 @@ class Manifests:
         return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError."""
+        """Tell whether a cell has fewer than `episodes` admitted seeds yet. Raises
+        ProtocolError."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:

@@ -63,7 +63,8 @@ class Retimed:
 
 @dataclass(frozen=True)
 class Clock:
-    """`values` are the numbers of the `kind` in ms; `join` joins overlapping chunks."""
+    """How time passes during an inference. `values` are the numbers of the `kind` in ms; `join`
+    joins overlapping chunks."""
 
     name: str
     kind: str

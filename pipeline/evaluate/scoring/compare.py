@@ -146,7 +146,7 @@ def newest(run: Path) -> list[Row]:
 
 
 def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """On the scenes of both. Raises CompareError if they share none."""
+    """Compare two policies on the scenes of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
         "first": a.name,

@@ -58,7 +58,8 @@ class EpisodeScore:
 
 
 def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
-    """1 - d_T / d_0 in [0, 1], of a tool's first and last distance from `goal` (3,)."""
+    """How far a tool came to `goal` (3,): 1 - d_T / d_0 in [0, 1], of its last and first
+    distance."""
     away = (np.asarray(p, float) - np.asarray(goal, float) for p in (start, end))
     d0, dt = (float(np.linalg.norm(p)) for p in away)
     if d0 < NEAR_START:
@@ -67,7 +68,7 @@ def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
 
 
 def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
-    """Those that hold although the conditions `missing` do not."""
+    """Tell by name which subgoals hold although the conditions `missing` do not."""
     return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
 
 

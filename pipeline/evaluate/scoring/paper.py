@@ -34,7 +34,7 @@ class PaperRow:
 
 @dataclass(frozen=True)
 class Experiment:
-    """On aloha, in the domain clean. `trained` is the policies' training data."""
+    """An experiment on aloha, in the domain clean. `trained` is the policies' training data."""
 
     title: str
     trained: str

@@ -78,7 +78,7 @@ class Results:
         self._rows[key] = stored
 
     def rows(self) -> list[dict[str, Any]]:
-        """All rows in the order in which they were first added."""
+        """Return all rows in the order in which they were first added."""
         return list(self._rows.values())
 
     def of(self, keys: Iterable[str]) -> list[dict[str, Any]]:

@@ -17,8 +17,8 @@ BETS = np.linspace(0.3, 0.95, 8)
 
 @dataclass(frozen=True)
 class SequentialTest:
-    """`p` is valid after any scene. `better` is the sign of the difference. `more` scenes would
-    decide."""
+    """`p` is valid after any scene, `better` is the sign of the difference, and about `more` scenes
+    would decide."""
 
     scenes: int
     decided: int | None

@@ -67,8 +67,7 @@ def spread(values: ByTask) -> float:
 
 
 def interval(change: ByTask) -> tuple[float, float]:
-    """95 % interval of the mean, by a bootstrap over scenes in tasks; exact if all changed
-    alike."""
+    """Bootstrap the 95 % interval of the mean over scenes in tasks; exact if all changed alike."""
     values = np.concatenate(list(change.values()))
     if np.ptp(values) == 0:
         return _exact(float(values[0]), len(values))

@@ -17,7 +17,7 @@ Row = dict[str, Any]
 
 
 def scene_of(row: Row) -> tuple[str, str, int]:
-    """Whatever level, alpha, domain, policy."""
+    """Task, robot and seed name a scene whatever its level, alpha, domain and policy."""
     return row["task"], row["embodiment"], row["seed"]
 
 
@@ -179,7 +179,7 @@ def _stratified_interval(
 
 
 def table(cells: Sequence[Row]) -> str:
-    """As aligned text. `truth` marks policies that are shown the simulation."""
+    """Format cells as aligned text. `truth` marks policies that are shown the simulation."""
     head = (
         f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
         f" {'process':9} {'n':>4}"

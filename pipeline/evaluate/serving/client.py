@@ -187,7 +187,7 @@ def full_message(observation: Observation) -> dict[str, Any]:
 
 
 def plain_message(observation: Observation, size: int) -> dict[str, Any]:
-    """As openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
+    """The message that openpi's policies for ALOHA take: images (3,S,S) by exported names."""
     images = {
         EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
         for name, image in observation.images.items()

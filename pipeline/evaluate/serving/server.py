@@ -29,8 +29,8 @@ class ServeError(DominoError): ...
 
 @dataclass(frozen=True)
 class ServerLimits:
-    """`open_seconds` are for the HTTP request and the first message, `idle_seconds` for every
-    other."""
+    """The HTTP request and the first message may take `open_seconds`, every other
+    `idle_seconds`."""
 
     clients: int = 1
     open_seconds: float = 10.0

@@ -63,7 +63,7 @@ class Offer(_Message):
     setup: dict[str, Any] = Field(default_factory=dict)
 
     def keys(self) -> dict[str, Any]:
-        """As a Setup has them. Raises MessageError."""
+        """The offered keys with the types of a Setup. Raises MessageError."""
         setup = _setup_of(self.setup)
         return {key: getattr(setup, key) for key in INTERFACE if key in self.setup}
 
@@ -94,7 +94,7 @@ class EpisodeMessage(_Message):
         )
 
     def start(self) -> Start:
-        """Inverse of `of`. Raises MessageError."""
+        """The Start that `of` was given. Raises MessageError."""
         common = (self.prompt, self.embodiment, self.action_names, self.rate)
         sizes, setup = self.image_sizes, _setup_of(self.setup)
         return Start(*common, tuple(sizes), self.seed, sizes, setup, self.lift)

@@ -191,7 +191,7 @@ class Statistics:
 
 
 def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
-    """Those of `key`, or the only ones. Raises PolicyError."""
+    """Read the bounds of `key`, or the only ones. Raises PolicyError."""
     try:
         table = read_json(path)
         chosen = key or (next(iter(table)) if len(table) == 1 else None)

@@ -94,7 +94,8 @@ class WebSocket:
         )
 
     def ask(self, data: bytes | None, seconds: float) -> bytes:
-        """Raises ConnectionLost, NoAnswer if it is late, and `fault_of`."""
+        """Send a message and return the answer. Raises ConnectionLost, NoAnswer if it is late, and
+        `fault_of`."""
         if self._connection is None:
             raise ConnectionLost(f"{self.url}: the connection is closed")
         try:
@@ -141,6 +142,6 @@ class WebSocket:
 
 
 def last_line(text: str) -> str:
-    """That is not empty: of a traceback, what was raised."""
+    """The last line that is not empty: of a traceback, what was raised."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return printable(lines[-1][:500]) if lines else ""

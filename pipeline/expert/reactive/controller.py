@@ -113,7 +113,7 @@ class ReactiveExpert:
         return max(astray, 1.0) if self.beyond else astray, track.surprise / (EXPECTED + unsure)
 
     def back(self, track: TargetFilter, time: float) -> Iterator[Command]:
-        """As `act`, back to where the hand was first near the target."""
+        """Go back to where the hand was first near the target; commands as of `act`."""
         self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
         return self._move(max(self.row - PACE * PERIOD, min(self.row, self.plan.near)))
 

@@ -28,7 +28,7 @@ def move(a: Actor, side: str, poses: ArrayLike, *, speed: float = 1.0) -> Steps:
 
 @skill()
 def carry(a: Actor, side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Steps:
-    """As `move`, for the held body."""
+    """Move as `move` does, for the held body."""
     hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
     yield {side: reach(a.arm_planner(side), hands, speed_scale=speed)}
 
@@ -69,7 +69,7 @@ def lift(
 
 @skill()
 def lift_clear(a: Actor, side: str, height: float, *, speed: float = SPEEDS.lift) -> Steps:
-    """As `lift`, up to where arm and held body touch nothing."""
+    """Lift as `lift` does, up to where arm and held body touch nothing."""
     arm = a.arm_planner(side)
     free, start = arm.checker(), a.tcp(side)
     clear = ((line, share) for line, share in _lifts(arm, start, height) if free(line[-1]))

@@ -32,7 +32,7 @@ COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
 def drive_targets(measured: Floats, commanded: Floats) -> Floats:
-    """(T,...) in force at each frame: the command before it, at first the measured."""
+    """The targets (T,...) in force at each frame: the command before it, at first the measured."""
     return np.concatenate([measured[:1], commanded[:-1]])
 
 

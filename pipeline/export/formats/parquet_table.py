@@ -57,7 +57,7 @@ class Plan:
 
     @property
     def sensor_images(self) -> dict[tuple[str, str], str]:
-        """("left_camera", "depth") -> "depth_cam_left_wrist"."""
+        """Columns by camera and sensor: ("left_camera", "depth") -> "depth_cam_left_wrist"."""
         return {
             (camera, sensor): f"{sensor}_{name}"
             for camera, name in self.cameras.items()
@@ -195,7 +195,8 @@ def _images(file: EpisodeFile, plan: Plan) -> Iterator[tuple[str, pa.Array]]:
 
 
 def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
-    """(frame, name, time s) in time order: the first frame at or after it, at most the last."""
+    """Events as (frame, name, time s) in time order: the first frame at or after it, at most the
+    last."""
     rows = []
     for event in sorted(facts.log.events, key=lambda e: (e.time, e.name)):
         frame = int(np.searchsorted(facts.log.times, event.time - CLOCK_TOLERANCE))

@@ -138,7 +138,7 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
 
 
 def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Any]:
-    """features.json as TensorFlow Datasets writes it."""
+    """The content of features.json as TensorFlow Datasets writes it."""
     width, size = len(facts.log.vector_names), options.size or facts.size
     observation: dict[str, Any] = {"state": _tensor("float32", width)}
     for camera, name in exported_cameras(facts, options.camera_names).items():

@@ -40,7 +40,7 @@ HELD_OUT = 10
 class RobomimicOptions(ImageOptions):
     @property
     def representations(self) -> tuple[Representation, ...]:
-        """With that of `abs_actions`."""
+        """The chosen representation and that of `abs_actions`."""
         chosen = self.representation
         return (chosen, replace(chosen, actions=chosen.kind))
 

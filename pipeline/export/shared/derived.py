@@ -14,7 +14,7 @@ from .episodes import ExportError, Facts
 
 
 def interception(facts: Facts) -> Interception:
-    """Raises ExportError if the motion cannot be read."""
+    """What the log says about the meeting. Raises ExportError if the motion cannot be read."""
     try:
         motion = motion_from_json(facts.motion)
     except ValueError as error:
@@ -33,7 +33,7 @@ def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
 
 
 def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
-    """(T,2), left and right: 1 after a touch in the interval that ends there."""
+    """Flags (T,2), left and right: 1 after a touch in the interval that ends there."""
     bodies, rows = facts.log.bodies, facts.log.contacts
     flags = np.zeros((len(facts), len(SIDES)), np.float32)
     a, b = rows["a"], rows["b"]
@@ -50,6 +50,6 @@ def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
 
 
 def trace_of(facts: Facts, camera: str) -> Floats:
-    """(T,H,3) the target's path in a camera's next second (motion/paths.py)."""
+    """The target's path (T,H,3) in a camera's next second (motion/paths.py)."""
     kind = facts.meta.drawing.cameras[camera].camera(camera).type
     return trace_ahead(kind, facts.camera_poses[camera], facts.target[:, :3], facts.fps)

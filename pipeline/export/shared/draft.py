@@ -74,7 +74,7 @@ class ExportDraft:
         self._inputs: dict[str, str | None] = {}
 
     def hash_of(self, path: Path) -> str:
-        """sha256, recorded as an input. Raises ExportError."""
+        """The sha256 of a file, recorded as an input. Raises ExportError."""
         name = source_of(path, self.dataset)
         sha = self._inputs.get(name)
         if sha is None:

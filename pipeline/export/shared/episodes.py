@@ -79,7 +79,7 @@ class Facts:
         return self.names_in(self.representation)
 
     def names_in(self, representation: Representation) -> list[str]:
-        """Those of a padded arm included."""
+        """Names of an action in a representation, those of a padded arm included."""
         names = list(representation.names(self.log.vector_names))
         if not representation.poses or not self.padded:
             return names
@@ -94,7 +94,7 @@ class Facts:
 
     @property
     def action(self) -> Floats:
-        """(T, D) the commands for the interval after each frame."""
+        """The commands (T,D) for the interval after each frame."""
         return self.written(self.log.action, self.representation)
 
     def written(self, commanded: Floats, representation: Representation) -> Floats:
@@ -135,7 +135,7 @@ class Facts:
 
 
 def described_action(facts: Facts) -> dict[str, Any]:
-    """Nothing for joint targets."""
+    """What the summary says of an action; nothing for joint targets."""
     if facts.representation == JOINTS:
         return {}
     return {"action": facts.representation.describe(), "action_names": facts.action_names}
@@ -197,7 +197,7 @@ def read_facts(
     after_success: float | None = None,
     representation: Representation = JOINTS,
 ) -> Facts:
-    """All but the images, until `after_success` s after the success. Raises ExportError."""
+    """Read all but the images, until `after_success` s after the success. Raises ExportError."""
     episode, path, frames = file.read(), file.path, len(file)
     log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
     seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
@@ -266,7 +266,7 @@ def select_episodes(
     validation: float = select.VALIDATION,
     attempts: Callable[[], select.Attempts] = dict,
 ) -> list[Path]:
-    """All for "". Raises WhereError, and ExportError if there are none."""
+    """The episodes that fit `where`, all for "". Raises WhereError, and ExportError for none."""
     if not where:
         return list(episodes)
     wanted, known = select.parse_where(where), attempts()

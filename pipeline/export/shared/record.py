@@ -96,7 +96,7 @@ def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str
 
 
 def read_record(out: Path) -> ExportRecord:
-    """Raises ExportError for a damaged record or another version."""
+    """Read export.json. Raises ExportError for a damaged record or another version."""
     try:
         if (out / EXPORT_RECORD).is_symlink():
             raise ValueError("it is a link")

@@ -43,7 +43,7 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
 
 
 class PlaneCounts:
-    """`color_counts` of `video.decoded_planes`, in batches."""
+    """Counts colors as `color_counts` does, of `video.decoded_planes`, in batches."""
 
     def __init__(self) -> None:
         self._counts, self._waiting = np.zeros((3, 256), np.int64), list[tuple[Any, Any, Any]]()

@@ -24,14 +24,14 @@ class TableWriter(pq.ParquetWriter):
     """After an error it is given up: pyarrow would try again."""
 
     def close(self) -> None:
-        """Once. Raises OSError if the disk refuses."""
+        """Write the footer, once. Raises OSError if the disk refuses."""
         try:
             super().close()
         finally:
             self.is_open = False
 
     def write_table(self, *given: Any, **options: Any) -> None:
-        """As ParquetWriter's."""
+        """Write a table as ParquetWriter does."""
         try:
             super().write_table(*given, **options)
         except OSError:

@@ -120,7 +120,7 @@ def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
 
 
 def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """(time s, RGB image) of every frame of a video, in order."""
+    """Yield (time s, RGB image) of every frame of a video, in order."""
     with av.open(path if isinstance(path, io.BytesIO) else str(path), "r") as container:
         container.streams.video[0].thread_count = 1
         for frame in container.decode(video=0):

@@ -239,7 +239,7 @@ def _place_parts(
 
 
 def cloud(robot: UrdfRobot, link: str) -> Floats:
-    """At most 4000 points (N,3) m on a link's shapes."""
+    """Sample at most 4000 points (N,3) m on a link's shapes."""
     shapes = robot.links[link].collisions or robot.links[link].visuals
     points = np.concatenate([np.zeros((0, 3)), *(_points(shape) for shape in shapes)])
     return points[:: 1 + len(points) // 4000]

@@ -27,7 +27,8 @@ class CouplingError(ValueError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """position = `multiplier` x that of joint `leader` + `offset`; a multiplier of 0: fixed."""
+    """A joint with position = `multiplier` x that of joint `leader` + `offset`; a multiplier of 0
+    fixes it."""
 
     leader: int
     multiplier: float

@@ -54,7 +54,7 @@ class ConvexPieces:
 
 
 def corners(points: Floats) -> Floats:
-    """At most CORNERS corners of the hull, each the farthest in a direction."""
+    """Choose at most CORNERS corners of the hull, each the farthest in a direction."""
     hull = np.asarray(trimesh.convex.convex_hull(points).vertices, float)
     if len(hull) <= CORNERS:
         return hull

@@ -127,7 +127,7 @@ class Writer(ABC):
         self.frames += episode.facts.kept
 
     def append_video(self, video: VideoFile, mp4: bytes, facts: Facts) -> tuple[float, float]:
-        """As VideoFile.append. Raises ExportError."""
+        """Append an episode to a video, as VideoFile.append. Raises ExportError."""
         try:
             return video.append(mp4, facts.kept)
         except ValueError as error:

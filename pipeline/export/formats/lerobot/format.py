@@ -195,7 +195,7 @@ def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
 
 
 def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
-    """meta/modality.json as GR00T and StarVLA read it."""
+    """The content of meta/modality.json as GR00T and StarVLA read it."""
     return {
         "state": _slices(facts.log.vector_names, "observation.state", JOINTS),
         "action": _slices(facts.action_names, "action", facts.representation),

@@ -49,7 +49,7 @@ def _column(feature: Mapping[str, Any]) -> tuple[pa.DataType, dict[str, Any]]:
 def write_meta(
     root: Path, info: Mapping[str, Any], tasks: Sequence[str], stats: Mapping[str, Stats]
 ) -> None:
-    """`info` are the fields not in DEFAULTS."""
+    """Write info.json (`info` over DEFAULTS), tasks.parquet and stats.json."""
     meta = root / "meta"
     meta.mkdir(parents=True, exist_ok=True)
     _write_json(meta / "info.json", {name: (DEFAULTS | dict(info))[name] for name in ORDER})

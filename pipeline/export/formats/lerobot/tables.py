@@ -40,7 +40,7 @@ class Tables:
 
     @property
     def place(self) -> dict[str, int]:
-        """chunk_index and file_index of the next table."""
+        """The chunk_index and file_index of the next table."""
         chunk, file = divmod(self.number, FILES_PER_CHUNK)
         return {"chunk_index": chunk, "file_index": file}
 

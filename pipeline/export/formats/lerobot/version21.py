@@ -98,7 +98,7 @@ def readable_by_old(schema: pa.Schema) -> pa.Schema:
 def groot_stats(
     root: Path, features: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, list[float]]]:
-    """As GR00T makes meta/stats.json; quantiles are interpolated linearly."""
+    """Statistics as GR00T makes meta/stats.json; quantiles are interpolated linearly."""
     stats = {}
     for name in (key for key, value in features.items() if value["dtype"].startswith("float")):
         column = read_column(root / "data", name).astype(np.float64)
