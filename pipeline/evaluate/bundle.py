@@ -69,7 +69,7 @@ class RecordedResult(BaseModel):
         return self.code, self.policy, self.clock, self.options, self.seed, self.cells
 
     def owns(self, key: Sequence[Any]) -> bool:
-        """Tell whether a row of this key is of this policy, clock and options, in whatever
+        """Return whether a row of this key is of this policy, clock and options, in whatever
         scene."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]

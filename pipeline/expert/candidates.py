@@ -62,7 +62,7 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
-    """Tell which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
+    """Return which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
     near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
     return np.any(near, axis=0) & np.ones(len(directions), bool)
 

@@ -158,7 +158,7 @@ class Manifests:
         return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Tell whether a cell has fewer than `episodes` admitted seeds yet. Raises
+        """Return whether a cell has fewer than `episodes` admitted seeds yet. Raises
         ProtocolError."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 

@@ -68,7 +68,7 @@ def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
 
 
 def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
-    """Tell by name which subgoals hold although the conditions `missing` do not."""
+    """Judge which subgoals hold although the conditions `missing` do not."""
     return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
 
 

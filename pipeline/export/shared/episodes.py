@@ -135,7 +135,7 @@ class Facts:
 
 
 def described_action(facts: Facts) -> dict[str, Any]:
-    """What the summary says of an action; nothing for joint targets."""
+    """What the summary states about an action; nothing for joint targets."""
     if facts.representation == JOINTS:
         return {}
     return {"action": facts.representation.describe(), "action_names": facts.action_names}
