@@ -14,7 +14,7 @@ import argparse
 import numpy as np
 from scipy.stats import binom
 
-from pipeline.evaluate.scoring.sequential import sequential
+from pipeline.evaluate.scoring.statistics import sequential
 
 PAIRS = (
     (0.5, 0.5),

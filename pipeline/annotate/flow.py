@@ -90,8 +90,7 @@ class Colour:
     def __post_init__(self) -> None:
         if self.normalisation not in NORMALISATIONS:
             known = ", ".join(NORMALISATIONS)
-            unknown = f"flow normalisation {self.normalisation!r} is unknown"
-            raise AnnotateError(f"{unknown}: choose {known}")
+            raise AnnotateError(f"flow scale {self.normalisation!r} is unknown: choose {known}")
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:

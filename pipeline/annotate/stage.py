@@ -145,8 +145,7 @@ def sim_reading(
         view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
         return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, bodies
     if render is None:
-        missing = f"stores no {' and '.join(names)} of {camera}"
-        raise AnnotateError(f"{path} {missing}, and no renderer was given")
+        raise AnnotateError(f"{path} stores no {' and '.join(names)} of {camera}, nor is drawn")
 
     def again() -> SimView:
         v = render(path, camera)

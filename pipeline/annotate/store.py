@@ -66,8 +66,7 @@ def entry_header(path: Path) -> tuple[str, str]:
         with open_hdf5(path) as f:
             return str(f.attrs["key"]), str(f.attrs["checksum"])
     except (OSError, KeyError, RuntimeError) as error:
-        damaged = f"{path}: cannot be read ({error}); run annotate again to recompute it"
-        raise CorruptAnnotation(damaged) from error
+        raise CorruptAnnotation(f"{path}: cannot be read ({error}); annotate again") from error
 
 
 def check_entry(path: Path, key: str) -> str:
@@ -102,5 +101,4 @@ def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
     if not fit:
         again = f"run: domino-data annotate {dataset} --stages {stage}"
         raise AnnotateError(f"{dataset} has no {named} annotations; {again}")
-    several = f"{dataset} has several {named} annotations ({', '.join(fit)})"
-    raise AnnotateError(f"{several}: give more parameters to choose one")
+    raise AnnotateError(f"{dataset} has several {named} annotations: {', '.join(fit)}")

@@ -111,7 +111,7 @@ def _describe_share(row: Values) -> str:
 
 
 def _correct(comparisons: list[Values]) -> None:
-    from pipeline.evaluate.scoring.sequential import holm
+    from pipeline.evaluate.scoring.statistics import holm
 
     for what in {row["what"] for row in comparisons}:
         rows = [row for row in comparisons if row["what"] == what]

@@ -79,11 +79,9 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
     except (ActionError, NoAnswer) as error:
         if not anonymous:
             return name
-        what = f"{name.text}: gives no answer by which to know it ({error})"
-        raise PolicyError(f"{what}: name it with ?label=NAME") from error
+        raise PolicyError(f"{name.text}: gives no answer ({error}): add ?label=NAME") from error
     if first[1] != second[1] and anonymous:
-        what = "answers the same question differently each time"
-        raise PolicyError(f"{name.text}: {what}: name it with ?label=NAME")
+        raise PolicyError(f"{name.text}: its answers differ: name it with ?label=NAME")
     same = b"|".join(a for a, b in zip(first, second, strict=True) if a == b)
     probe = hashlib.sha256(same).hexdigest()[:8]
     mark = "." if "@" in name.label else "@"

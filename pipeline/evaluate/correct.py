@@ -175,8 +175,7 @@ class _Turn:
             raise Failure(STAGE, reason, f"{what} before the expert took over")
         for name, pose in self._bodies.items():
             if np.linalg.norm(self._actor.pose(name)[:3] - pose[:3]) > STIRRED:
-                what = f"the policy moved the {name} before the expert took over"
-                raise Failure(STAGE, "takeover_late", what)
+                raise Failure(STAGE, "takeover_late", f"the policy moved the {name} before")
 
     def _execute(self, action: Floats) -> None:
         trial, before = self._trial, self._actor.simulation.command

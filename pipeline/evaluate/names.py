@@ -184,8 +184,7 @@ def _make(name: PolicyName) -> Policy:
     policy: Any = maker()
     for method in ("reset", "act"):
         if not callable(getattr(policy, method, None)):
-            made = f"make_policy() returned a {type(policy).__name__}"
-            raise PolicyError(f"{name.text}: {made} without a method {method}")
+            raise PolicyError(f"{name.text}: what make_policy() returned has no method {method}")
     return policy
 
 

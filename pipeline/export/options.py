@@ -9,8 +9,8 @@ from pipeline.data import parsing
 from pipeline.data.actions import ACTIONS, FRAMES, JOINTS, ROTATIONS, Representation
 from pipeline.data.names import CAMERAS
 
+from .shared.derived import LABELS
 from .shared.episodes import ExportError
-from .shared.labels import LABELS
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]
             values[name] = f.metadata["parse"](parsing.line(text)) if is_text else text
         except ValueError as error:
             sign = " " if isinstance(error, parsing.ParseError) else ": "
-            shown = f"{flag_name(f)} {parsing.show_value(text)}"
-            raise ExportError(f"{shown}{sign}{error}") from error
+            raise ExportError(f"{flag_name(f)} {parsing.show_value(text)}{sign}{error}") from error
     return kind(**values)
 
 
@@ -145,8 +144,7 @@ class ActionOptions:
             needs = "is of tool poses: it needs --actions ee, ee-relative or ee-delta"
             raise ExportError(f"--rotation {self.rotation} {needs}")
         if self.frame != JOINTS.frame and all(one.reference != "absolute" for one in poses):
-            needs = "is of absolute tool poses: it needs --actions ee"
-            raise ExportError(f"--frame {self.frame} {needs}")
+            raise ExportError(f"--frame {self.frame} is of tool poses: it needs --actions ee")
 
     @property
     def representations(self) -> tuple[Representation, ...]:

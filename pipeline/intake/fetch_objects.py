@@ -211,8 +211,7 @@ def check_content(files: Path, wheel: Wheel, what: str) -> None:
         ]
     )
     if found != wheel.content:
-        release = f"{wheel.package} {wheel.version}"
-        raise ObjectError(f"{what}: its objects are not those of {release}: give it with --wheel")
+        raise ObjectError(f"{what}: is not {wheel.package} {wheel.version}: give it with --wheel")
 
 
 def download_wheel(wheel: Wheel) -> Path:

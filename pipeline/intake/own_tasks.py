@@ -67,8 +67,7 @@ def check_task(task: Task) -> None:
     for name in ("target", "manipulated"):
         if (body := getattr(task, name)) not in bodies:
             what = f"{name} is {body!r}, which its layout does not place"
-            place = f"{line_of_class(cls, name)}: task {task.name}"
-            raise RecipeError(f"{place}: {what}: there are {', '.join(sorted(bodies))}")
+            raise RecipeError(f"{line_of_class(cls, name)}: task {task.name}: {what}")
 
 
 def _find_wrong(task: Task) -> tuple[str, str] | None:

@@ -95,7 +95,7 @@ def test_missing_weights_get_one_line_that_says_how(
 def test_wrong_weights_are_refused_not_filled_with_noise(models: dict[str, Path]):
     with pytest.raises(AnnotateError, match=r"is no Sam2Model|cannot be loaded as Sam2Model"):
         load_segmenter(resolve(str(models["dinov2"])), "cpu", "auto")
-    with pytest.raises(AnnotateError, match="not a patch encoder"):
+    with pytest.raises(AnnotateError, match="no patch encoder"):
         load_encoder(resolve(str(models["detector"])), 224, "cpu", "auto")
     with pytest.raises(AnnotateError, match=r"no multiple of the patch size 14 .* use 210"):
         load_encoder(resolve(str(models["dinov2"])), 215, "cpu", "auto")

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export.shared.labels import PLACES
+from pipeline.export.shared.derived import PLACES
 from tests.export.running import run
 from tests.synthetic import SPEED, SPIN, episode_path, make_episode
 

@@ -48,8 +48,8 @@ def test_what_is_wrong_is_one_line(given, said):
     ("given", "said"),
     [
         ({"rotation": "6d"}, "--rotation 6d is of tool poses"),
-        ({"actions": "joints-delta", "frame": "base"}, "--frame base is of absolute"),
-        ({"actions": "ee-relative", "frame": "base"}, "--frame base is of absolute"),
+        ({"actions": "joints-delta", "frame": "base"}, "--frame base is of tool poses"),
+        ({"actions": "ee-relative", "frame": "base"}, "--frame base is of tool poses"),
         ({"more_actions": "ee-delta,joints"}, "--more-actions joints: the feature action"),
         ({"more_actions": "ee-delta", "rotation": "6d"}, ""),
         ({"more_actions": "ee", "rotation": "6d", "frame": "base"}, ""),

@@ -34,8 +34,7 @@ def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> E
     model = load_model(AutoModel, files, device)
     patch = getattr(model.config, "patch_size", None)
     if not isinstance(patch, int):
-        kind = f"model {files.name} is a {model.config.model_type}"
-        raise AnnotateError(f"{kind}, not a patch encoder such as dinov2 or dinov3")
+        raise AnnotateError(f"model {files.name} is a {model.config.model_type}, no patch encoder")
     if size % patch:
         odd = f"feature size {size} is no multiple of the patch size {patch} of {files.name}"
         raise AnnotateError(f"{odd}: use {size // patch * patch}")

@@ -49,8 +49,7 @@ def resolve(name: str, download: bool = True) -> ModelFiles:
             raise NoWeights(f"model directory {name} does not exist")
         path = _from_hub(ALIASES.get(name, name), download)
     if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
-        needs = "it needs config.json and *.safetensors (as save_pretrained writes)"
-        raise AnnotateError(f"{path} is no model directory: {needs}")
+        raise AnnotateError(f"{path} is no model directory: it needs config.json and *.safetensors")
     files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
     return ModelFiles(name, str(path), digest([[f.name, _file_digest(f)] for f in files]))
 
@@ -59,8 +58,7 @@ def _from_hub(repo: str, download: bool) -> Path:
     try:
         from huggingface_hub import errors, snapshot_download
     except ImportError as error:
-        needs = f"model {repo} needs huggingface_hub: install the annotate extra"
-        raise NoWeights(needs) from error
+        raise NoWeights(f"{repo} needs huggingface_hub: install the annotate extra") from error
     missing = errors.LocalEntryNotFoundError
     try:
         with contextlib.suppress(missing):
@@ -96,8 +94,7 @@ def pick_device(device: str) -> str:
     try:
         import torch
     except ImportError as error:
-        needs = "masks and features by model need torch and transformers"
-        raise AnnotateError(f"{needs}: install the annotate extra") from error
+        raise AnnotateError("install the annotate extra: models need torch") from error
     return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
 
 
@@ -114,8 +111,7 @@ def load_model(cls: type, files: ModelFiles, device: str) -> Any:
         raise AnnotateError(f"model {files.name} {why}") from error
     # the library fills in random numbers for weights that a file lacks, and only warns
     if missing := sorted(info["missing_keys"]):
-        why = f"its file is missing {', '.join(missing[:2])} and {len(missing)} in all"
-        raise AnnotateError(f"model {files.name} is no {name}: {why}")
+        raise AnnotateError(f"model {files.name} is no {name}: it has no {', '.join(missing[:2])}")
     return model.to(device).eval().requires_grad_(False)
 
 

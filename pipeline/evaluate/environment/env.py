@@ -25,8 +25,7 @@ from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world.robots import get_embodiment
 
-from .observation import PolicyView, StateView
-from .reward import NOTHING, Meter, Shaped, TaskProgress, check_discount
+from .observation import NOTHING, Meter, PolicyView, Shaped, StateView, TaskProgress, check_discount
 
 ACTIONS = ("joint", "ee", "delta_ee")
 OBSERVATIONS = ("policy", "state")

@@ -106,8 +106,7 @@ def parse_settings(text: str) -> PolicySettings:
         pairs = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(mark)))
         options = {key: parse_yaml(value) for key, value in pairs.items()}
     except ValueError as error:
-        form = f"{kind}:PATH?key=value&key=value"
-        raise PolicyError(f"--policy {text!r}: write options as {form}") from error
+        raise PolicyError(f"--policy {text!r}: write {kind}:PATH?key=value&key=value") from error
     if not path:
         raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
     return PolicySettings(kind, path, options, query)

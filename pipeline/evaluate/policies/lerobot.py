@@ -127,8 +127,7 @@ class LerobotForm:
             revision = settings.options.get("revision", "main")
             return PolicyName(text, f"lerobot:{settings.path}@{revision}{written}")
         if not (folder / "config.json").is_file():
-            what = "has no config.json: give the directory that save_pretrained wrote"
-            raise PolicyError(f"--policy {text}: {what}")
+            raise PolicyError(f"--policy {text}: has no config.json, as save_pretrained writes it")
         files = sorted(p for p in folder.iterdir() if p.suffix in (".json", ".safetensors"))
         label = f"lerobot:{folder.resolve().name}@{digest_of(files)}{written}"
         return PolicyName(settings.at(folder), label)
@@ -138,14 +137,12 @@ class LerobotForm:
         try:
             policy = load(settings)
         except ModuleNotFoundError as error:
-            extra = f"needs {error.name}: run `uv sync --inexact --extra lerobot`"
-            raise PolicyError(f"--policy {text} {extra}") from error
+            raise PolicyError(f"--policy {text} needs {error.name} of the extra lerobot") from error
         except (OSError, ValueError, KeyError, ImportError) as error:
             reason = " ".join(str(error).split())[:300]
             raise PolicyError(f"--policy {text}: cannot be loaded: {reason}") from error
         if policy.sees_state:
-            only = f"sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is given"
-            raise PolicyError(f"--policy {text}: {only}")
+            raise PolicyError(f"--policy {text}: sees {ENVIRONMENT}: give ladder:DIRECTORY")
         return policy
 
 

@@ -14,10 +14,10 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import check_plain
 
 from .results import EPISODES, Results, check_episode
-from .sequential import sequential
 from .statistics import (
     SceneResult,
     paired_numbers,
+    sequential,
 )
 from .summary import Row, scene_of
 

@@ -56,8 +56,7 @@ class Results:
                 raise ResultsError(f"{what}: repair or delete it") from error
             known = self._rows.setdefault(row["key"], row)
             if {**known, TIMES: None} != {**row, TIMES: None}:
-                what = f"{path}: line {number} contradicts an earlier row"
-                raise ResultsError(f"{what}: delete the wrong one")
+                raise ResultsError(f"{path}: line {number} contradicts an earlier row: delete one")
         if len(whole) < len(text):
             os.truncate(path, len(whole))
         self._size = len(whole)

@@ -44,8 +44,7 @@ class Address:
         """One of `known`, by default the first. Raises PolicyError."""
         value = self.options.get(option, known[0])
         if value not in known:
-            what = f"{option}={value} is unknown: choose {', '.join(known)}"
-            raise PolicyError(f"--policy {self.text}: {what}")
+            raise PolicyError(f"--policy {self.text}: {option}={value}: choose {', '.join(known)}")
         return value
 
     def label(self, served: str | None = None) -> str:
@@ -53,8 +52,7 @@ class Address:
         then the other options. Raises PolicyError for a label that is no word."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
-            what = "a label has up to 80 letters, digits and _.@+-"
-            raise PolicyError(f"--policy {self.text!r}: {what}")
+            raise PolicyError(f"--policy {self.text!r}: a label has 80 letters, digits and _.@+-")
         name = f"{self.scheme}:{given}" if given else f"ws:{served}" if served else ""
         others = sorted(item for item in self.options.items() if item[0] != "label")
         return (name or self.url(self.scheme)) + "".join(f",{k}={v}" for k, v in others)

@@ -48,8 +48,7 @@ def pour(
 
     (_, over), (ends, down) = reached(upright), reached(tipped)
     if not len(over) or not len(down):
-        why = f"the {side} arm cannot hold it there, upright and tipped"
-        raise PlanFailure("pour_unreachable", why)
+        raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it upright and tipped")
     cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(a, side, hold, ends)
     paths = (
         (k // len(down), _tipping(over, down, k))
@@ -129,6 +128,5 @@ def turn(
     )
     path = arm.line(arm.q, goal)
     if path is None or not arm.apart()(path):
-        why = f"the {side} wrist cannot turn that far"
-        raise PlanFailure("turn_unreachable", why)
+        raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far")
     yield {side: arm.timed(path, speed_scale=speed)}

@@ -48,8 +48,7 @@ def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTra
             return arm.free_trajectory(q[i], free, speed_scale=speed_scale)
         except PlanFailure:
             continue
-    why = f"the {arm.side} arm finds no free path to {len(poses)} poses"
-    raise PlanFailure("path_blocked", why)
+    raise PlanFailure("path_blocked", f"the {arm.side} arm finds no path to {len(poses)} poses")
 
 
 @skill()
@@ -90,8 +89,7 @@ def _lifts(
             found = True
             yield line, share
     if not found:
-        why = f"the {arm.side} arm cannot lift by {height} m"
-        raise PlanFailure("line_unreachable", why)
+        raise PlanFailure("line_unreachable", f"the {arm.side} arm cannot lift by {height} m")
 
 
 @skill()
@@ -122,8 +120,7 @@ def retreat(a: Actor, side: str, distance: float, *, speed: float = SPEEDS.retre
             metres = float(np.linalg.norm(goal[:3] - start[:3]))
             yield {side: arm.timed(path, minimum=metres / speed)}
             return
-    why = f"the {side} arm cannot draw back by {distance} m"
-    raise PlanFailure("line_unreachable", why)
+    raise PlanFailure("line_unreachable", f"the {side} arm cannot draw back by {distance} m")
 
 
 @skill()

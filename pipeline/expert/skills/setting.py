@@ -163,8 +163,7 @@ def press(
     down = _fingertip_poses(spot, pitches, fingertip_reach(a.planner.embodiment.arms[side]))
     q, ok = arm.solve(lifted(down, above))
     if not ok.any():
-        why = f"the {side} arm cannot hover over the spot"
-        raise PlanFailure("press_unreachable", why)
+        raise PlanFailure("press_unreachable", f"the {side} arm cannot hover over the spot")
     free = arm.checker()
     off_steep = np.repeat(np.abs(np.array(pitches) - PRESS.steep), len(down) // len(pitches))
     cost = np.linalg.norm(q - arm.q, axis=1) + PRESS.steep_weight * off_steep

@@ -91,8 +91,7 @@ def rock(
             yield {side: trajectory}
             yield from _swung(a, side, swing, times, speed)
             return
-    why = f"the {side} arm finds no room to rock what it holds"
-    raise PlanFailure("rock_unreachable", why)
+    raise PlanFailure("rock_unreachable", f"the {side} arm finds no room to rock what it holds")
 
 
 def _swing(arm: ArmPlanner, q: Floats, middle: Pose, ends: list[Pose]) -> _Swing | None:

@@ -14,10 +14,17 @@ from pipeline.data.actions import JOINTS
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.shared.annotations import Joined, annotation_columns
-from pipeline.export.shared.derived import contact_flags, event_columns, interception, trace_of
+from pipeline.export.shared.derived import (
+    contact_flags,
+    event_columns,
+    interception,
+    label_names,
+    label_values,
+    labelled,
+    trace_of,
+)
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
 from pipeline.export.shared.images import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column
-from pipeline.export.shared.labels import label_names, label_values, labelled
 from pipeline.export.shared.script import script_of
 from pipeline.motion.paths import path_ahead
 from pipeline.motion.recorded import track

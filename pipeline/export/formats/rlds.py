@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import ImageOptions, LabelOptions, option, whole
+from pipeline.export.shared.derived import label_names, label_values, labelled
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     FAILURES,
@@ -24,7 +25,6 @@ from pipeline.export.shared.episodes import (
     reading,
 )
 from pipeline.export.shared.images import DEPTH, coded_images, reencode
-from pipeline.export.shared.labels import label_names, label_values, labelled
 from pipeline.export.shared.record import write_json
 from pipeline.export.shared.tables import PROVENANCE, Provenance
 
@@ -60,8 +60,7 @@ class Rlds(Exporter[RldsOptions]):
                         facts = read_facts(file, job.dataset, None, job.options.representation)
                         described = features_of(file, facts, job.options)
                     if described != (features := features or described):
-                        differs = f"has other sensors than {paths[0]}; export them separately"
-                        raise ExportError(f"{facts.source}: {differs}")
+                        raise ExportError(f"{facts.source}: has other sensors than {paths[0]}")
                     cameras |= exported_cameras(facts, job.options.camera_names)
                     rows.append(facts)
             frames += rows.frames

@@ -81,8 +81,7 @@ class ExportDraft:
             try:
                 self._inputs[name] = sha = file_hash(self._job.origins.get(path, path))
             except OSError as error:
-                why = f"cannot be read ({error.strerror})"
-                raise ExportError(f"{path}: {why}; make it again") from error
+                raise ExportError(f"{path}: cannot be read ({error.strerror})") from error
         return sha
 
     def note(self, path: Path) -> None:

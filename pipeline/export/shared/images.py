@@ -44,8 +44,7 @@ def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
     """PNG of depth (16 bits, mm) or segmentation (8). Raises ExportError."""
     key = f"observation/{camera}/{IMAGES[sensor]}"
     if not file.has(key):
-        lacks = f"{camera} has no {sensor} images"
-        raise ExportError(f"{file.path}: {lacks}; draw the dataset again with them")
+        raise ExportError(f"{file.path}: {camera} has no {sensor} images; draw it again with them")
     return [png(image) for image in file.array(key)]
 
 

@@ -141,7 +141,7 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(
-        _joint(joint, robot.path, parts) if joint.name in driven else replace(joint, kind="fixed")
+        _joint(joint, robot, parts) if joint.name in driven else replace(joint, kind="fixed")
         for joint in parts.joints
     )
     guessed = [
@@ -164,8 +164,9 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
     arm = replace(arm, allowed_overlap=tuple(sorted(touching | {parts.fingers})))
     site = find_site(arm)
     if site is None:
-        what = f"the arm {options.name!r} reaches over the table without touching"
-        raise UrdfError(f"{robot.path}: finds no place from which {what}")
+        raise robot.fault(
+            "finds no place from which the arm reaches over the table without touching"
+        )
     # the opening direction is turned so that the wrist camera is above the hand at home
     left = site.arms["left"]
     hand = arm_poses(left, left.home)[left.hand]
@@ -188,7 +189,7 @@ def _gripper(parts: Anatomy, joints: tuple[Joint, ...]) -> Gripper:
     return Gripper(tuple(parts.jaws), parts.fingers, closed, opened, parts.opening, *drive)
 
 
-def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
+def _joint(joint: Joint, robot: UrdfRobot, parts: Anatomy) -> Joint:
     velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
     effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
     lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)
@@ -196,8 +197,10 @@ def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
         ends = parts.jaws[joint.name]
         lower, upper = min(ends) - 1e-3, max(ends) + 1e-3
     elif not lower < upper:
-        limits = f"joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}"
-        raise UrdfError(f"{path}: {limits}: give it others, or make it continuous or fixed")
+        limits = f"{joint.lower:g} to {joint.upper:g}: give it others"
+        raise robot.fault(
+            f"joint {joint.name!r} has limits {limits}, or make it continuous or fixed"
+        )
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
@@ -215,8 +218,7 @@ def _inertial(
     robot: UrdfRobot, name: str, link: UrdfLink, volume: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
     if link.mass < 0 or (link.mass == 0 and link.inertia.any()):
-        fix = "give it one above 0, or remove its <inertial>"
-        raise UrdfError(f"{robot.path}: link {name!r} has mass {link.mass:g}: {fix}")
+        raise robot.fault(f"link {name!r} has mass {link.mass:g}: give it one above 0")
     mass, com, inertia = link.mass, link.com, link.inertia
     if mass == 0:
         points = cloud(robot, name)

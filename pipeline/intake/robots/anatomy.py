@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.poses import Floats, Pose, transform
 from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.surfaces import surface
-from pipeline.world.robots.urdf_file import FREE, Mimic, UrdfError, UrdfRobot, UrdfShape
+from pipeline.world.robots.urdf_file import FREE, Mimic, UrdfRobot, UrdfShape
 
 TIP = 0.02  # m: the part of a finger, from its end on, that is looked at for a pad
 BEHIND_TIP = 0.018  # m: the tool frame's distance from the end of the fingers
@@ -54,12 +54,11 @@ def anatomy(robot: UrdfRobot, hints: Hints = Hints()) -> Anatomy:
     mimics = {**robot.mimics, **hints.mimics}
     for joint in joints:
         if joint.kind in FREE:
-            fix = f"make it fixed, or give --base {joint.child}, the root of the arm"
-            raise UrdfError(f"{robot.path}: joint {joint.name!r} is {joint.kind}: {fix}")
+            fix = f"make it fixed, or give --base {joint.child}"
+            raise robot.fault(f"joint {joint.name!r} is {joint.kind}: {fix}")
     arm, jaws = _split(robot, base, joints, mimics, hints)
     if not arm:
-        wrong = f"no joint moves between {base!r} and the gripper"
-        raise UrdfError(f"{robot.path}: {wrong}; give --base LINK, the root of the arm")
+        raise robot.fault(f"no joint moves between {base!r} and the gripper; give another --base")
     hand = next(j for j in joints if j.name in jaws).parent
     travel = _travel(robot, joints, jaws, mimics, hints)
     fingers, tcp, opening, travel = _grip(robot, hand, links, travel)
@@ -70,7 +69,7 @@ def _base(robot: UrdfRobot, hints: Hints) -> str:
     if hints.base is not None:
         if hints.base not in robot.links:
             names = ", ".join([*robot.links][:12])
-            raise UrdfError(f"{robot.path}: has no link {hints.base!r}; links are {names}")
+            raise robot.fault(f"has no link {hints.base!r}; links are {names}")
         return hints.base
     roots = robot.roots()
     if len(roots) > 1:
@@ -81,7 +80,7 @@ def _base(robot: UrdfRobot, hints: Hints) -> str:
         wrong = f"link {min(lost)!r} hangs in a ring of joints"
     else:
         return roots[0]
-    raise UrdfError(f"{robot.path}: {wrong}: every link but the root needs one joint above it")
+    raise robot.fault(f"{wrong}: every link but the root needs one joint above it")
 
 
 def _split(
@@ -108,8 +107,8 @@ def _split(
         rigid, words = {last.child}, f"{last.name} {last.child}".lower()
     if arm and (any(word in words for word in JAW_WORDS) or len(arm) > 7):
         return arm[:-1], arm[-1:]
-    wrong = f"no joint moves beyond {arm[-1] if arm else base!r}"
-    raise UrdfError(f"{robot.path}: has no gripper: {wrong}; add one, or give --jaw")
+    last = arm[-1] if arm else base
+    raise robot.fault(f"has no gripper: no joint moves beyond {last!r}; add one, or give --jaw")
 
 
 def _travel(
@@ -124,14 +123,13 @@ def _travel(
     free = [name for name in jaws if name not in mimics]
     slides = all(by_name[name].kind == "prismatic" for name in free)
     if len(free) > 2 or (len(free) == 2 and not slides):
-        wrong = f"{len(free)} joints of the hand move by themselves ({', '.join(free[:6])})"
-        raise UrdfError(f"{robot.path}: {wrong}: couple them with <mimic>, or use another hand")
+        names = ", ".join(free[:6])
+        raise robot.fault(f"joints of the hand move by themselves: couple {names} with <mimic>")
     ends: dict[str, tuple[float, float]] = {}
     for name in free:
         joint = by_name[name]
         if not joint.lower < joint.upper:
-            wrong = f"joint {name!r} of the gripper needs limits lower < upper"
-            raise UrdfError(f"{robot.path}: {wrong}")
+            raise robot.fault(f"joint {name!r} of the gripper needs limits lower < upper")
         strokes = hints.strokes if name == hints.jaw else None
         ends[name] = strokes or (joint.lower, joint.upper)
     if len(free) == 2 and _shift(robot, by_name[free[0]]) @ _shift(robot, by_name[free[1]]) > 0:
@@ -140,8 +138,7 @@ def _travel(
     for name in (n for n in jaws if n in mimics):
         rule = mimics[name]
         if rule.joint not in ends:
-            wrong = f"{name!r} mimics {rule.joint!r}, no driven joint of the gripper"
-            raise UrdfError(f"{robot.path}: {wrong}")
+            raise robot.fault(f"{name!r} mimics {rule.joint!r}, no driven joint")
         a, b = ends[rule.joint]
         ends[name] = rule.multiplier * a + rule.offset, rule.multiplier * b + rule.offset
     return ends
@@ -164,7 +161,7 @@ def _grip(
         shift[link] = (ends[1] - ends[0]).mean(0)
     moving = [link for link in shift if np.linalg.norm(shift[link]) > MOVES]
     if not moving:
-        raise UrdfError(f"{robot.path}: no finger of the hand {hand!r} moves and has a shape")
+        raise robot.fault(f"no finger of the hand {hand!r} moves and has a shape")
     approach = np.concatenate([transform(at[1][n], clouds[n]) for n in moving]).mean(0)
     if len(moving) == 1 and hand in robot.parent_joint:
         # beside a jaw that is part of the hand the middle of the fingers is elsewhere: the wrist
@@ -179,8 +176,7 @@ def _grip(
     first = max(moving, key=end_of)
     opening = shift[first] - approach * (shift[first] @ approach)
     if np.linalg.norm(opening) < MOVES:
-        wrong = f"the fingers of {hand!r} do not move across its approach direction"
-        raise UrdfError(f"{robot.path}: {wrong}")
+        raise robot.fault(f"the fingers of {hand!r} move along its approach")
     opening = _snapped(opening)
     against = [n for n in moving if shift[n] @ opening < 0]
     second = max(against or [n for n in clouds if n not in moving], key=end_of, default=hand)
@@ -215,8 +211,8 @@ def _grip(
     elif ends[0] > ends[1]:
         travel, ends = {name: (b, a) for name, (a, b) in travel.items()}, ends[::-1]
     if ends[1] < 0.01:
-        wrong = f"leave {1e3 * ends[1]:.0f} mm between them when open"
-        raise UrdfError(f"{robot.path}: the fingers {first!r} and {second!r} {wrong}")
+        room = f"{1e3 * ends[1]:.0f} mm between them when open"
+        raise robot.fault(f"the fingers {first!r} and {second!r} leave {room}")
     if ends[0] < 0:  # the pads meet before the end of the travel
         low, high = 0.0, 1.0
         for _ in range(30):

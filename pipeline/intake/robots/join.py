@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from pipeline.poses import pose
 from pipeline.world.robots.contract import Joint
-from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfRobot
+from pipeline.world.robots.urdf_file import Mimic, UrdfRobot
 
 PREFIX = "gripper_"  # of every link and joint of the gripper
 FLANGE = "attach"  # in the name of the frame that the arms of MuJoCo Menagerie have for a gripper
@@ -14,15 +14,14 @@ def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
     """Join the gripper to the arm's link `flange`, by default the last. Raises UrdfError."""
     roots = gripper.roots()
     if len(roots) != 1:
-        raise UrdfError(f"{gripper.path}: has {len(roots)} root links, a gripper one: {roots[:6]}")
+        raise gripper.fault(f"has {len(roots)} root links, a gripper one: {roots[:6]}")
     at = flange or _flange(arm)
     if at not in arm.links:
         last = ", ".join([*arm.links][-8:])
-        raise UrdfError(f"{arm.path}: --flange {at!r}: has no such link; the last ones are {last}")
+        raise arm.fault(f"--flange {at!r}: has no such link; the last ones are {last}")
     for joint in (arm.parent_joint[link] for link in arm.below(at)[1:]):
         if joint.kind != "fixed":
-            what = f"joint {joint.name!r} moves beyond the flange {at!r}"
-            raise UrdfError(f"{arm.path}: {what}: leave --gripper away")
+            raise arm.fault(f"joint {joint.name!r} moves beyond {at!r}: leave --gripper away")
     renamed = {
         PREFIX + link: replace(
             joint,
@@ -51,6 +50,6 @@ def _flange(arm: UrdfRobot) -> str:
     ends = [link for tip in last for link in arm.below(tip) if link not in parents]
     candidates = named if len(named) == 1 else ends
     if len(candidates) != 1:
-        wrong = f"found {', '.join(candidates[:8]) or 'no link'} to carry the gripper"
-        raise UrdfError(f"{arm.path}: {wrong}; give --flange LINK")
+        found = ", ".join(candidates[:8]) or "no link"
+        raise arm.fault(f"found {found} to carry the gripper; give --flange LINK")
     return candidates[0]

@@ -78,6 +78,10 @@ class UrdfRobot:
     parent_joint: dict[str, Joint]
     mimics: dict[str, Mimic]
 
+    def fault(self, what: str) -> UrdfError:
+        """An error that names the file."""
+        return UrdfError(f"{self.path}: {what}")
+
     def roots(self) -> list[str]:
         return [link for link in self.links if link not in self.parent_joint]
 

@@ -7,7 +7,7 @@ import pytest
 
 import pipeline.evaluate.scenes.manifests as protocol
 from pipeline.evaluate import DominoEnv, env_id
-from pipeline.evaluate.environment.reward import RewardError, Shaped
+from pipeline.evaluate.environment.observation import RewardError, Shaped
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scenes.manifests import OtherCase
 from tests.evaluate.environment.test_env import case_of

@@ -10,7 +10,7 @@ from scipy.stats import binom, false_discovery_control
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.evaluate.scoring.sequential import BETS, holm, sequential, wealth
+from pipeline.evaluate.scoring.statistics import BETS, holm, sequential, wealth
 from tests.evaluate.scoring.test_compare import write
 
 LIMIT = -np.log(0.05)

@@ -102,7 +102,7 @@ def test_lerobot_has_depth_beside_the_features_where_it_is_asked_for(tmp_path, p
             np.testing.assert_array_equal(images, e.array(f"observation/{camera}/depth"))
     plain = make_episode(episode_path(tmp_path, slot=1), slot=1, frames=3)
     with pytest.raises(
-        ExportError, match="head_camera has no depth images; draw the dataset again with them"
+        ExportError, match="head_camera has no depth images; draw it again with them"
     ):
         run("lerobot", tmp_path, tmp_path / "more", [path, plain], depth=True)
 

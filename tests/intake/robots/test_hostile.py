@@ -113,7 +113,7 @@ def test_the_command_prints_the_line(tmp_path):
         (
             "</robot>",
             f'<link name="finger_c"/>{THIRD}</robot>',
-            "3 joints of the hand move by themselves (jaw_a, jaw_b, jaw_c)",
+            "joints of the hand move by themselves: couple jaw_a, jaw_b, jaw_c",
         ),
         ('type="revolute"', 'type="fixed"', "no joint moves between 'base' and the gripper"),
         ('type="prismatic"', 'type="fixed"', "has no gripper"),
@@ -135,7 +135,7 @@ def test_the_command_prints_the_line(tmp_path):
         (
             '<joint name="j1" type="revolute"',
             '<joint name="j1" type="planar"',
-            "give --base turret, the root of the arm",
+            "give --base turret",
         ),
         (
             '<joint name="j1" type="revolute"',

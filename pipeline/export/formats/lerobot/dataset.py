@@ -35,8 +35,7 @@ from .format import (
     widen,
 )
 from .options import INDEX, LerobotOptions, datasets_of, index_row
-from .prepare import Prepared, prepare_all
-from .videos import VideoFile
+from .videos import Prepared, VideoFile, prepare_all
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):

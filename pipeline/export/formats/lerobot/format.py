@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 from pipeline.data.actions import JOINTS, Representation
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
-from pipeline.export.shared.derived import contact_flags, event_columns, trace_of
+from pipeline.export.shared.derived import (
+    contact_flags,
+    event_columns,
+    label_names,
+    label_values,
+    trace_of,
+)
 from pipeline.export.shared.episodes import PAD, ExportError, Facts
-from pipeline.export.shared.labels import label_names, label_values
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats
 from pipeline.export.shared.tables import SCALAR_TYPES
@@ -62,8 +67,7 @@ def widen(facts: Facts, width: int | None) -> Facts:
     if width is None or width == own:
         return facts
     if width < own:
-        vectors = f"{facts.spec.embodiment} has vectors of {own} numbers"
-        raise ExportError(f"--pad {width}: {vectors}; choose {own} or more")
+        raise ExportError(f"--pad {width}: vectors have {own} numbers; choose {own} or more")
     more = width - own
     before, after = (more, 0) if log.sides == SIDES[1:] else (0, more)
 

@@ -63,8 +63,7 @@ class LerobotOptions(LabelOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.actions in self.more_actions:
-            held = "the feature action holds them already"
-            raise ExportError(f"--more-actions {self.actions}: {held}")
+            raise ExportError(f"--more-actions {self.actions}: the feature action is that already")
 
     @property
     def representations(self) -> tuple[Representation, ...]:

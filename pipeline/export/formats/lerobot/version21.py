@@ -17,11 +17,9 @@ from pipeline.export.shared.record import write_json
 
 from .dataset import LerobotExporter, Writer
 from .format import data_table, image_key
-from .meta import data_schema
+from .meta import FILES_PER_CHUNK, data_schema, read_column
 from .options import LerobotOptions
-from .prepare import Prepared
-from .tables import FILES_PER_CHUNK, read_column
-from .videos import VideoFile
+from .videos import Prepared, VideoFile
 
 DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 VIDEO_PATH = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"

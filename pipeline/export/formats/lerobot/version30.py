@@ -16,11 +16,17 @@ from pipeline.export.shared.tables import scalars
 
 from .dataset import LerobotExporter, Writer
 from .format import TEXT_FEATURES, data_table, episode_schema, image_key
-from .meta import data_schema, write_meta
+from .meta import (
+    Tables,
+    chunk_file,
+    data_schema,
+    depth_schema,
+    depth_table,
+    read_column,
+    write_meta,
+)
 from .options import MEGABYTE, LerobotV3Options
-from .prepare import Prepared
-from .tables import Tables, chunk_file, depth_schema, depth_table, read_column
-from .videos import VideoFile
+from .videos import Prepared, VideoFile
 
 ROWS_PER_GROUP = 100
 

@@ -1,12 +1,30 @@
 """Video files of a LeRobot dataset: each episode is encoded alone and appended without encoding."""
 
 import io
-from dataclasses import dataclass, field
+import os
+from collections import deque
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.export.shared.episodes import ExportError, Facts, read_facts, reading
+from pipeline.export.shared.images import DEPTH, coded_images
+from pipeline.export.shared.statistics import PlaneCounts, sample_rows
+from pipeline.export.shared.video import decoded_planes, encode
+
+from .options import LerobotOptions
 
 OPTIONS = {"movflags": "faststart", "write_btrt": "0"}
 """The index comes first, so that a part can be played from a server. The box of bit rates would say
@@ -51,3 +69,84 @@ class VideoFile:
         if output is not None:
             # an open one would be finished, and its errors printed, when it is collected
             output.close()
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """An episode ready to be appended: by camera its mp4, color counts (3,256) over `sampled`
+    images, and depth maps as PNG."""
+
+    facts: Facts
+    videos: Mapping[str, bytes]
+    colors: Mapping[str, NDArray[np.int64]]
+    sampled: int
+    depth: Mapping[str, Sequence[bytes]]
+
+
+def prepare(path: Path, dataset: Path, options: LerobotOptions) -> Prepared:
+    """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
+    with reading(path) as file:
+        facts = read_facts(file, dataset, options.after_success, options.representation)
+        facts = replace(facts, more=options.more_representations, labels=options.labels)
+        if facts.size[0] % 2 or facts.size[1] % 2:
+            raise ExportError(f"{path}: height and width of images must be even, not {facts.size}")
+        maps, videos, colors = {}, dict[str, bytes](), dict[str, NDArray[np.int64]]()
+        if getattr(options, "depth", False):
+            maps = {c: coded_images(file, c, DEPTH)[: facts.kept] for c in file.cameras}
+        rows = frozenset(sample_rows(facts.kept).tolist())
+        for camera in facts.cameras:
+            counted = PlaneCounts()
+            jpegs = file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]
+            frames = counted.passing(decoded_planes(jpegs), rows)
+            videos[camera] = encode(frames, facts.fps, options.video())
+            colors[camera] = counted.counts()
+    return Prepared(facts, videos, colors, len(sample_rows(facts.kept)), maps)
+
+
+def prepare_all(
+    paths: Sequence[Path], dataset: Path, options: LerobotOptions, workers: int
+) -> Iterator[Prepared]:
+    """Prepare episodes in order, at most two a worker ahead."""
+    if workers <= 1:
+        with _one_thread():
+            yield from (prepare(path, dataset, options) for path in paths)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn"), start_worker) as pool:
+        pending: deque[Future[Prepared]] = deque()
+        try:
+            for path in paths:
+                pending.append(pool.submit(prepare, path, dataset, options))
+                if len(pending) > 2 * workers:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        except BrokenProcessPool as error:
+            died = "an encoding process died, perhaps for want of memory; try fewer workers"
+            raise ExportError(died) from error
+        finally:
+            for future in pending:
+                future.cancel()
+
+
+def start_worker() -> None:
+    """One thread of OpenCV, and an end with the parent."""
+    cv2.setNumThreads(1)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+@contextmanager
+def _one_thread() -> Generator[None]:
+    """Other threads would wait busily between short calls."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)

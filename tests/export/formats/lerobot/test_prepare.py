@@ -6,7 +6,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.connection import Connection
 
-from pipeline.export.formats.lerobot.prepare import start_worker
+from pipeline.export.formats.lerobot.videos import start_worker
 
 
 def open_pool(found: Connection) -> None:
