@@ -36,7 +36,7 @@ RUNGS = {
     "blind": "blind",
     "one image": "static:cue=0",
     "two images": "interceptor:cue=0",
-    "watching": "reactive:cue=0",
+    "watching": "reactive:cue=0,memory=0.1",
     "memory of 2 s": "reactive:memory=2",
     "told": "interceptor:foresight=1",
 }
