@@ -107,7 +107,7 @@ def fake_worker(
         )
         spent = time.perf_counter() - began
         keys = keys_of(job) if keys_of else slot_keys(job.recipe, job.slot)
-        return SlotRecord(keys, True, SHA256, tuple(rows), {"stage": spent}, file=facts)
+        return SlotRecord(keys, True, SHA256, tuple(rows), spent, file=facts)
 
     return fill
 

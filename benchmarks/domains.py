@@ -22,7 +22,7 @@ from pipeline.data.names import HEAD
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.spec import DOMAINS
 from pipeline.report.film_strip import encode
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
 from pipeline.world.robots import MODELS
@@ -48,7 +48,7 @@ def shot(job: tuple[Recipe, Slot]) -> tuple[int, NDArray[np.uint8]]:
     recipe, slot = job
     for number in range(recipe.attempts):
         try:
-            rollout = attempt(recipe.spec(slot, number), recipe, Phases())
+            rollout = attempt(recipe.spec(slot, number), recipe)
         except Failure:
             continue
         appearance = replace(

@@ -33,9 +33,11 @@ def made_here(recipe: str, workers: int) -> dict[str, float]:
     accepted = [m for m in made if m.record.accepted]
     seconds = defaultdict[str, float](float)
     for one in made:
+        # earlier versions have them in the record
+        phases = one.phases if hasattr(one, "phases") else one.record.phases
         for end in ENDS:
             for stage in generation.PHASES:
-                taken = one.record.phases.get(stage + end, 0.0) / len(accepted)
+                taken = phases.get(stage + end, 0.0) / len(accepted)
                 seconds[stage + end] += taken
                 seconds["total" + end] += taken
     for one in accepted:

@@ -36,7 +36,7 @@ from pipeline.evaluate.scenes.benchmark import read_benchmark
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
-from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.drawing.redraw import facing, redraw_smooth
 from pipeline.stages.drawing.render import (
     appearance_of,
@@ -55,9 +55,7 @@ def accepted(task: str, robot: str, level: int = 1, alpha: float = 0.1, first: i
     """The first accepted rollout of a task on a robot among 50 seeds from `first` on."""
     for seed in range(first, first + 50):
         try:
-            return attempt(
-                EpisodeSpec(task, robot, level, alpha, "clean", 0, seed), Recipe(), Phases()
-            )
+            return attempt(EpisodeSpec(task, robot, level, alpha, "clean", 0, seed), Recipe())
         except Failure:
             continue
     raise SystemExit(f"no seed of {task} on {robot} was accepted")

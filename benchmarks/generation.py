@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hardware import hardware
+from benchmarks.phases import timed_phases
 from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
@@ -42,10 +43,11 @@ PHYSICS = PHASES[:4]
 
 @dataclass(frozen=True)
 class Made:
-    """One worker's answer: the slot's record, frames of its episode, and wall and processor seconds
-    of drawing them barely."""
+    """One worker's answer: the slot's record, seconds by phase, frames of its episode, and wall and
+    processor seconds of drawing them barely."""
 
     record: SlotRecord
+    phases: dict[str, float]
     frames: int = 0
     floor: float = 0.0
     floor_cpu: float = 0.0
@@ -54,9 +56,10 @@ class Made:
 def make(job: FillJob) -> Made:
     """Fill a slot as a build does, then draw its frames again with the renderer already built and
     warm."""
-    record = fill_slot(job)
+    with timed_phases() as phases:
+        record = fill_slot(job)
     if not record.accepted:
-        return Made(record)
+        return Made(record, phases)
     with EpisodeFile(Dataset(Path(job.root)).episode(job.slot)) as file:
         episode = file.read()
     with renderer(appearance_of(build_scene(episode.spec), job.recipe)) as drawing:
@@ -64,9 +67,8 @@ def make(job: FillJob) -> Made:
         drawing.render(poses, frames=[0])
         began, worked = time.perf_counter(), time.process_time()
         drawing.render(poses)
-        return Made(
-            record, len(episode.log), time.perf_counter() - began, time.process_time() - worked
-        )
+        wall, cpu = time.perf_counter() - began, time.process_time() - worked
+        return Made(record, phases, len(episode.log), wall, cpu)
 
 
 def measure(recipe: Recipe, workers: int, plain: bool = False) -> list[Made]:
@@ -102,7 +104,7 @@ def report(made: list[Made], workers: int) -> str:
     n = len(accepted)
     phases: dict[str, float] = defaultdict(float)
     for m in made:
-        for name, seconds in m.record.phases.items():
+        for name, seconds in m.phases.items():
             phases[name] += seconds / n
     frames = float(np.mean([m.frames for m in accepted]))
     attempts = sum(len(m.record.attempts) for m in made)

@@ -31,7 +31,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.planning.budgets import LIMITS
-from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
 from pipeline.world.physics.contacts import ContactKinds
@@ -164,7 +164,7 @@ def fill(job: tuple[Recipe, Slot]) -> Worst | None:
     for number in range(recipe.attempts):
         with watched() as steps:
             try:
-                done = attempt(recipe.spec(slot, number), recipe, Phases())
+                done = attempt(recipe.spec(slot, number), recipe)
             except Failure:
                 continue
         robot, log = done.scene.embodiment, done.replay.log

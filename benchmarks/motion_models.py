@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import MODELS
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
@@ -55,7 +55,7 @@ def measure(model: str, task: str, embodiment: str, draws: int, until: float) ->
             break
         spec = EpisodeSpec(task, embodiment, 1 + seed % 3, 0.1, "clean", 0, seed)
         try:
-            rollout = attempt(spec, Recipe(motion=model), Phases())
+            rollout = attempt(spec, Recipe(motion=model))
         except Failure as failure:
             found.failed[f"{failure.stage}/{failure.reason}"] += 1
             continue

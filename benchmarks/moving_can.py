@@ -33,7 +33,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift
 from pipeline.motion.planar_shapes import DRAW, TERMS, DrawnPaths
 from pipeline.motion.workspace import Workspace
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import (
     INTERCEPTION,
@@ -130,7 +130,7 @@ def one(spec: EpisodeSpec) -> Try:
     """One draw, solved once."""
     with moving_cans():
         try:
-            rollout = attempt(spec, Recipe(), Phases())
+            rollout = attempt(spec, Recipe())
         except Failure as failure:
             return Try(spec.embodiment, spec.alpha, f"{failure.stage}: {failure.reason}")
     return Try(

@@ -41,7 +41,7 @@ def run(job: ReactiveJob, motions: Path | None) -> dict[str, Any]:
     stored in `motions`."""
     from pipeline.motion.models import motion_from_json
     from pipeline.run.names import recipe_from
-    from pipeline.stages.attempt import Phases, draw_motion
+    from pipeline.stages.attempt import draw_motion
     from pipeline.stages.failure import Failure
     from pipeline.stages.replay import react
     from pipeline.stages.scene import build_scene
@@ -70,7 +70,7 @@ def run(job: ReactiveJob, motions: Path | None) -> dict[str, Any]:
         for number in range(ATTEMPTS):
             try:
                 scene = build_scene(recipe.spec(slot, number), recipe.ruling())
-                dry, motion, _ = draw_motion(scene, recipe, Phases())
+                dry, motion, _ = draw_motion(scene, recipe)
             except Failure:
                 continue
             found = scene, motion, dry.meeting

@@ -16,7 +16,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.fetch_objects import WHEELS, read_catalogue
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.world.objects.contract import FAMILIES
@@ -50,7 +50,7 @@ def accepted(task: str, recipe: Recipe, name: str, tries: int) -> int:
             seed += 1
         seed += 1
         try:
-            attempt(spec, recipe, Phases())
+            attempt(spec, recipe)
             count += 1
         except Failure as failure:
             print(f"# {task} {name} {spec.seed}: {failure.stage} {failure.reason}", flush=True)

@@ -16,7 +16,7 @@ from benchmarks.hardware import hardware
 from benchmarks.limits import in_units, watched
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.robots import MODELS
 
@@ -39,7 +39,7 @@ def measured(recipe: Recipe, slot: Slot) -> list[float] | None:
     for number in range(recipe.attempts):
         with watched() as steps:
             try:
-                done = attempt(recipe.spec(slot, number), recipe, Phases())
+                done = attempt(recipe.spec(slot, number), recipe)
             except Failure:
                 continue
         robot, log = done.scene.embodiment, done.replay.log

@@ -19,7 +19,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
-from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.drawing.redraw import FACING, FILMED, facing
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
@@ -65,7 +65,7 @@ def caught(one: Catch, level: int = 1, alpha: float = 0.1) -> Rollout | None:
     for seed in range(SEEDS):
         try:
             spec = EpisodeSpec(one.task, one.robot, level, alpha, one.domain, 0, seed)
-            return attempt(spec, recipe, Phases())
+            return attempt(spec, recipe)
         except Failure as failure:
             print(f"{one.robot} {one.name} {seed}: {failure.stage} {failure.reason}", flush=True)
     return None

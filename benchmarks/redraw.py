@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
+from benchmarks.phases import timed_phases
 from pipeline.commands.build import with_looks
 from pipeline.commands.options import parse_value
 from pipeline.data.dataset import Dataset
@@ -49,7 +50,8 @@ class RedrawCost:
 def cost(job: DrawJob) -> RedrawCost:
     """Draw one slot as `domino-data render` does, then its frames again with everything at hand."""
     began, worked = time.perf_counter(), time.process_time()
-    drawn = draw_slot(job)
+    with timed_phases() as phases:
+        drawn = draw_slot(job)
     whole, whole_cpu = time.perf_counter() - began, time.process_time() - worked
     if isinstance(drawn, str):
         raise SystemExit(drawn)
@@ -65,7 +67,7 @@ def cost(job: DrawJob) -> RedrawCost:
         drawing.render(poses, depth=depth, segmentation=segmentation)
         floor, floor_cpu = time.perf_counter() - began, time.process_time() - worked
     frames = len(episode.log) * len(episode.meta.drawing.cameras)
-    return RedrawCost(frames, drawn.phases, whole, whole_cpu, floor, floor_cpu)
+    return RedrawCost(frames, phases, whole, whole_cpu, floor, floor_cpu)
 
 
 def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> list[RedrawCost]:

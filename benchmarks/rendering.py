@@ -30,7 +30,7 @@ from benchmarks.hardware import hardware
 from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.data.imperfections import Sensors
 from pipeline.run.names import recipe_from
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.exposure import exposed
 from pipeline.stages.drawing.render import Appearance, appearance_of, body_poses, renderer
 from pipeline.stages.failure import Failure
@@ -88,7 +88,7 @@ def rolled_out(scene: str) -> SceneJob:
     slot = next(recipe.slots())
     for number in range(30):
         try:
-            rollout = attempt(recipe.spec(slot, number), recipe, Phases())
+            rollout = attempt(recipe.spec(slot, number), recipe)
         except Failure:
             continue
         return SceneJob(appearance_of(rollout.scene), body_poses(rollout.replay.log))

@@ -22,7 +22,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.robots.add import RobotOptions, add_robot
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.robots import register
 
@@ -132,11 +132,7 @@ def yields(
         failed = Counter[str]()
         for seed in range(layouts):
             try:
-                attempt(
-                    EpisodeSpec(task, embodiment, LEVEL, ALPHA, "clean", 0, seed),
-                    Recipe(),
-                    Phases(),
-                )
+                attempt(EpisodeSpec(task, embodiment, LEVEL, ALPHA, "clean", 0, seed), Recipe())
             except Failure as failure:
                 failed[f"{failure.stage}: {failure.reason}"] += 1
         yield task, layouts - failed.total(), failed

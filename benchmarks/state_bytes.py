@@ -34,7 +34,7 @@ def fingerprint(job: tuple[str, str, int, str]) -> str:
     """Line of one slot: its name and the hash of everything its first attempt produced, or why that
     attempt failed."""
     from pipeline.run.names import recipe_from
-    from pipeline.stages.attempt import Phases, attempt
+    from pipeline.stages.attempt import attempt
     from pipeline.stages.failure import Failure
 
     task, robot, level, domain = job
@@ -52,7 +52,7 @@ def fingerprint(job: tuple[str, str, int, str]) -> str:
     name = f"{task}/{robot}/L{level}/{domain}"
     for number in range(3):
         try:
-            done = attempt(recipe.spec(slot, number), recipe, Phases())
+            done = attempt(recipe.spec(slot, number), recipe)
         except Failure as failure:
             name += f" {failure.stage}:{failure.reason}:{failure.steps}"
             continue

@@ -22,7 +22,7 @@ from pipeline.evaluate.scoring.clock import Retimed
 from pipeline.expert.tracking import TRACK
 from pipeline.motion.contract import TargetMotion
 from pipeline.planning.failure import PlanFailure
-from pipeline.stages.attempt import Phases, draw_motion
+from pipeline.stages.attempt import draw_motion
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.replay import commands, finish, react
@@ -87,7 +87,7 @@ def main() -> None:
         for seed in tqdm(range(4 * args.layouts), desc=robot):
             scene = build_scene(EpisodeSpec(TASK, robot, 1 + seed % 3, 0.1, "clean", 0, 700 + seed))
             try:
-                dry, motion, _ = draw_motion(scene, Recipe(), Phases())
+                dry, motion, _ = draw_motion(scene, Recipe())
             except Failure:
                 continue
             tried, furnished = tried + 1, scene.furnished(motion)

@@ -36,7 +36,8 @@ def record_file(
             True,
             file_hash(path),
             rows,
-            {"render": 1.0},
+            1.0,
+            0.0,
             replace(FileFacts.of(path.stat(), 3), **facts),
         )
     else:

@@ -30,7 +30,6 @@ from pipeline.motion.models import motion_from_json
 from pipeline.run.slot import fill as filling
 from pipeline.run.slot.fill import FillJob, slot_worker
 from pipeline.run.slot.make import Images, stored_images
-from pipeline.stages.attempt import Phases
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator
 
@@ -74,30 +73,23 @@ class Stored:
             "renew": self.renew,
         }
 
-    def attempt(
-        self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, demonstrator: Demonstrator
-    ) -> _Rollout:
+    def attempt(self, spec: EpisodeSpec, recipe: Recipe, demonstrator: Demonstrator) -> _Rollout:
         """A rollout, or a Failure, as the spec's own random numbers will have it."""
         chance = spec.rng("chaos")
-        with phases("dry_run"):
-            time.sleep(LONGEST * chance.random() / 2)
+        time.sleep(LONGEST * chance.random() / 2)
         if chance.random() < FAILING:
             raise Failure("dry_run", "no_path", "drawn by lot")
         return _Rollout(
             _Scene(spec), _Replay(self._episode.log), motion_from_json(self._episode.motion), 900
         )
 
-    def draw(
-        self, dataset: Dataset, scene: _Scene, log: StateLog, recipe: Recipe, phases: Phases
-    ) -> Images:
+    def draw(self, dataset: Dataset, scene: _Scene, log: StateLog, recipe: Recipe) -> Images:
         """The stored images, with an asset more that no other slot has."""
-        with phases("render"):
-            time.sleep(LONGEST * scene.spec.rng("chaos/images").random() / 2)
-        with phases("write"):
-            store, drawing = AssetStore(dataset.bodies), self._images.drawing
-            for key in drawing.assets.values():
-                store.copy(key, self._store)
-            own = store.put({"numbers": scene.spec.rng("chaos/asset").random(1000)}, {})
+        time.sleep(LONGEST * scene.spec.rng("chaos/images").random() / 2)
+        store, drawing = AssetStore(dataset.bodies), self._images.drawing
+        for key in drawing.assets.values():
+            store.copy(key, self._store)
+        own = store.put({"numbers": scene.spec.rng("chaos/asset").random(1000)}, {})
         return replace(
             self._images,
             drawing=drawing.model_copy(update={"assets": drawing.assets | {"chaos": own}}),

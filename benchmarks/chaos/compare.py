@@ -77,7 +77,11 @@ def _entries(root: Path) -> dict[str, Any]:
             for row in record.attempts
         )
         found[slot.path] = replace(
-            record, attempts=rows, phases={}, file=replace(record.file, changed=0)
+            record,
+            attempts=rows,
+            seconds=0.0,
+            core_seconds=0.0,
+            file=replace(record.file, changed=0),
         )
     return found
 

@@ -12,7 +12,7 @@ from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.spec import EpisodeSpec
 from pipeline.planning.failure import PlanFailure
-from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.reasons import reasons_of
 from pipeline.stages.scene import Scene, build_scene
@@ -66,7 +66,7 @@ def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout]) -> I
     failures = list[Failure]()
     for seed in range(SEEDS_PER_LEVEL):
         try:
-            rollouts[spec.level] = attempt(replace(spec, seed=seed), recipe, Phases())
+            rollouts[spec.level] = attempt(replace(spec, seed=seed), recipe)
             break
         except Failure as failure:
             failures.append(failure)
@@ -163,7 +163,7 @@ def _faulty_instruction(scene: Scene) -> str | None:
 
 
 def _determinism(first: Rollout, recipe: Recipe) -> Iterator[Finding]:
-    logs = [first.replay.log, attempt(first.scene.spec, recipe, Phases()).replay.log]
+    logs = [first.replay.log, attempt(first.scene.spec, recipe).replay.log]
     keys = ("poses", "qpos", "action", "contacts")
     same = all(np.array_equal(*(getattr(log, key) for log in logs)) for key in keys)
     detail = "the same spec gives the same bytes" if same else "a second run differs"

@@ -18,7 +18,6 @@ from pipeline.data.errors import DominoError
 from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.data.slots.files import Listing
-from pipeline.data.slots.records import sum_phases
 from pipeline.planning.warm import warm_up
 from pipeline.tasks import TASKS
 from pipeline.world.drawing.vulkan import ensure_renderer
@@ -149,7 +148,7 @@ def measure(recipe: Recipe) -> EpisodeCost:
         float(np.mean(seconds)),
         float(np.mean([record.file.size for record in records])),
         f"{len(records)} episodes measured now",
-        float(np.mean([sum_phases(record.phases)[1] for record in records])),
+        float(np.mean([record.core_seconds for record in records])),
     )
 
 

@@ -1,9 +1,6 @@
-"""One attempt at one spec: the three stages, and what they cost by phase."""
+"""One attempt at one spec: the three stages."""
 
-import time
-from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from pipeline.data.process.own_code import raise_own
@@ -27,27 +24,6 @@ PAUSES = (0.7, 1.4)
 what it took is out of the target's way by then."""
 
 
-class Phases:
-    """Wall and processor seconds by phase."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = defaultdict(float)
-        self.cpu: dict[str, float] = defaultdict(float)
-
-    @contextmanager
-    def __call__(self, name: str) -> Iterator[None]:
-        began, worked = time.perf_counter(), time.process_time()
-        try:
-            yield
-        finally:
-            self.seconds[name] += time.perf_counter() - began
-            self.cpu[name] += time.process_time() - worked
-
-    def record(self) -> dict[str, float]:
-        """Wall seconds by phase, and processor seconds by phase + ".cpu"."""
-        return dict(self.seconds) | {f"{name}.cpu": seconds for name, seconds in self.cpu.items()}
-
-
 @dataclass(eq=False)
 class Rollout:
     """An accepted attempt before it has images."""
@@ -60,16 +36,13 @@ class Rollout:
     demonstrator: Demonstrator
 
 
-def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
+def _dry_runs(scene: Scene, fps: int) -> Iterator[DryRun]:
     """Dry runs that differ in grasp or timing. Raises Failure."""
-    with phases("dry_run"):
-        first = dry = dry_run(scene, fps)
+    first = dry = dry_run(scene, fps)
     yield dry
     if first.approach is None:
         for pause in PAUSES:
-            with phases("dry_run"):
-                dry = dry_run(scene, fps, Variation(pause=pause, before=first.skills - 1))
-            yield dry
+            yield dry_run(scene, fps, Variation(pause=pause, before=first.skills - 1))
         return
     avoid = list[Floats]()
     while (
@@ -78,12 +51,11 @@ def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
         and not near_one(dry.approach[None], avoid)[0]
     ):
         avoid.append(dry.approach)
-        with phases("dry_run"):
-            dry = dry_run(scene, fps, Variation(avoid))
+        dry = dry_run(scene, fps, Variation(avoid))
         yield dry
 
 
-def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
+def draw_motion(scene: Scene, setup: Setup) -> tuple[DryRun, TargetMotion, int]:
     """A dry run, a motion that fits it, and the physics steps of all dry runs. Raises Failure.
 
     If a level hand bars every path, the target is grasped from another side or the robot waits.
@@ -91,12 +63,10 @@ def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, Tar
     steps, refused = 0, list[Failure]()
     try:
         try:
-            for dry in _dry_runs(scene, setup.fps, phases):
+            for dry in _dry_runs(scene, setup.fps):
                 steps += dry.steps
                 try:
-                    with phases("back_calculate"):
-                        motion = back_calculate(scene, dry, setup)
-                    return dry, motion, steps
+                    return dry, back_calculate(scene, dry, setup), steps
                 except Failure as no_motion:
                     refused.append(no_motion)
         except Failure as failure:
@@ -111,7 +81,6 @@ def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, Tar
 def attempt(
     spec: EpisodeSpec,
     setup: Setup,
-    phases: Phases,
     demonstrator: Demonstrator | None = None,
     frozen: Scene | None = None,
 ) -> Rollout:
@@ -123,15 +92,13 @@ def attempt(
     steps, drawn, motion, meeting = 0, None, None, 0.0
     demonstrator = demonstrator or expert_of(setup)
     try:
-        with phases("scene"):
-            scene = frozen or build_scene(spec, setup.ruling())
-        dry, motion, steps = draw_motion(scene, setup, phases)
+        scene = frozen or build_scene(spec, setup.ruling())
+        dry, motion, steps = draw_motion(scene, setup)
         drawn, meeting = motion.features(), dry.meeting
-        with phases("replay"):
-            scene = scene.furnished(motion)
-            for twin in scene.twins():  # a scene is kept if all of its arms succeed
-                steps += demonstrator.show(twin, dry, motion, setup.fps).steps
-            done = demonstrator.show(scene, dry, motion, setup.fps)
+        scene = scene.furnished(motion)
+        for twin in scene.twins():  # a scene is kept if all of its arms succeed
+            steps += demonstrator.show(twin, dry, motion, setup.fps).steps
+        done = demonstrator.show(scene, dry, motion, setup.fps)
     except Failure as failure:
         failure.steps += steps
         failure.drawn, failure.motion, failure.meeting = failure.drawn or drawn, motion, meeting

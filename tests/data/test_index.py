@@ -97,7 +97,6 @@ def entries(draw):
             file = replace(
                 file, physics_id=draw(NAME), assets=tuple(sorted(draw(st.sets(NAME, max_size=3))))
             )
-        phases = {"all": draw(NUMBER), "all.cpu": draw(NUMBER)}
         found.append(
             (
                 slot,
@@ -106,7 +105,8 @@ def entries(draw):
                     accepted,
                     draw(HASH),
                     tuple(rows),
-                    phases,
+                    draw(NUMBER),
+                    draw(NUMBER),
                     file,
                 ),
             )
@@ -242,7 +242,10 @@ def mine(whole, tmp_path):
 
 
 def known(dataset):
-    return {slot: replace(record, phases={}) for slot, record in dataset.records(RECIPE)}
+    return {
+        slot: replace(record, seconds=0.0, core_seconds=0.0)
+        for slot, record in dataset.records(RECIPE)
+    }
 
 
 def untold(records):
@@ -497,7 +500,7 @@ def test_rows_are_read_while_a_build_adds_cells(tmp_path):
 
     def add_all() -> None:
         for slot in SLOTS:
-            record = SlotRecord(keys_of(slot, str(slot)), False, "0" * 64, (), {}, file)
+            record = SlotRecord(keys_of(slot, str(slot)), False, "0" * 64, (), file=file)
             writer.add([(slot, record)])
 
     path = tmp_path / "index.sqlite"

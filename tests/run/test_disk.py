@@ -31,7 +31,7 @@ def failing_after_one(number):
             "seconds": 1.0,
         }
         keys, facts = slot_keys(job.recipe, job.slot), FileFacts.of(path.stat(), 3)
-        yield Done(job, SlotRecord(keys, True, file_hash(path), (row,), {}, facts))
+        yield Done(job, SlotRecord(keys, True, file_hash(path), (row,), file=facts))
         raise OSError(number, os.strerror(number), "/mnt/set/episodes/e.hdf5")
 
     return run

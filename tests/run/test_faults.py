@@ -51,7 +51,7 @@ def fatal_fill_slot(job: FillJob) -> Steps[SlotRecord]:
     told = seeds(job.recipe)
     once = Path(job.root) / "killed-once"
 
-    def attempt(spec, recipe, phases, perform):
+    def attempt(spec, recipe, perform):
         if spec.seed == told[0][1]:
             half = temporary_name(Path(job.root) / "assets" / "bodies" / "aa" / "body.npz")
             half.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def fatal_fill_slot(job: FillJob) -> Steps[SlotRecord]:
         if spec.seed == told[1][0] and not once.exists():
             once.touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        failing(spec, recipe, phases)
+        failing(spec, recipe)
 
     slot.attempt = attempt
     return fill_logged(job)
@@ -108,9 +108,9 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
 def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):
     tried = []
 
-    def attempt(spec, recipe, phases, perform):
+    def attempt(spec, recipe, perform):
         tried.append(spec.seed)
-        failing(spec, recipe, phases)
+        failing(spec, recipe)
 
     monkeypatch.setattr(slot, "attempt", attempt)
     (one, *_), (its_seeds, *_) = RECIPE.slots(), seeds(RECIPE)

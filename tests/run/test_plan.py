@@ -40,7 +40,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
         [
             (
                 slot,
-                SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)),
+                SlotRecord(KEYS, True, "0" * 64, rows, 1.0, file=FileFacts(size=5000)),
             )
         ],
     )
@@ -120,10 +120,9 @@ def test_a_plan_says_core_hours(tmp_path):
     dataset.create(RECIPE)
     slot = next(iter(RECIPE.slots()))
     make_episode(dataset.episode(slot), frames=4, depth=True)
-    phases = {"dry_run": 3.0, "dry_run.cpu": 1.0, "render": 3.0, "render.cpu": 0.5}
     file = FileFacts(size=dataset.episode(slot).stat().st_size)
     rows = (attempt_row(0) | {"seconds": 7.0},)
-    record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, phases, file=file))])
+    record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, 6.0, 1.5, file))])
     # the finished slot has keys of other code: it is made again
     values = plan(RECIPE, dataset, workers=1)
     assert values["estimated_hours"] == pytest.approx(4 * 7 / 3600)

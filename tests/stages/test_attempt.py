@@ -12,7 +12,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models.planar import NoMotion
 from pipeline.stages import attempt as module
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.dry_run import FIRST, Variation, dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
@@ -32,8 +32,8 @@ def test_another_grasp_lets_the_drawn_motion_in(monkeypatch):
     with monkeypatch.context() as one_grasp:
         one_grasp.setattr(module, "GRASPS", 1)
         with pytest.raises(Failure, match="no_motion") as refused:
-            attempt(BLOCKED, RECIPE, Phases())
-    done = attempt(BLOCKED, RECIPE, Phases())
+            attempt(BLOCKED, RECIPE)
+    done = attempt(BLOCKED, RECIPE)
     assert done.scene.succeeded(done.replay.log)
     drawn = refused.value.drawn
     assert drawn is not None and done.motion.features().average_speed == pytest.approx(
@@ -52,7 +52,7 @@ def test_what_an_attempt_held_goes_without_garbage_collection(monkeypatch, grasp
     gc.disable()
     try:
         with suppress(Failure):
-            attempt(BLOCKED, RECIPE, Phases())
+            attempt(BLOCKED, RECIPE)
         assert alive() <= before
     finally:
         gc.enable()
@@ -97,8 +97,8 @@ def test_a_robot_waits_until_what_it_takes_is_out_of_the_way(monkeypatch):
     with monkeypatch.context() as at_once:
         at_once.setattr(module, "PAUSES", ())
         with pytest.raises(Failure, match="no_motion") as refused:
-            attempt(CROSSING, RECIPE, Phases())
-    done = attempt(CROSSING, RECIPE, Phases())
+            attempt(CROSSING, RECIPE)
+    done = attempt(CROSSING, RECIPE)
     assert done.scene.succeeded(done.replay.log)
     drawn = refused.value.drawn
     assert drawn is not None and done.motion.features().average_speed == pytest.approx(
@@ -127,5 +127,5 @@ def test_a_meeting_without_a_grasp_has_no_approach_to_avoid(monkeypatch):
     monkeypatch.setattr(module, "back_calculate", refused)
     monkeypatch.setattr(module, "dry_run", counted)
     with pytest.raises(Failure, match="no_motion"):
-        attempt(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 1), RECIPE, Phases())
+        attempt(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 1), RECIPE)
     assert runs == [0.0, *module.PAUSES]

@@ -12,7 +12,7 @@ from pipeline.expert.budgets import TIMING
 from pipeline.expert.skills import close, lift, open_, press
 from pipeline.motion.planar import PlanarMotion, Segment
 from pipeline.planning.failure import PlanFailure
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene, rest
 from pipeline.tasks.outcome import failed
@@ -93,7 +93,7 @@ def test_domino_rules_do_not_ask_who_touched_first(tapped):
 def first_accepted(task, recipe):
     for seed in range(12):
         try:
-            return attempt(replace(TASK, task=task, seed=seed), recipe, Phases())
+            return attempt(replace(TASK, task=task, seed=seed), recipe)
         except Failure:
             continue
     raise AssertionError(f"no attempt at {task} is accepted")

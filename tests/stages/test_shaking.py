@@ -10,7 +10,7 @@ import pytest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import quat_conjugate, quat_multiply, rotation_vector
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 
 FPS = 60
 PAGE = Path(__file__).parents[2] / "docs/fidelity.md"
@@ -22,7 +22,7 @@ def log():
     spec = EpisodeSpec(
         "shake_bottle", "aloha-agilex", 1, 0.1, "clean", 0, 8282955658858097247, 5368980052149100341
     )
-    return attempt(spec, Recipe(fps=FPS), Phases()).replay.log
+    return attempt(spec, Recipe(fps=FPS)).replay.log
 
 
 def off(stated, rates):
@@ -81,7 +81,7 @@ def test_velocities_of_the_joints_are_the_differences_of_their_positions(log):
 def test_an_attempt_with_imperfect_drives_repeats_and_its_joints_are_off_by_what_was_asked():
     spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3)
     recipe = Recipe(drive={"noise": 0.002})
-    logs = [attempt(spec, recipe, Phases()).replay.log for _ in range(2)]
+    logs = [attempt(spec, recipe).replay.log for _ in range(2)]
     assert (
         logs[0].poses.tobytes() == logs[1].poses.tobytes()
         and logs[0].action.tobytes() == logs[1].action.tobytes()
@@ -89,5 +89,5 @@ def test_an_attempt_with_imperfect_drives_repeats_and_its_joints_are_off_by_what
     arm = [i for i, name in enumerate(logs[0].vector_names) if not name.endswith("gripper")]
     off = logs[0].state[8:, arm] - logs[0].action[7:-1, arm]
     assert np.sqrt((off**2).mean()) == pytest.approx(0.002, rel=0.25)
-    exact = attempt(spec, Recipe(), Phases()).replay.log
+    exact = attempt(spec, Recipe()).replay.log
     assert np.abs(exact.state[1:, arm] - exact.action[:-1, arm]).mean() < 0.0005

@@ -21,7 +21,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import angle_between, compose, inverse, pose, transform, yawed
 from pipeline.run.slot.make import episode_of
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.render import appearance_of, render, visuals_of
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
@@ -74,7 +74,7 @@ def stages():
 
 @pytest.fixture(scope="module")
 def rollout():
-    return attempt(spec(), Recipe(), Phases())
+    return attempt(spec(), Recipe())
 
 
 def contents(scene):
@@ -90,7 +90,7 @@ def test_the_clean_domain_draws_nothing_for_its_surroundings(monkeypatch):
     monkeypatch.setattr(
         EpisodeSpec, "rng", lambda self, purpose: drawn.append(purpose) or rng(self, purpose)
     )
-    done = attempt(spec(domain="clean"), Recipe(), Phases())
+    done = attempt(spec(domain="clean"), Recipe())
     assert set(drawn) == {
         "objects",
         "placement",
@@ -129,7 +129,7 @@ def test_a_randomized_scene_follows_from_its_spec(stages):
 
 
 def test_a_randomized_attempt_repeats_to_the_byte(rollout):
-    again = attempt(spec(), Recipe(), Phases())
+    again = attempt(spec(), Recipe())
     for key in ("poses", "qpos", "action", "contacts"):
         assert (
             getattr(rollout.replay.log, key).tobytes() == getattr(again.replay.log, key).tobytes()

@@ -10,7 +10,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.wrapped import others_of
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.render import appearance_of
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
@@ -45,7 +45,7 @@ def test_every_model_of_motions_has_two_tasks():
 def accepted(name, level=3, tries=6):
     for seed in range(tries):
         try:
-            return attempt(spec(name, seed, level), Recipe(), Phases())
+            return attempt(spec(name, seed, level), Recipe())
         except Failure:
             continue
     pytest.fail(f"{name}: none of {tries} seeds was accepted")

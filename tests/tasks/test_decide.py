@@ -14,7 +14,7 @@ from pipeline.motion.models import motion_from_json
 from pipeline.motion.wrapped import Change, changed, others_of
 from pipeline.poses import compose, inverse
 from pipeline.run.slot.make import episode_of
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
@@ -39,7 +39,7 @@ def accepted(name):
     for seed in range(6):
         try:
             return EPISODES.setdefault(
-                name, EPISODES.get(name) or attempt(spec(name, seed), Recipe(), Phases())
+                name, EPISODES.get(name) or attempt(spec(name, seed), Recipe())
             )
         except Failure:
             continue

@@ -17,7 +17,7 @@ from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.poses import Floats
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator
 from pipeline.world.objects import FAMILIES, Family
@@ -115,7 +115,7 @@ def fill(job: DemonstrationJob, demonstrator: Demonstrator | None = None) -> Dem
         demonstrator = Correction(job.recipe)
     for number in range(job.recipe.attempts):
         try:
-            rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, Phases(), demonstrator)
+            rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, demonstrator)
         except Failure:
             continue
         scene = rollout.scene

@@ -24,7 +24,6 @@ from .records import (
     FileFacts,
     SlotRecord,
     pack_keys,
-    sum_phases,
     unpack_keys,
 )
 
@@ -153,7 +152,7 @@ class Index(AbstractContextManager["Index"]):
         assets = " ".join(str(self._number("asset", ("text",), (key,))) for key in file.assets)
         place = (cell, slot.index, slot.variant, record.accepted, keys)
         facts = (bytes.fromhex(record.sha256), file.size, file.changed, file.frames)
-        more = (bytes.fromhex(file.physics_id), assets, *sum_phases(record.phases))
+        more = (bytes.fromhex(file.physics_id), assets, record.seconds, record.core_seconds)
         update = ", ".join(f"{name} = excluded.{name}" for name in _SLOT[3:])
         [(owner,)] = self._file.execute(
             f"{_insert('slot', _SLOT)} ON CONFLICT DO UPDATE SET {update} RETURNING id",
@@ -234,8 +233,8 @@ class Index(AbstractContextManager["Index"]):
             attempts = tuple(place | _row(each) for each in tried[ends[number] : ends[number + 1]])
             shown = tuple(assets[int(each)] for each in named.split())
             file = FileFacts(size, changed, frames, physics_id.hex(), shown)
-            phases, held = {"all": seconds, "all.cpu": core}, unpack_keys(slot, rows.texts[keys])
-            yield slot, SlotRecord(held, accepted, sha256.hex(), attempts, phases, file)
+            held = unpack_keys(slot, rows.texts[keys])
+            yield slot, SlotRecord(held, accepted, sha256.hex(), attempts, seconds, core, file)
 
     def record(self, recipe: Recipe, slot: Slot) -> SlotRecord | None:
         """What is known of a slot, None if it is not finished."""

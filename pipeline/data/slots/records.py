@@ -67,20 +67,16 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class SlotRecord:
-    """A finished slot, with the `sha256` of its episode or of its note; `phases` are in seconds."""
+    """A finished slot, with the `sha256` of its episode or of its note, and the wall and processor
+    seconds that it took."""
 
     keys: SlotKeys
     accepted: bool
     sha256: str
     attempts: tuple[dict[str, Any], ...]
-    phases: dict[str, float] = field(default_factory=dict[str, float])
+    seconds: float = 0.0
+    core_seconds: float = 0.0
     file: FileFacts = field(default_factory=FileFacts)
-
-
-def sum_phases(phases: Mapping[str, float]) -> tuple[float, float]:
-    """Wall-clock and processor seconds."""
-    wall = sum(seconds for name, seconds in phases.items() if not name.endswith(".cpu"))
-    return wall, sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
 
 
 def _is_empty(value: Any) -> bool:

@@ -19,7 +19,7 @@ from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec, condition_arms
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
-from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.world.physics.events import PROP
 from pipeline.world.physics.simulation import Simulation
@@ -140,7 +140,7 @@ def expert(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Rollout:
 
 @lru_cache(maxsize=8)
 def _expert(spec: EpisodeSpec, setup: Setup) -> Rollout:
-    return attempt(spec, setup, Phases())
+    return attempt(spec, setup)
 
 
 def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
@@ -155,7 +155,7 @@ def expert_actions(case: Case) -> NDArray[np.float64]:
     """The expert's actions (T,A), one a control period. Raises Failure."""
     if case.state is None:
         return expert(case.spec, case.setup).replay.log.action[:-1]
-    done = attempt(case.spec, case.setup, Phases(), frozen=case.scene())
+    done = attempt(case.spec, case.setup, frozen=case.scene())
     return done.replay.log.action[:-1]
 
 

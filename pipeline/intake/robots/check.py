@@ -13,7 +13,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import chain_of, fk
 from pipeline.poses import compose, transform
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.cameras import cameras_of
 from pipeline.world.physics.arms import add_arm, to_sapien
@@ -149,7 +149,7 @@ def _camera(robot: Embodiment) -> Finding:
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
     def is_done(task: str, seed: int) -> bool:
         try:
-            attempt(EpisodeSpec(task, robot.name, 0, 0.1, "clean", 0, seed), Recipe(), Phases())
+            attempt(EpisodeSpec(task, robot.name, 0, 0.1, "clean", 0, seed), Recipe())
         except Failure:
             return False
         return True

@@ -15,7 +15,7 @@ from pipeline.data.store.place import place_of
 from pipeline.motion.planar import PlanarMotion
 from pipeline.report.film_strip import encode
 from pipeline.report.page import failed_folder
-from pipeline.stages.attempt import Phases, Rollout
+from pipeline.stages.attempt import Rollout
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.dry_run import DRY_RUN
 from pipeline.stages.failure import Failure
@@ -39,7 +39,7 @@ class Failed:
     demonstrator: Demonstrator
 
 
-def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phases) -> str:
+def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed) -> str:
     """Draw and write a failure that the recipe keeps; its sha256, else ""."""
     failure, log = failed.failure, failed.failure.log
     if failure.stage not in KEPT[recipe.keep_failures] or log is None:
@@ -52,7 +52,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
         pose = scene.bodies[scene.task.target].pose
         motion = PlanarMotion.still(pose, max(meeting, 1 / recipe.fps))
     scene = scene.furnished(motion)
-    images = draw(dataset, scene, log, recipe, phases)
+    images = draw(dataset, scene, log, recipe)
     replay = Replay(log, failure.steps)
     rollout = Rollout(scene, motion, meeting, replay, failure.steps, failed.demonstrator)
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
@@ -64,7 +64,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
         conditions=failure.conditions,
     )
     flagged = replace(episode, meta=episode.meta.model_copy(update={"failure": why}))
-    return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)[0]
+    return write(dataset.failure(failed.slot, failed.number), flagged, images)[0]
 
 
 def remove_failures(dataset: Dataset, slot: Slot) -> None:

@@ -22,7 +22,7 @@ from pipeline.data.store.place import place_of
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.state import IMAGES, SENTENCES, SlotState
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator, expert_of
@@ -155,7 +155,10 @@ def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
         yield RENEWAL
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             return renew(dataset, job.recipe, job.slot, old, keys)
-    return (yield from _from_nothing(dataset, job, keys))
+    began, worked = time.perf_counter(), time.process_time()
+    made = yield from _from_nothing(dataset, job, keys)
+    wall, cores = time.perf_counter() - began, time.process_time() - worked
+    return replace(made, seconds=wall, core_seconds=cores)
 
 
 def _from_nothing(
@@ -163,7 +166,7 @@ def _from_nothing(
 ) -> Generator[int, None, SlotRecord]:
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
-    phases, rows = Phases(), list[dict[str, Any]]()
+    rows = list[dict[str, Any]]()
     demonstrator = demonstrator_of(recipe)
     remove(dataset.episode(slot))
     remove_failures(dataset, slot)
@@ -178,7 +181,7 @@ def _from_nothing(
             continue
         yield number
         try:
-            rollout = attempt(spec, recipe, phases, demonstrator)
+            rollout = attempt(spec, recipe, demonstrator)
             if recipe.view == "unoccluded":
                 require_view(rollout, recipe)
         except Failure as failure:
@@ -189,17 +192,17 @@ def _from_nothing(
             seconds = time.perf_counter() - began
             keep_last_frames(dataset, recipe, slot, number, failure)
             failed = Failed(slot, number, failure, keys, demonstrator)
-            if kept := keep_failure(dataset, recipe, failed, phases):
+            if kept := keep_failure(dataset, recipe, failed):
                 row["kept"] = kept
             rows.append({"seconds": seconds} | row)
             continue
-        images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
+        images = draw(dataset, rollout.scene, rollout.replay.log, recipe)
         row |= {"outcome": "accepted", "sim_steps": rollout.steps}
         row |= asdict(rollout.motion.features())
         episode = episode_of(rollout, recipe, images.drawing, keys)
         episode = replace(episode, attempts=untimed([*rows, row]))
-        sha, facts = write(dataset.episode(slot), episode, images, phases)
+        sha, facts = write(dataset.episode(slot), episode, images)
         rows.append({"seconds": time.perf_counter() - began} | row)
         remove_given_up(dataset, slot)
-        return SlotRecord(keys, True, sha, tuple(rows), phases.record(), facts)
-    return replace(write_given_up(dataset, slot, keys, rows), phases=phases.record())
+        return SlotRecord(keys, True, sha, tuple(rows), file=facts)
+    return write_given_up(dataset, slot, keys, rows)

@@ -24,7 +24,7 @@ from pipeline.data.store.place import place_of
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, physics_arrays
 from pipeline.report.page import failed_folder
-from pipeline.stages.attempt import Phases, Rollout
+from pipeline.stages.attempt import Rollout
 from pipeline.stages.drawing.render import Appearance, appearance_of, capture, keep
 from pipeline.stages.drawing.tracks import track_arrays
 from pipeline.stages.scene import Scene, build_scene
@@ -101,14 +101,12 @@ class Images:
     tracks: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
 
 
-def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
+def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe) -> Images:
     """Render and encode an episode, and keep what it is drawn from. Raises OSError."""
-    with phases("render"):
-        appearance = appearance_of(scene, recipe)
-    with phases("write"):
-        drawing = keep(appearance, AssetStore(dataset.bodies))
+    appearance = appearance_of(scene, recipe)
+    drawing = keep(appearance, AssetStore(dataset.bodies))
     objects = [name for name in scene.bodies if name not in scene.clutter]
-    return images_of(appearance, drawing, objects, log, recipe, phases)
+    return images_of(appearance, drawing, objects, log, recipe)
 
 
 def images_of(
@@ -117,15 +115,11 @@ def images_of(
     objects: Sequence[str],
     log: StateLog,
     recipe: Recipe,
-    phases: Phases,
 ) -> Images:
     """Render a log with the recipe's sensors, encode the frames, and track `objects`."""
-    with phases("render"):
-        captured = capture(appearance, log, recipe)
-    with phases("tracks"):
-        tracks = track_arrays(appearance, log.late(drawing.latency), objects)
-    with phases("encode"):
-        coded = [encode_frames(view.rgb) for view in captured.views]
+    captured = capture(appearance, log, recipe)
+    tracks = track_arrays(appearance, log.late(drawing.latency), objects)
+    coded = [encode_frames(view.rgb) for view in captured.views]
     return Images(drawing, captured.views, coded, captured.pointcloud, tracks)
 
 
@@ -149,15 +143,14 @@ def stored_images(file: EpisodeFile) -> Images:
     return Images(file.meta.drawing, views, coded, optional("pointcloud"), tracks)
 
 
-def write(path: Path, episode: Episode, images: Images, phases: Phases) -> tuple[str, FileFacts]:
+def write(path: Path, episode: Episode, images: Images) -> tuple[str, FileFacts]:
     """Write an episode file; its sha256, and what the index holds of it."""
     own = {key: v for key, v in episode.interception.items() if not key.startswith(TRACKS)}
-    with phases("write"):
-        tracked = replace(episode, interception=own | dict(images.tracks))
-        write_episode(path, tracked, images.views, images.coded, images.pointcloud)
-        meta, assets = episode.meta, list(episode.meta.drawing.assets.values())
-        facts = FileFacts.of(path.stat(), len(episode.log), meta.physics_id, assets)
-        return file_hash(path), facts
+    tracked = replace(episode, interception=own | dict(images.tracks))
+    write_episode(path, tracked, images.views, images.coded, images.pointcloud)
+    meta, assets = episode.meta, list(episode.meta.drawing.assets.values())
+    facts = FileFacts.of(path.stat(), len(episode.log), meta.physics_id, assets)
+    return file_hash(path), facts
 
 
 def renew(
@@ -166,18 +159,17 @@ def renew(
     """Make images or sentences of a stored episode again, to the bytes of a new build. Raises
     EpisodeError.
     """
-    phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
     scene = build_scene(old.spec, recipe.ruling()).furnished(motion_from_json(old.motion))
     # with the same keys, an asset is missing
     if old_entry.keys.render != keys.render or old_entry.keys.language == keys.language:
-        images = draw(dataset, scene, old.log, recipe, phases)
+        images = draw(dataset, scene, old.log, recipe)
     meta = old.meta.model_copy(update={"drawing": images.drawing, **keys.header()})
     # version 0.1 stored no attempts in its episodes
     spoken, tried = sentences(scene, recipe.instructions), untimed(old_entry.attempts)
     episode = replace(old, instructions=spoken, meta=meta, attempts=tried)
-    sha, facts = write(dataset.episode(slot), episode, images, phases)
+    sha, facts = write(dataset.episode(slot), episode, images)
     return replace(old_entry, keys=keys, sha256=sha, file=facts)
 
 

@@ -1,5 +1,6 @@
 """One slot drawn again from stored state; no physics is run."""
 
+import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,7 +19,6 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import redrawn_keys
-from pipeline.stages.attempt import Phases
 from pipeline.stages.drawing.render import (
     SURFACE,
     keep_images,
@@ -76,7 +76,8 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
     """Draw one slot again, or give it up as in the source. Returns the record, or why not.
     Raises OSError.
     """
-    source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
+    source, out = Dataset(Path(job.source)), Dataset(Path(job.out))
+    began, worked = time.perf_counter(), time.process_time()
     keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
     attempts = tuple(
@@ -86,10 +87,11 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
     if not job.record.accepted:
         return write_given_up(out, job.slot, keys, attempts)
     try:
-        sha, facts = _draw(source, out, job, attempts, keys, phases)
+        sha, facts = _draw(source, out, job, attempts, keys)
     except DominoError as error:
         return str(error)
-    record = SlotRecord(keys, True, sha, attempts, phases.record(), facts)
+    spent = time.perf_counter() - began, time.process_time() - worked
+    record = SlotRecord(keys, True, sha, attempts, *spent, facts)
     send_slot(out, job.slot, record)
     return record
 
@@ -100,16 +102,14 @@ def _draw(
     job: DrawJob,
     attempts: Sequence[Mapping[str, Any]],
     keys: SlotKeys,
-    phases: Phases,
 ) -> tuple[str, FileFacts]:
     path, recipe, variant = source.episode(job.origin), job.recipe, job.slot.variant
     store, own = AssetStore(source.bodies), AssetStore(out.bodies)
-    with phases("read"):
-        if not is_intact(path, job.record.sha256):
-            raise EpisodeError(f"{path}: {CHANGED}")
-        with EpisodeFile(path) as file:
-            episode = file.read()
-        stored = stored_appearance(episode, store, cached_parts)
+    if not is_intact(path, job.record.sha256):
+        raise EpisodeError(f"{path}: {CHANGED}")
+    with EpisodeFile(path) as file:
+        episode = file.read()
+    stored = stored_appearance(episode, store, cached_parts)
     spec, log, meta = episode.spec, episode.log, episode.meta
     look = stored.visuals if job.same_look else visuals_of(spec, recipe, variant)
     sensing = sensing_of(spec, recipe.sensors, meta.fps, variant)
@@ -127,14 +127,13 @@ def _draw(
     }
     drawing = meta.drawing.model_copy(update=changed)
     objects = [name for name in meta.objects if name not in meta.clutter]
-    images = images_of(appearance, drawing, objects, log, recipe, phases)
-    with phases("write"):
-        for key in dict.fromkeys(kept.values()):
-            own.copy(key, store)
+    images = images_of(appearance, drawing, objects, log, recipe)
+    for key in dict.fromkeys(kept.values()):
+        own.copy(key, store)
     known = {"physics_id": physics_id(spec, log), "variant": variant, "drawing": images.drawing}
     meta = meta.model_copy(update=known | keys.header())
     redrawn = replace(episode, meta=meta, attempts=untimed(attempts))
-    return write(out.episode(job.slot), redrawn, images, phases)
+    return write(out.episode(job.slot), redrawn, images)
 
 
 # the links of five robots and some objects, about 0.1 MB each
