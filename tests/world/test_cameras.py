@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.data.cameras import CAMERA_TYPES, extrinsics_cv, visible
+from pipeline.data.cameras import CAMERA_TYPES, CameraType, extrinsics_cv, framed, project, visible
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.setup import Setup
 from pipeline.world.cameras import CameraError, cameras_of, check_links, observer, wanted_cameras
@@ -52,3 +52,23 @@ def test_cameras_that_cannot_be_had_are_named():
     with pytest.raises(CameraError, match="left_camera is mounted on 'left_link6'"):
         check_links(mounted, ("bell", "right_link6"))
     check_links(mounted[:1], ())
+
+
+def test_a_framing_camera_touches_what_it_frames_on_two_sides_and_stays_upright():
+    rng = np.random.default_rng(3)
+    for kind in (D435, CameraType(90, 200, 50.0)):
+        points = rng.uniform((-0.6, -0.5, 0.7), (0.6, 0.4, 1.4), (40, 3))
+        pose = framed(points, (-0.4, -0.7, -0.5), kind, margin=0.1)
+        pixels, depth = project(kind, pose, points)
+        free = np.concatenate([pixels, (kind.width, kind.height) - pixels], 1) / (
+            kind.width,
+            kind.height,
+            kind.width,
+            kind.height,
+        )
+        assert (depth > 0).all() and free.min() == pytest.approx(0.1)
+        # nearer is impossible: opposite borders are reached, along one axis at least
+        reached = np.isclose(free.min(0), 0.1)
+        assert reached[[0, 2]].all() or reached[[1, 3]].all()
+        level = extrinsics_cv(pose)[0, :3]
+        assert abs(level[2]) < 1e-12
