@@ -34,7 +34,7 @@ def made_here(recipe: str, workers: int) -> dict[str, float]:
     seconds = defaultdict[str, float](float)
     for one in made:
         # earlier versions have them in the record
-        phases = one.phases if hasattr(one, "phases") else one.record.phases
+        phases = getattr(one, "phases", None) or getattr(one.record, "phases", {})
         for end in ENDS:
             for stage in generation.PHASES:
                 taken = phases.get(stage + end, 0.0) / len(accepted)
