@@ -181,6 +181,7 @@ def evaluate(
     if frozen is not None:
         if seed or manifests is not None:
             raise UsageError("--seed and --manifests draw scenes: a benchmark has its own")
+        episodes = frozen.count_scenes(episodes)
         setup = frozen.under(setup, Setup.model_fields if given.from_file else given.values)
     if policy.startswith(SEEING) and not setup.cameras and "cameras" not in given.values:
         raise UsageError(
@@ -205,8 +206,7 @@ def evaluate(
     )
     if frozen is not None:
         cells = tuple(frozen.choose(recipe, given.values, given.values.get("tasks", ())))
-        scenes = episodes or frozen.head.scenes
-        evaluation = replace(evaluation, benchmark=frozen, cells=cells, episodes=scenes)
+        evaluation = replace(evaluation, benchmark=frozen, cells=cells)
     others = [parse_clock(text) for text in clocks[1:]]
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
     if (paired or conditions) and not setup.events:

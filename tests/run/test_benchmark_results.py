@@ -116,7 +116,7 @@ def test_the_command_takes_a_part_and_states_it(file, tmp_path):
     assert not (out / "manifests").exists()
     for more, why in (
         (("--seed", 1), "has its own"),
-        (("--scenes", 9), "has 2 scenes"),
+        (("--scenes", 9, "--policy", "missing.py"), "has 2 scenes"),
         (("--fps", 30), "has fps 15"),
         (("--levels", 3), "no scene"),
         (("--tasks", "shake_bottle"), "shake_bottle is not in part all of bells: click_bell"),

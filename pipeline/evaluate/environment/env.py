@@ -78,7 +78,12 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         benchmark: str = "",
         instructions: str = "unseen",
         render_mode: str | None = None,
+        **others: Any,
     ) -> None:
+        if unknown := next(iter(others), ""):
+            known = f'give setup={{"{unknown}": ...}}' if unknown in Setup.model_fields else ""
+            known = known or "docs/reinforcement_learning.md names the options"
+            raise ValueError(f"the environment has no option {unknown}: {known}")
         kinds = {
             "actions": (actions, ACTIONS),
             "observations": (observations, OBSERVATIONS),

@@ -112,14 +112,20 @@ class Benchmark:
             name=name, sha256=self.sha256, part=self.part, scenes=scenes, of=whole
         )
 
+    def count_scenes(self, wanted: int | None) -> int:
+        """How many scenes of each cell are meant, all by default. Raises BenchmarkError for more
+        than there are."""
+        name, held = self.head.benchmark, self.head.scenes
+        if wanted is not None and wanted > held:
+            raise BenchmarkError(
+                f"benchmark {name} has {held} scenes of each cell, fewer than {wanted}"
+            )
+        return wanted or held
+
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
         """The first scenes of these cells. Raises BenchmarkError for one that it does not have, and
         for a line that is no scene."""
-        if scenes > self.head.scenes:
-            raise BenchmarkError(
-                f"benchmark {self.head.benchmark} has {self.head.scenes} scenes of each cell, fewer"
-                f" than {scenes}"
-            )
+        self.count_scenes(scenes)
         places = {each.cell(): number for number, each in enumerate(self.head.cells)}
         if missing := [cell.path for cell in cells if cell not in places]:
             raise BenchmarkError(f"benchmark {self.head.benchmark} has no cell {missing[0]}")

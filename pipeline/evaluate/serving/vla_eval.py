@@ -11,6 +11,7 @@ from pipeline.data.clock import at_rate
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.environment.env import DominoEnv
+from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, setup_of
 from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.tasks import TASKS
@@ -28,8 +29,9 @@ def __getattr__(name: str) -> type:
 
 
 class DominoEpisodes:
-    """Tasks of one level, alpha, domain and robot. Actions are drive targets (A,). Raises
-    KeyError for an unknown task or robot, ValueError for another unknown option."""
+    """Tasks of one level, alpha, domain and robot. Actions are drive targets (A,). Scenes are
+    those of a `benchmark`, a name or a file, else admitted. Raises KeyError for an unknown task or
+    robot, ValueError for another unknown option."""
 
     _last_result: Any  # of StepBenchmark
 
@@ -44,6 +46,7 @@ class DominoEpisodes:
         domain: str = "clean",
         *,
         seed: int = 0,
+        benchmark: str = "",
         manifests: str = "out/manifests",
         setup: Setup | Mapping[str, Any] | str = UNSEEN,
     ) -> None:
@@ -53,7 +56,7 @@ class DominoEpisodes:
         self._cells = {
             TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks
         }
-        self._manifests = Manifests(Path(manifests), seed, self._setup)
+        self._manifests, self._benchmark = Manifests(Path(manifests), seed, self._setup), benchmark
         self._env: DominoEnv | None = None
         self._instruction = ""
 
@@ -66,11 +69,15 @@ class DominoEpisodes:
         return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Start episode `episode_idx` of a task; its first observation. A scene that no manifest
-        has is admitted now. Raises ProtocolError."""
+        """Start episode `episode_idx` of a task; its first observation. A scene that no benchmark
+        or manifest has is admitted now. Raises ProtocolError."""
         self.cleanup()
         cell, index = self._cells[task["name"]], task["episode_idx"]
-        case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
+        if self._benchmark:
+            frozen = frozen_scenes(self._benchmark, cell)
+            case = frozen[index % len(frozen)]
+        else:
+            case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
         self._env = DominoEnv(
             cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup
         )

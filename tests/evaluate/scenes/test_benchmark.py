@@ -85,7 +85,7 @@ def test_a_scene_from_the_file_is_drawn_and_told_as_the_one_from_its_seed(cases,
 
 @pytest.mark.parametrize("domain", ["clean", "randomized"])
 def test_every_task_can_be_frozen(domain):
-    for task in expand_tasks(["all", "beyond"]):
+    for task in expand_tasks(["all", "beyond", "decide"]):
         spec = SeedJob(Cell(task, "aloha-agilex", 1, 0.1, domain), 3).spec
         scene = build_scene(spec)
         thawed = freeze(scene).scene(spec, scene.rules)
@@ -134,6 +134,7 @@ def test_a_part_is_chosen_by_name_and_by_options(frozen):
         frozen.choose(every, ["tasks"], ["click_bell", "shake_bottle"])
     with pytest.raises(BenchmarkError, match="has 1 scenes"):
         frozen.cases(CELLS, 2)
+    assert frozen.count_scenes(None) == frozen.count_scenes(1) == 1
 
 
 def test_its_physics_hold(frozen):

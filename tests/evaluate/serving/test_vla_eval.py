@@ -9,6 +9,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from pipeline.data.recipe.model import Cell
+from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import BLIND, expert_actions
 from pipeline.evaluate.scenes.manifests import Manifests
 from tests.evaluate.environment.test_env import case_of
@@ -96,6 +98,15 @@ def test_recorded_actions_succeed_there_too(benchmark, tmp_path, monkeypatch):
     assert b.get_action_spec()["joints"].dims == 14
     hold = {"actions": np.zeros(14)}
     assert b.get_hold_action(hold) is hold
+    b.cleanup()
+
+
+def test_episodes_are_the_frozen_scenes_of_a_benchmark(benchmark):
+    b = benchmark(["click_bell"], setup=BLIND, benchmark="domino-v1")
+    frozen = frozen_scenes("domino-v1", Cell("click_bell", "aloha-agilex", 1, 0.1, "clean"))
+    for number in (2, 52):
+        b.reset({**b.get_tasks()[0], "episode_idx": number})
+        assert b._env.case is frozen[2]
     b.cleanup()
 
 
