@@ -265,6 +265,16 @@ def side_of(body: Body) -> str:
     return "left" if body.pose[0] < 0 else "right"
 
 
+def other_side(side: str) -> str:
+    """The arm that is not `side`."""
+    return "left" if side == "right" else "right"
+
+
+def sign_of(side: str) -> int:
+    """The sign of x on the half of the table of an arm: -1 for left, 1 for right."""
+    return -1 if side == "left" else 1
+
+
 def name_of(instance: Family) -> str:
     """The registered name of the class of an instance."""
     return next(name for name, family in FAMILIES.items() if family is type(instance))

@@ -3,7 +3,17 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, first_of, grasp, lift, place, resting_poses, shift, track
 from pipeline.poses import inverse, transform
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+    sign_of,
+)
 from pipeline.tasks.outcome import Outcome
 
 STROKE = 0.08  # m
@@ -39,23 +49,12 @@ class WipeCirclingMat(Task):
         yield track(arm, place(arm, "base", onto, yaws=ROUND, press=0.001))
 
     def finish(self, a: Actor) -> Skills:
-        arm, sign = a.arms["arm"], 1.0 if a.arms["arm"] == "right" else -1.0
-        yield first_of(
-            *(
-                shift(arm, STROKE * np.array(way))
-                for way in ((sign, 0, 0), (-sign, 0, 0), (0, -1, 0), (0, 1, 0))
-            )
-        )
+        arm, sign = a.arms["arm"], sign_of(a.arms["arm"])
+        ways = (sign, 0, 0), (-sign, 0, 0), (0, -1, 0), (0, 1, 0)
+        yield first_of(*(shift(arm, STROKE * np.array(way)) for way in ways))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         frames = sorted({int(row["frame"]) for row in o.contacts("block", "mat")})
-        places = np.array(
-            [transform(inverse(o.pose("mat", k)), o.pose("block", k)[:3]) for k in frames]
-        ).reshape(-1, 3)
-        return {
-            "wiped": bool(
-                len(frames)
-                and np.linalg.norm(places - places[0], axis=1).max() > self.under(o.rules)["stroke"]
-            ),
-            "held": o.holds(arms["arm"], "block"),
-        }
+        way = [transform(inverse(o.pose("mat", k)), o.pose("block", k)[:3]) for k in frames]
+        far = max((float(np.linalg.norm(place - way[0])) for place in way), default=0.0)
+        return {"wiped": far > self.under(o.rules)["stroke"], "held": o.holds(arms["arm"], "block")}

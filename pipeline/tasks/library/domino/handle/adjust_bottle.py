@@ -1,10 +1,12 @@
+from itertools import product
+
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -46,14 +48,10 @@ class AdjustBottle(Task):
 
     def _raised(self, a: Actor) -> np.ndarray:
         """Poses (N,7) of the bottle: upright, out on the arm's side."""
-        cap, out = a.frames("bottle")["cap"], -1 if a.arms["arm"] == "left" else 1
+        cap, out = a.frames("bottle")["cap"], sign_of(a.arms["arm"])
         z = TABLE_TOP + 2 * cap[0]
-        spots = [
-            upright_goal((out * x, y, z + foot))
-            for foot in CLEARANCES
-            for x in (0.19, 0.23)
-            for y in (-0.12, -0.05)
-        ]
+        places = product(CLEARANCES, (0.19, 0.23), (-0.12, -0.05))
+        spots = (upright_goal((out * x, y, z + foot)) for foot, x, y in places)
         return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
@@ -61,10 +59,9 @@ class AdjustBottle(Task):
         cap = o.frame("bottle", "cap")
         up = quat_rotate(cap[3:], [0, 0, 1.0])
         foot = cap[:3] - 2 * o.bodies["bottle"].instance.frames()["cap"][0] * up
-        out = -cap[0] if arms["arm"] == "left" else cap[0]
         return {
             "upright": bool(up[2] > np.cos(limit["tilt"])),
-            "on_arm_side": bool(out > limit["out"]),
+            "on_arm_side": bool(sign_of(arms["arm"]) * cap[0] > limit["out"]),
             "cap_above_table": bool(cap[2] > TABLE_TOP + limit["cap"]),
             "above_table": bool(foot[2] > TABLE_TOP + limit["foot"]),
             "held": o.holds(arms["arm"], "bottle"),

@@ -1,13 +1,26 @@
+from itertools import product
+
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
 from pipeline.poses import yawed
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    Bodies,
+    Draw,
+    Limit,
+    Task,
+    by_name,
+    other_side,
+    register,
+    side_of,
+    sign_of,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP, Body
 
 HELD_UP = 0.195  # m over the table of the head at the end
+TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)
 
 
 @register
@@ -29,7 +42,7 @@ class HandoverMic(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         giver = side_of(bodies["microphone"])
-        return {"giver": giver, "receiver": "right" if giver == "left" else "left"}
+        return {"giver": giver, "receiver": other_side(giver)}
 
     def meet(self, a: Actor) -> Skills:
         giver = a.arms["giver"]
@@ -50,26 +63,17 @@ class HandoverMic(Task):
     def _exchange(self, giver: str) -> np.ndarray:
         """Poses (N,7) of the microphone at which it may change hands, its head to the receiver."""
         ahead = 0.0 if giver == "left" else np.pi
-        return np.stack(
-            [
-                yawed((x, y, TABLE_TOP + z), ahead + turn)
-                for z in (0.20, 0.15, 0.10)
-                for y in (-0.10, -0.05, -0.15)
-                for x in (0.0, -0.04, 0.04)
-                for turn in (0.0, 0.4, -0.4, 0.8, -0.8)
-            ]
-        )
+        spots = product((0.20, 0.15, 0.10), (-0.10, -0.05, -0.15), (0.0, -0.04, 0.04), TURNS)
+        return np.stack([yawed((x, y, TABLE_TOP + z), ahead + turn) for z, y, x, turn in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         giver, head = arms["giver"], o.frame("microphone", "head")
         return {
             "gripper_open": o.gripper_open(giver),
-            "released_by_giver": not any(
-                o.touching(finger, "microphone") for finger in o.fingers(giver)
-            ),
+            "released_by_giver": not any(o.touching(f, "microphone") for f in o.fingers(giver)),
             "held": o.holds(arms["receiver"], "microphone"),
             "in_hand": o.handled("microphone"),
             "gripper_closed": o.closes(arms["receiver"]),
-            "on_receiver_side": bool(head[0] < 0 if arms["receiver"] == "left" else head[0] > 0),
+            "on_receiver_side": bool(sign_of(arms["receiver"]) * head[0] > 0),
             "above_table": bool(head[2] > TABLE_TOP + self.under(o.rules)["head"]),
         }

@@ -5,7 +5,7 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -52,13 +52,13 @@ class MoveCanPot(Task):
 
     def _beside(self, a: Actor) -> Pose:
         x, y, _ = a.pose("pot")[:3]
-        return upright_goal((x + (-0.18 if a.arms["arm"] == "left" else 0.18), y, TABLE_TOP))
+        return upright_goal((x + 0.18 * sign_of(a.arms["arm"]), y, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
         dx, dy, _ = o.offset(o.pose("can"), o.pose("pot"))
         return {
-            "on_arm_side": bool(dx < 0 if arms["arm"] == "left" else dx > 0),
+            "on_arm_side": bool(sign_of(arms["arm"]) * dx > 0),
             "at_distance": within(dx, limit["far"]),
             "in_line": within(dy, limit["across"]),
             "upright": o.upright("can", limit["tilt"]),

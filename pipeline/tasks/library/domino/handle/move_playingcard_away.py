@@ -3,7 +3,7 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -41,14 +41,14 @@ class MovePlayingcardAway(Task):
         yield from let_go(arm)
 
     def _aside(self, a: Actor) -> Pose:
-        return upright_goal((-0.27 if a.arms["arm"] == "left" else 0.27, -0.08, TABLE_TOP))
+        return upright_goal((0.27 * sign_of(a.arms["arm"]), -0.08, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
         x = o.pose("cards")[0]
         return {
             "far_out": bool(abs(x) > limit["out"]),
-            "on_arm_side": bool(x < 0 if arms["arm"] == "left" else x > 0),
+            "on_arm_side": bool(sign_of(arms["arm"]) * x > 0),
             "upright": o.upright("cards", limit["tilt"]),
             **o.resting("cards", "table"),
             "grippers_open": o.grippers_open(),

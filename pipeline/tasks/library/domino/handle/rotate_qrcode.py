@@ -5,7 +5,7 @@ from pipeline.expert.candidates import lifted
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -48,7 +48,7 @@ class RotateQrcode(Task):
 
     def _goal(self, arms: dict[str, str]) -> np.ndarray:
         """Pose (7,) of the sign, which faces the robot at yaw 0."""
-        return upright_goal((-0.20 if arms["arm"] == "left" else 0.20, -0.15, TABLE_TOP))
+        return upright_goal((0.20 * sign_of(arms["arm"]), -0.15, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -14,7 +14,17 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    Bodies,
+    Draw,
+    Limit,
+    Task,
+    by_name,
+    other_side,
+    register,
+    side_of,
+    sign_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -22,6 +32,9 @@ FROM_CENTRE = (0.058, 0.052)  # m of the scanner's window from the middle of the
 
 TILTS = (0.0, 0.35, -0.35, 0.7)
 """Rad of the scanner about its level axis; positive ones make it look down."""
+
+TURNS = (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)
+"""Rad from the scanner's side towards the box; positive ones look from nearer to the robot."""
 
 
 @register
@@ -56,7 +69,7 @@ class ScanObject(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["box"])
-        return {"arm": arm, "scan_arm": "left" if arm == "right" else "right"}
+        return {"arm": arm, "scan_arm": other_side(arm)}
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], "box", goals=[list(self._shown(a.arms["arm"]))])
@@ -73,31 +86,19 @@ class ScanObject(Task):
 
     def _shown(self, arm: str) -> np.ndarray:
         """Poses (N,7) in which the box is held up, a little to the side of its arm."""
-        s = 1 if arm == "right" else -1
-        return np.stack(
-            [
-                upright_goal((s * x, y, TABLE_TOP + z), yaw)
-                for z in (0.18, 0.14, 0.22)
-                for x in (0.0, 0.03, -0.03)
-                for y in (-0.03, -0.07)
-                for yaw in ROUND
-            ]
-        )
+        s = sign_of(arm)
+        spots = product((0.18, 0.14, 0.22), (0.0, 0.03, -0.03), (-0.03, -0.07), ROUND)
+        return np.stack([upright_goal((s * x, y, TABLE_TOP + z), yaw) for z, x, y, yaw in spots])
 
     def _scans(self, a: Actor, box: Pose) -> np.ndarray:
         """Poses (N,7) of the scanner, nearly upright, its window before the middle of the box at
         pose `box`."""
         middle, window = self._middle(box, a.bodies), a.frames("scanner")["window"]
-        s = 1 if a.arms["scan_arm"] == "right" else -1
-        found = []
-        for distance, tilt, turn in product(
-            FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)
-        ):
-            # from the scanner's side towards the box, or from nearer to the robot
+        s, found = sign_of(a.arms["scan_arm"]), []
+        for distance, tilt, turn in product(FROM_CENTRE, TILTS, TURNS):
             heading = np.arctan2(0.0, -s) - s * turn
-            stands = quat_multiply(
-                quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt)
-            )
+            upright = quat_about((0, 0, 1), heading + np.pi / 2)
+            stands = quat_multiply(upright, quat_about((1, 0, 0), tilt))
             ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
             found.append(pose(middle - distance * ahead - quat_rotate(stands, window[:3]), stands))
         return np.stack([p for p in found if p[2] > TABLE_TOP + 0.06])
@@ -107,9 +108,8 @@ class ScanObject(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
-        x, y, z = transform(
-            inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies))
-        )
+        middle = self._middle(o.pose("box"), dict(o.bodies))
+        x, y, z = transform(inverse(o.frame("scanner", "window")), middle)
         return {
             "on_ray": within((x, y), limit["plane"]),
             "at_distance": bool(0 < z < limit["far"]),

@@ -4,7 +4,7 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, rock
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.goods.bottles import BODY
 from pipeline.world.physics.body import TABLE_TOP
@@ -56,14 +56,13 @@ class ShakeBottleHorizontally(Task):
     def _tipped(self, a: Actor, lean: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes
         (N,3) across it."""
-        middle, out = a.frames("bottle")["middle"][2], -1 if a.arms["arm"] == "left" else 1
+        middle, out = a.frames("bottle")["middle"][2], sign_of(a.arms["arm"])
         poses, axes = [], []
         for x, y, z in SPOTS:
             centre = np.array([out * x, y, TABLE_TOP + z])
             for heading in np.arange(0, 2 * np.pi, np.pi / 6).tolist():
-                tip = quat_multiply(
-                    quat_about((0, 0, 1), heading), quat_about((0, 1, 0), np.pi / 2 + lean)
-                )
+                down = quat_about((0, 1, 0), np.pi / 2 + lean)
+                tip = quat_multiply(quat_about((0, 0, 1), heading), down)
                 for roll in range(8):
                     q = quat_multiply(tip, quat_about((0, 0, 1), roll * np.pi / 4))
                     poses.append(pose(centre - middle * quat_rotate(q, [0, 0, 1.0]), q))
@@ -71,12 +70,10 @@ class ShakeBottleHorizontally(Task):
         return np.array(poses), np.array(axes)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
+        limit, up = self.under(o.rules), quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])
         return {
             "held": o.holds(arms["arm"], "bottle"),
             "lifted": o.rise("bottle") > limit["rise"],
-            "level": within(
-                quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])[2], np.sin(limit["tilt"])
-            ),
+            "level": within(up[2], np.sin(limit["tilt"])),
             "shaken": o.rocks("bottle", limit["swing"]) >= limit["times"],
         }

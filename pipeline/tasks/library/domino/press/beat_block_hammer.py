@@ -38,17 +38,13 @@ class BeatBlockHammer(Task):
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         hits = [int(frame) for frame in o.contacts("hammer", "block")["frame"]]
         limit = self.under(o.rules)
-        over = [
-            o.offset(o.frame("hammer", "base", frame), o.frame("block", "top", frame))[:2]
-            for frame in hits
-        ]
-        centred = [frame for frame, d in zip(hits, over, strict=True) if within(d, limit["plane"])]
+        least = TABLE_TOP + limit["strike_height"]
+        faces = ((o.frame("hammer", "base", k), o.frame("block", "top", k)) for k in hits)
+        over = (within(o.offset(*pair)[:2], limit["plane"]) for pair in faces)
+        centred = [frame for frame, is_over in zip(hits, over, strict=True) if is_over]
         return {
             "block_struck": bool(hits),
             "strike_centred": bool(centred),
-            "lifted_at_strike": any(
-                bool(o.pose("hammer", frame)[2] > TABLE_TOP + limit["strike_height"])
-                for frame in centred
-            ),
+            "lifted_at_strike": any(bool(o.pose("hammer", k)[2] > least) for k in centred),
             "held": o.holds(arms["arm"], "hammer"),
         }

@@ -2,7 +2,7 @@ from pipeline.expert.actor import Skills
 from pipeline.expert.budgets import MOVE
 from pipeline.expert.skills import grasp, home, lift, open_, together
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Limit, Task, by_name, side_of
+from pipeline.tasks.contract import Limit, Task, by_name, other_side, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
 
@@ -33,7 +33,7 @@ class IntoBasket(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies[self.target])
-        return {"arm": arm, "lifter": "left" if arm == "right" else "right"}
+        return {"arm": arm, "lifter": other_side(arm)}
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
@@ -72,12 +74,8 @@ class DumpBinBigbin(Task):
 
     def meet(self, a: Actor) -> Skills:
         between = [[upright_goal(MIDDLE, yaw) for yaw in ROUND]]
-        yield grasp(
-            a.arms["arm"],
-            "bin",
-            goals=self._ends(a) if a.arms["arm"] == "left" else between,
-            pitch=0.9,
-        )
+        goals = self._ends(a) if a.arms["arm"] == "left" else between
+        yield grasp(a.arms["arm"], "bin", goals=goals, pitch=0.9)
 
     def finish(self, a: Actor) -> Skills:
         if a.arms["arm"] == "right":
@@ -94,12 +92,8 @@ class DumpBinBigbin(Task):
             yield pause("left", 0.8)
             if all(a.pose(f"ball_{i + 1}")[2] < TABLE_TOP for i in range(len(BALLS))):
                 break
-        raised = [
-            upright_goal((x, y, TABLE_TOP + HELD_UP), w)
-            for x in (-0.35, -0.5)
-            for y in (-0.1, 0, -0.2)
-            for w in ROUND
-        ]
+        ways, z = product((-0.35, -0.5), (-0.1, 0, -0.2), ROUND), TABLE_TOP + HELD_UP
+        raised = [upright_goal((x, y, z), yaw) for x, y, yaw in ways]
         # it may turn in the hand once more
         while (missing := TABLE_TOP + HELD_UP - a.pose("bin")[2]) > 0.03:
             yield first_of(
@@ -110,9 +104,8 @@ class DumpBinBigbin(Task):
         """Points (3,) above the near part of the big bin."""
         x, y = a.pose("big_bin")[:2]
         x += a.bodies["big_bin"].instance.shape().aabb()[1, 0] - 0.15
-        return [
-            np.array([x, y + dy, TABLE_TOP + z]) for dy in (0.0, -0.08, 0.08) for z in (0.16, 0.22)
-        ]
+        ways = product((0.0, -0.08, 0.08), (0.16, 0.22))
+        return [np.array([x, y + dy, TABLE_TOP + z]) for dy, z in ways]
 
     def _over(self, a: Actor) -> np.ndarray:
         return np.stack([upright_goal(spot, yaw) for spot in self._spots(a) for yaw in ROUND])
@@ -144,12 +137,9 @@ class DumpBinBigbin(Task):
         limit = self.under(o.rules)
         low, high = o.bodies["big_bin"].instance.shape().aabb()
         floor = o.bodies["big_bin"].instance.frames()["inside"][2]
-        balls = np.array(
-            [
-                transform(inverse(o.pose("big_bin")), o.pose(f"ball_{i + 1}")[:3])
-                for i in range(len(BALLS))
-            ]
-        )
+        into = inverse(o.pose("big_bin"))
+        balls = [transform(into, o.pose(f"ball_{i + 1}")[:3]) for i in range(len(BALLS))]
+        balls = np.array(balls)
         return {
             "balls_in_big_bin": bool(((balls > low) & (balls < high)).all()),
             "balls_at_bottom": bool((balls[:, 2] < floor + limit["depth"]).all()),

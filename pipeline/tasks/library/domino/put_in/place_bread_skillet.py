@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
@@ -14,7 +16,17 @@ from pipeline.expert.skills import (
     retreat,
 )
 from pipeline.poses import Pose, compose, yawed
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
+from pipeline.tasks.contract import (
+    Bodies,
+    Draw,
+    Limit,
+    Task,
+    by_name,
+    other_side,
+    register,
+    side_of,
+    sign_of,
+)
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP, Body
 
@@ -48,7 +60,7 @@ class PlaceBreadSkillet(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         pan = side_of(bodies["skillet"])
-        return {"arm": "left" if pan == "right" else "right", "pan_arm": pan}
+        return {"arm": other_side(pan), "pan_arm": pan}
 
     def meet(self, a: Actor) -> Skills:
         yield grasp(a.arms["arm"], "bread", pitch=1.3)
@@ -58,12 +70,11 @@ class PlaceBreadSkillet(Task):
         yield lift(arm, 0.12)
         held = self._held(pan)
         goals = [list(held)]
-        yield first_of(
-            *(
-                grasp(pan, "skillet", kinds=kinds, goals=goals, pitch=0.4)
-                for kinds in (("handle",), None)
-            )
+        grasps = (
+            grasp(pan, "skillet", kinds=kinds, goals=goals, pitch=0.4)
+            for kinds in (("handle",), None)
         )
+        yield first_of(*grasps)
         yield lift(pan, 0.06)
         yield carry(pan, self._within_reach(a, held))
         yield place(arm, "base", self._spots(a, a.pose("skillet")), yaws=ROUND, above=ABOVE)
@@ -73,23 +84,15 @@ class PlaceBreadSkillet(Task):
     def _held(self, pan: str) -> np.ndarray:
         """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the
         table."""
-        s = 1 if pan == "right" else -1
-        return np.stack(
-            [
-                yawed((s * x, y, TABLE_TOP + z), s * turn)
-                for z in (0.08, 0.06)
-                for turn in (0.8, 1.2, 1.6, 0.4, 2.0, 0.0, -0.4)
-                for x in (0.10, 0.06, 0.14, 0.0, -0.06)
-                for y in (0.0, -0.06, 0.06, 0.12)
-            ]
-        )
+        s, turns = sign_of(pan), (0.8, 1.2, 1.6, 0.4, 2.0, 0.0, -0.4)
+        xs, ys = (0.10, 0.06, 0.14, 0.0, -0.06), (0.0, -0.06, 0.06, 0.12)
+        spots = product((0.08, 0.06), turns, xs, ys)
+        return np.stack([yawed((s * x, y, TABLE_TOP + z), s * turn) for z, turn, x, y in spots])
 
     def _spots(self, a: Actor, pan: Pose) -> np.ndarray:
         """Poses (N,7) for the bread in the skillet at the pose `pan`."""
-        centre = a.frames("skillet")["centre"]
-        return np.stack(
-            [compose(pan, compose(centre, yawed((0.0, off, 0.0), 0.0))) for off in OFF_CENTRE]
-        )
+        centre, shifts = a.frames("skillet")["centre"], (yawed((0, y, 0), 0) for y in OFF_CENTRE)
+        return np.stack([compose(pan, compose(centre, shift)) for shift in shifts])
 
     def _within_reach(self, a: Actor, held: np.ndarray) -> np.ndarray:
         """The poses `held` (N,7) at which the other arm can come straight down to the pan; all of
@@ -105,10 +108,8 @@ class PlaceBreadSkillet(Task):
             over = lifted(hand_poses(a, arm, np.concatenate(spots)), ABOVE)
             at, solved = planner.solve(over)
             there = planner.within(planner.scene.expecting(pan, q[i]))
-            free, apart = (
-                there.checker(),
-                there.checker([("bread", "skillet"), (f"{arm}_fingers", "skillet")]),
-            )
+            touching = [("bread", "skillet"), (f"{arm}_fingers", "skillet")]
+            free, apart = there.checker(), there.checker(touching)
             for k in np.flatnonzero(solved):
                 line = planner.line(at[k], lifted(over[k], -ABOVE)) if free(at[k]) else None
                 if line is not None and apart(line):

@@ -82,25 +82,11 @@ class PutBottlesDustbin(Task):
     def _over_the_bin(self, a: Actor) -> np.ndarray:
         """Poses (N,7) of the bottle above the near half of the dustbin, upright or tilted."""
         x, y = a.pose("dustbin")[:2]
-        tilts = [
-            quat_about(axis, angle)
-            for axis, angle in (
-                ((0, 1, 0), 0.0),
-                ((0, 1, 0), -0.6),
-                ((1, 0, 0), 0.6),
-                ((1, 0, 0), -0.6),
-            )
-        ]
-        return np.stack(
-            [
-                compose(yawed((x + dx, y + dy, TABLE_TOP + z), yaw), pose((0, 0, 0), tilt))
-                for dx in (0.10, 0.06)
-                for dy in (-0.04, 0.0, 0.04)
-                for z in (0.08, 0.14)
-                for tilt in tilts
-                for yaw in ROUND
-            ]
-        )
+        leans = ((0, 1, 0), 0.0), ((0, 1, 0), -0.6), ((1, 0, 0), 0.6), ((1, 0, 0), -0.6)
+        tilts = [pose((0, 0, 0), quat_about(axis, angle)) for axis, angle in leans]
+        ways = product((0.10, 0.06), (-0.04, 0.0, 0.04), (0.08, 0.14), tilts, ROUND)
+        spots = (((x + dx, y + dy, TABLE_TOP + z), tilt, yaw) for dx, dy, z, tilt, yaw in ways)
+        return np.stack([compose(yawed(spot, yaw), tilt) for spot, tilt, yaw in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -23,8 +23,10 @@ from pipeline.tasks.contract import (
     Region,
     Task,
     by_name,
+    other_side,
     register,
     side_of,
+    sign_of,
 )
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.containers.cabinet import Cabinet, Drawer
@@ -92,40 +94,28 @@ class PutObjectCabinet(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["object"])
-        return {"arm": arm, "drawer_arm": "left" if arm == "right" else "right"}
+        return {"arm": arm, "drawer_arm": other_side(arm)}
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
         base, yaws = a.frames("object")["base"], self._across(a)
-        opened = [
-            lifted(p, HELD)
-            for spot in self._spots(a, PULL)[1:3]
-            for p in resting_poses(base, spot, yaws)
-        ]
-        yield grasp(arm, "object", goals=[opened])
+        spots = self._spots(a, PULL)[1:3]
+        opened = np.concatenate([resting_poses(base, spot, yaws) for spot in spots])
+        yield grasp(arm, "object", goals=[[lifted(p, HELD) for p in opened]])
 
     def finish(self, a: Actor) -> Skills:
         arm, puller = a.arms["arm"], a.arms["drawer_arm"]
         yield lift(arm, 0.12)
-        openings = [
-            [a.pose("drawer") + np.array([0, -out, 0, 0, 0, 0, 0])] for out in (PULL, PULL + 0.07)
-        ]
-        yield together(
-            home(arm), grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3)
-        )
+        ways = ([0, -out, 0, 0, 0, 0, 0] for out in (PULL, PULL + 0.07))
+        openings = [[a.pose("drawer") + np.array(way)] for way in ways]
+        pull = grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3)
+        yield together(home(arm), pull)
         yield shift(puller, (0.0, -PULL, 0.0), speed=0.08)
         yield open_(puller)
         yield retreat(puller, 0.07)
         yield home(puller)
-        yield place(
-            arm,
-            "base",
-            self._spots(a, 0.0),
-            yaws=self._across(a),
-            above=0.10,
-            press=-HELD,
-            opening=0.02,
-        )
+        spots, yaws = self._spots(a, 0.0), self._across(a)
+        yield place(arm, "base", spots, yaws=yaws, above=0.10, press=-HELD, opening=0.02)
         yield open_(arm, by=0.02)
         yield lift(arm, 0.10, least=0.2)
         yield open_(arm)
@@ -133,19 +123,11 @@ class PutObjectCabinet(Task):
     def _spots(self, a: Actor, pull: float) -> np.ndarray:
         """Poses (4,7) on the floor of the drawer, in the middle of its open part, after it is
         pulled out by `pull` m more."""
-        drawer, out = (
-            a.bodies["drawer"].instance,
-            a.bodies["drawer"].pose[1] - a.pose("drawer")[1] + pull,
-        )
-        assert isinstance(drawer, Drawer)
-        side = 1 if a.arms["arm"] == "right" else -1
-        depth = -pull - drawer.hy + out / 2 - 0.004
-        return np.stack(
-            [
-                compose(a.pose("drawer"), pose((side * x, depth, 0.006)))
-                for x in (0.03, 0.06, 0.0, 0.08)
-            ]
-        )
+        body, at, side = a.bodies["drawer"], a.pose("drawer"), sign_of(a.arms["arm"])
+        assert isinstance(body.instance, Drawer)
+        depth = -pull - body.instance.hy + (body.pose[1] - at[1] + pull) / 2 - 0.004
+        xs = (0.03, 0.06, 0.0, 0.08)
+        return np.stack([compose(at, pose((side * x, depth, 0.006))) for x in xs])
 
     def _across(self, a: Actor) -> tuple[float, ...]:
         """Yaw angles in which the object lies across the drawer, and along it if short enough."""
@@ -163,11 +145,10 @@ class PutObjectCabinet(Task):
         assert isinstance(drawer, Drawer)
         x, y, z = transform(inverse(o.pose("drawer")), o.pose("object")[:3])
         opening = float(np.linalg.norm(o.pose("drawer")[:3] - o.pose("drawer", 0)[:3]))
+        middle = y + drawer.hy - opening / 2
         return {
             "drawer_open": opening > limit["opening"],
-            "centred": within(
-                (x, y + drawer.hy - opening / 2), (limit["along_x"], limit["along_y"])
-            ),
+            "centred": within((x, middle), (limit["along_x"], limit["along_y"])),
             "raised": limit["least_rise"] < o.rise("object") < limit["most_rise"],
             "within_outline": within((x, y), (drawer.hx, drawer.hy)),
             "at_height": bool(0 < z < drawer.height + limit["over_rim"]),
