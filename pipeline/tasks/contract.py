@@ -119,7 +119,7 @@ class Draw:
         return float(self.placement.uniform(low, high))
 
     def several[T](self, options: Sequence[T], count: int) -> list[T]:
-        """`count` different options in a random order, from the placement stream."""
+        """Choose `count` different options in a random order, from the placement stream."""
         return [options[int(i)] for i in self.placement.permutation(len(options))[:count]]
 
 

@@ -72,7 +72,7 @@ def quads(*corners: NDArray[np.integer]) -> NDArray[np.integer]:
 
 
 def linear(color: ArrayLike) -> Floats:
-    """sRGB 0-1 -> linear 0-1 (IEC 61966-2-1)."""
+    """Linear light 0-1 of sRGB 0-1 (IEC 61966-2-1)."""
     c = np.asarray(color, float)
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
@@ -107,7 +107,8 @@ class TextureSource:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """sRGB colour, roughness and metallic 0-1; a texture (H,W,4) uint8 sRGB replaces the colour."""
+    """A surface: sRGB colour, roughness and metallic 0-1. A texture (H,W,4) uint8 sRGB replaces the
+    colour."""
 
     color: tuple[float, float, float]
     roughness: float = 0.6
@@ -142,7 +143,7 @@ class Collider:
     measured: float | None = None
 
     def volume(self) -> float:
-        """m^3; of an unmeasured convex piece its bounding box's."""
+        """The volume (m^3); of an unmeasured convex piece its bounding box's."""
         if self.measured is not None:
             return self.measured
         if self.kind == "box":

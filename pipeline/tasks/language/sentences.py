@@ -73,7 +73,7 @@ class Wording:
 def instructions(
     wording: Wording, rng: np.random.Generator, count: int = 100
 ) -> dict[str, list[str]]:
-    """`count` instructions for each of the splits "seen" and "unseen".
+    """Draw `count` instructions for each of the splits "seen" and "unseen".
 
     No combination of template and descriptions repeats before all were used. Raises LanguageError
     for an unknown slot or side, and if no template of a split is true.

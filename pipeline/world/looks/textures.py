@@ -68,7 +68,7 @@ def rgba(colour: Field) -> Rgba:
 
 
 def shade(colour: ArrayLike, factor: float) -> NDArray[np.float64]:
-    """`colour` (3,) scaled by `factor`, kept inside 0-1."""
+    """Scale a colour (3,) by `factor` and keep it inside 0-1."""
     return np.clip(np.asarray(colour, float) * factor, 0.0, 1.0)
 
 

@@ -101,7 +101,7 @@ def painted(part: Part, colors: Floats) -> Part:
 
 
 def srgb(light: Floats) -> Floats:
-    """sRGB of linear light, clipped to 0-1."""
+    """The sRGB of linear light, clipped to 0-1."""
     return srgb_of(np.clip(light, 0, 1))
 
 

@@ -38,7 +38,7 @@ class NamedFrames:
 
 @dataclass(frozen=True)
 class Words:
-    """`noun` for detectors; `seen` and `unseen` phrases without article for instructions."""
+    """Words of an object: a `noun` for detectors, phrases without article for instructions."""
 
     noun: str
     seen: tuple[str, ...]

@@ -48,8 +48,8 @@ class Phrases(Table):
 
 
 class ObjectToml(Table):
-    """`object.toml`. Mass in kg; frames are x y z qw qx qy qz in the object's frame (m). A grasp is
-    its kind, its width (m) and the tcp."""
+    """The settings of `object.toml`. Mass in kg; frames are x y z qw qx qy qz in the object's frame
+    (m). A grasp is its kind, its width (m) and the tcp."""
 
     family: str
     source: str = ""
@@ -137,7 +137,7 @@ def add_all(folder: Path) -> None:
 
 
 def read_settings(path: Path) -> ObjectToml:
-    """`object.toml` of a directory. Raises ObjectError."""
+    """Read the settings of an object's directory. Raises ObjectError."""
     file = path / TOML
     settings = read_toml(file, ObjectToml, ObjectError)
     if missing := {"base", "top"} - settings.frames.keys():

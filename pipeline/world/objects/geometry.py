@@ -58,8 +58,9 @@ def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> 
 
 
 @deferred
-def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
-    """A label round a cylinder: `prints` images, one faces -y."""
+def band(radius: float, lower: float, upper: float) -> Mesh:
+    """A label round a cylinder between two heights (m): three images, one faces -y."""
+    sides, prints = 24, 3
     angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     rings = [np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)]
@@ -126,7 +127,7 @@ def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) 
 def arc(
     centre: Sequence[float], radius: float, start: float, end: float, n: int
 ) -> list[tuple[float, float]]:
-    """`n` + 1 points between two angles in degrees."""
+    """Points of a circle (m): `n` + 1 pairs between two angles in degrees."""
     angle = np.radians(np.linspace(start, end, n + 1))
     x, y = centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)
     return list(zip(x.tolist(), y.tolist(), strict=True))
@@ -226,7 +227,8 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
 
 
 def inset(outline: ArrayLike, distance: float) -> Floats:
-    """`outline` (K,2), counter-clockwise, inset by `distance` (m); mitres of at most two."""
+    """Move the sides of an `outline` (K,2), counter-clockwise, inwards by `distance` (m); mitres are
+    at most twice as long."""
     outline = np.asarray(outline, float)
     edge = np.roll(outline, -1, 0) - outline
     normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)

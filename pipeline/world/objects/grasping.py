@@ -14,6 +14,7 @@ from pipeline.poses import compose, yawed
 
 from .contract import Grasp
 
+AZIMUTHS = 2 * np.pi * np.arange(16) / 16
 PITCHES = (0, 15, 30, 45, 60, 75, 90)
 TILTED = (30, 45, 60, 75, 90)
 PALM = 0.036  # m from tcp back to the nearest palm of the supported grippers
@@ -69,7 +70,6 @@ def low_heights(top: float) -> tuple[float, ...]:
 def side_pinches(
     radius: float,
     heights: float | Sequence[float],
-    azimuths: int = 16,
     pitches: Sequence[float] = PITCHES,
     outline: ArrayLike | None = None,
     kind: str = "side",
@@ -86,7 +86,7 @@ def side_pinches(
     for height, p in product(np.atleast_1d(np.asarray(heights, float)), np.radians(pitches)):
         retreat = _retreat(hits, height, p)
         if retreat is not None:
-            for a in 2 * np.pi * np.arange(azimuths) / azimuths:
+            for a in AZIMUTHS:
                 out = np.array([np.cos(a), np.sin(a), 0.0])
                 across = np.array([-np.sin(a), np.cos(a), 0.0])
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
@@ -119,7 +119,7 @@ def rim_pinches(
     `flare` degrees, tilted to both sides. The tcp lies `depth` below the rim."""
     tcps = []
     f = np.radians(flare)
-    for a in 2 * np.pi * np.arange(16) / 16:
+    for a in AZIMUTHS:
         out, along = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
         up, across = out * np.sin(f) + [0, 0, np.cos(f)], out * np.cos(f) - [0, 0, np.sin(f)]
         position = out * radius + [0, 0, height] - up * depth - across * wall / 2

@@ -62,7 +62,7 @@ def standing(height: float, grasps: Sequence[Grasp] = (), **points: Pose) -> Nam
 
 
 def hollow(height: float, wall: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
-    """`standing`, with "inside" and "centre" on a floor `wall` (m) thick."""
+    """Frames of `standing`, with "inside" and "centre" on a floor `wall` (m) thick."""
     floor = mark(0, 0, wall)
     return standing(height, grasps, inside=floor, centre=floor, **points)
 

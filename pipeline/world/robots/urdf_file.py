@@ -96,7 +96,7 @@ class UrdfRobot:
         return poses
 
     def below(self, base: str) -> list[str]:
-        """`base` and links on it, parents first."""
+        """The link `base` and those on it, parents first."""
         below, known = [base], {base}
         pending = [link for link in self.links if link in self.parent_joint]
         while ready := [link for link in pending if self.parent_joint[link].parent in known]:

@@ -43,7 +43,7 @@ def test_batched_poses_equal_single_ones(numbers):
 
 
 def test_side_pinches_surround_the_body():
-    position, approach, opening = parts(grasps := side_pinches(0.03, 0.08, azimuths=16))
+    position, approach, opening = parts(grasps := side_pinches(0.03, 0.08))
     assert len(grasps) == 16 * 7
     assert sorted(set(np.round(pitch(approach)))) == [0, 15, 30, 45, 60, 75, 90]
     assert position == pytest.approx(np.tile([0, 0, 0.08], (len(grasps), 1)))

@@ -68,7 +68,7 @@ class Bottle(Parametric):
         outline = self.outline()
         skin = revolve([(0, 0), *outline, (0, top)], 24)
         cap = at(cylinder(self.neck, self.cap, 18, bevel=0.0015), (0, 0, top))
-        label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body, 24)
+        label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body)
         image = print_texture(self.label_colour, self.colour, "product", self.brand, self.seed)
         shoulder = [p for p in outline if p[1] >= self.body]
         rings = [
@@ -139,7 +139,7 @@ class PillBottle(Parametric):
         side = [(0, 0), (0.93 * r, 0), (r, 0.002), (r, top - 0.008), (0.78 * r, top), (0, top)]
         body = revolve(side, 24)
         cap = at(cylinder(self.cap_radius, self.cap, 20, 0.0015), (0, 0, top))
-        label = band(r + 0.0004, 0.14 * top, 0.74 * top, 24)
+        label = band(r + 0.0004, 0.14 * top, 0.74 * top)
         image = print_texture("white", self.ink, "product", self.brand, self.seed)
         return Shape(
             (
@@ -181,7 +181,7 @@ class Can(Parametric):
         return Shape(
             (
                 (revolve([*bottom, *lid], 24), tin),
-                (band(r + 0.0003, 0.008, h - 0.010, 24), printed(image, roughness=0.3)),
+                (band(r + 0.0003, 0.008, h - 0.010), printed(image, roughness=0.3)),
                 (tab, metal()),
             ),
             disc(0.8 * r, 0.008)
@@ -216,7 +216,7 @@ class SauceCan(Parametric):
         top, rib = h - 0.003, h - 0.0018
         body = revolve([(0, 0), (r, 0), (r, h), (0.93 * r, h), (0.9 * r, top), (0, top)], 24)
         ribs = revolve([(0.45 * r, top), (0.45 * r, rib), (0.4 * r, rib), (0.4 * r, top)], 20)
-        label = band(r + 0.0004, edge, h - edge, 24)
+        label = band(r + 0.0004, edge, h - edge)
         image = print_texture(self.colour, self.ink, "product", self.content, self.seed)
         return Shape(
             ((body, metal()), (ribs, metal()), (label, printed(image, 0.6))),

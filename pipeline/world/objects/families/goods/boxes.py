@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.world.looks.materials import print_texture, printed, srgb
-from pipeline.world.objects.colliders import box_collider, convex_collider
+from pipeline.world.objects.colliders import convex_collider, slab
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import (
     at,
@@ -61,7 +61,7 @@ class PlayingCards(Parametric):
         hx, hy, hz = self.hx, self.length / 2, self.height / 2
         design = self.colour, self.ink, self.style, self.brand, self.seed
         body = carton((hx, hy, hz), *design)
-        return Shape((body,), box_collider(hx, hy, hz, (0, 0, hz)), mass=0.1, friction=0.5)
+        return Shape((body,), slab(hx, hy, self.height), mass=0.1, friction=0.5)
 
     def frames(self) -> NamedFrames:
         half = self.hx, self.length / 2, self.height / 2
@@ -90,7 +90,7 @@ class TeaBox(Parametric):
             for k, (x, y) in enumerate(places)
         ]
         body = carton((hx, hy, hz), self.colour, self.ink, self.style, "TEA", self.seed)
-        pieces = box_collider(hx, hy, hz, (0, 0, hz))
+        pieces = slab(hx, hy, self.height)
         return Shape((body, *codes), pieces, mass=0.12, friction=0.5)
 
     @property
@@ -126,7 +126,7 @@ class CoffeeBox(Parametric):
         design = (self.colour, self.ink, self.style, self.brand, seed)
         stripes = printed(print_texture(self.ink, self.colour, "stripes", "", seed))
         body = carton((hx, hy, hz - 0.0025), *design, bevel=0.002)
-        pieces = box_collider(hx, hy, hz, (0, 0, hz))
+        pieces = slab(hx, hy, self.height)
         return Shape((body, (fold, stripes)), pieces, mass=0.28, friction=0.5)
 
     def frames(self) -> NamedFrames:

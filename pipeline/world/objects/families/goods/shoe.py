@@ -54,7 +54,7 @@ class Shoe(Parametric):
     seed: int = texture()
 
     def x(self, share: np.ndarray | float) -> np.ndarray:
-        """x (m) of a share of the length, from the heel."""
+        """The x (m) at a share of the length from the heel."""
         return (np.asarray(share) - 0.5) * self.length
 
     def sections(self) -> np.ndarray:

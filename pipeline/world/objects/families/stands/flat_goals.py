@@ -78,7 +78,7 @@ class Mat(Family):
     def draw(
         cls, rng: Generator, half: tuple[float, float] | None = None, colour: str = ""
     ) -> Self:
-        """`half` extents (m) and `colour` are drawn unless given."""
+        """Draw a mat; half extents `half` (m) and `colour` may be given."""
         drawn, tone = (rng.uniform(*MAT), rng.uniform(0.06, 0.09)), pick(rng, COLOURS)
         tone = colour or tone
         hx, hy = half or drawn
@@ -126,7 +126,7 @@ class Pad(Parametric):
         thickness: float | None = None,
         colour: str = "",
     ) -> Self:
-        """`half` extents (m), `thickness` (m) and `colour` are drawn unless given."""
+        """Draw a pad; half extents `half` (m), `thickness` (m) and `colour` may be given."""
         drawn = (rng.uniform(*HALF), rng.uniform(*HALF))
         hx, hy = half or drawn
         return cls(

@@ -183,7 +183,7 @@ class Seal(Parametric):
         is_round = self.form == "round"
         if is_round:
             pad, block = cylinder(a, foot, 24), at(cylinder(a, b - foot, 24, 0.002), (0, 0, foot))
-            label = band(a + 0.0003, foot + 0.15 * (b - foot), b - 0.18 * (b - foot), 24, 3)
+            label = band(a + 0.0003, foot + 0.15 * (b - foot), b - 0.18 * (b - foot))
         else:
             pad = at(box(a, a, foot / 2), (0, 0, foot / 2))
             block = at(box(a, a, (b - foot) / 2, 0.002), (0, 0, (b + foot) / 2))

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import WOODS, painted, plastic, rubber, wood, worn
-from pipeline.world.objects.colliders import box_collider, disc, prism_collider, slab
+from pipeline.world.objects.colliders import disc, prism_collider, slab
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, decal, side_prism, upright
 from pipeline.world.objects.grasping import PITCHES, box_pinches, side_pinches
@@ -38,7 +38,7 @@ class Block(Parametric):
         skin, density = SKINS[self.material]
         paint = worn(self.colour, round(self.side * 1e6), skin(self.colour).roughness)
         cube = at(box(h, h, h, self.bevel), (0, 0, h)), paint
-        return Shape((cube,), box_collider(h, h, h, (0, 0, h)), mass=density * self.side**3)
+        return Shape((cube,), slab(h, h, self.side), mass=density * self.side**3)
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
@@ -150,7 +150,7 @@ class RubiksCube(Parametric):
         stickers = ((join(*each), plastic(STICKERS[k])) for k, each in tiles.items() if each)
         return Shape(
             ((at(box(h, h, h, 0.0015), (0, 0, h)), plastic(self.colour)), *stickers),
-            box_collider(h, h, h, (0, 0, h)),
+            slab(h, h, self.side),
             mass=0.1,
             friction=0.5,
         )

@@ -91,7 +91,7 @@ class ToyCar(Parametric):
     )
 
     def x(self, share: float) -> float:
-        """x (m) of a share of the length from the rear."""
+        """The x (m) at a share of the length from the rear."""
         return (share - 0.5) * self.length
 
     def shape(self) -> Shape:
