@@ -23,9 +23,7 @@ from .tabletops import TABLETOPS
 from .textures import BASIC, Rgba
 from .walls import DISTANT, WALLS
 
-PATTERNS: dict[str, Callable[[Generator, int, ArrayLike], Rgba]] = (
-    BASIC | TABLETOPS | WALLS | DISTANT
-)
+PATTERNS = BASIC | TABLETOPS | WALLS | DISTANT
 SIZES = dict.fromkeys(TABLETOPS, 512) | dict.fromkeys(WALLS, 512)
 """Texels a side of what is drawn finer than the usual 256."""
 
@@ -33,10 +31,9 @@ SIZES = dict.fromkeys(TABLETOPS, 512) | dict.fromkeys(WALLS, 512)
 def texture(pattern: str, seed: int, colour: ArrayLike, size: int | None = None) -> Rgba:
     """Texture (size,size,4). Raises KeyError for an unknown pattern."""
     if pattern not in PATTERNS:
-        raise KeyError(
-            f"texture pattern {pattern!r} is unknown: patterns are {', '.join(PATTERNS)}"
-        )
-    rng = np.random.Generator(np.random.Philox(seed))
+        known = ", ".join(PATTERNS)
+        raise KeyError(f"texture pattern {pattern!r} is unknown: patterns are {known}")
+    rng = Generator(np.random.Philox(seed))
     return PATTERNS[pattern](rng, size or SIZES.get(pattern, 256), colour)
 
 
@@ -164,13 +161,8 @@ def made_of(material: str, color: Color, seed: int | None = None) -> Material:
     """A material by its word; with a seed wood is grained."""
     if material == "wood":
         return wood(color, seed)
-    return {
-        "metal": metal,
-        "painted": painted,
-        "plastic": plastic,
-        "rubber": rubber,
-        "ceramic": glaze,
-    }[material](color)
+    skins = {"painted": painted, "plastic": plastic, "rubber": rubber, "ceramic": glaze}
+    return metal(color) if material == "metal" else skins[material](color)
 
 
 def _textured(
@@ -192,14 +184,9 @@ def texture_pixels(source: TextureSource) -> Rgba:
     return image
 
 
-TEXTURES: dict[str, Callable[..., Rgba]] = {
-    "tile": texture,
-    "print": printing,
-    "packaging": handled,
-    "skin": skin,
-}
+TEXTURES: dict[str, Callable[..., Rgba]]
+TEXTURES = {"tile": texture, "print": printing, "packaging": handled, "skin": skin}
 """Functions that make textures, by kind; a `TextureSource` has their arguments in order."""
-
 
 _ARRAYS = ("vertices", "triangles", "normals")
 
@@ -213,13 +200,9 @@ def store_parts(store: AssetStore, parts: Parts) -> str:
         if mesh.uvs is not None:
             arrays[f"{i}.uvs"] = mesh.uvs
         texture: dict[str, Any] | None = None
-        if material.texture is not None and material.source is not None:
-            source = material.source
-            texture = {
-                "kind": source.kind,
-                "arguments": _plain(source.arguments),
-                "sha256": _pixel_hash(material.texture),
-            }
+        if material.texture is not None and (source := material.source) is not None:
+            texture = {"kind": source.kind, "arguments": _plain(source.arguments)}
+            texture["sha256"] = _pixel_hash(material.texture)
         elif material.texture is not None:
             arrays[f"{i}.texture"], texture = material.texture, {"kind": "pixels"}
         described.append(
@@ -241,10 +224,9 @@ def load_parts(store: AssetStore, key: str) -> Parts:
     for i, values in enumerate(described):
         mesh = Mesh(*(arrays[f"{i}.{name}"] for name in _ARRAYS), uvs=arrays.get(f"{i}.uvs"))
         r, g, b = values["color"]
-        pixels, source = _texture(store, key, values["texture"], arrays.get(f"{i}.texture"))
-        parts.append(
-            (mesh, Material((r, g, b), values["roughness"], values["metallic"], pixels, source))
-        )
+        look = _texture(store, key, values["texture"], arrays.get(f"{i}.texture"))
+        material = Material((r, g, b), values["roughness"], values["metallic"], *look)
+        parts.append((mesh, material))
     return tuple(parts)
 
 
@@ -256,10 +238,10 @@ def _texture(
     source = TextureSource(texture["kind"], _tuples(texture["arguments"]))
     made = texture_pixels(source)
     if _pixel_hash(made) != texture["sha256"]:
-        raise AssetError(
-            f"{store.path(key)}: this version draws its {source.kind} texture differently; use the"
-            " one that made it"
+        wrong = (
+            f"this version draws its {source.kind} texture differently; use the one that made it"
         )
+        raise AssetError(f"{store.path(key)}: {wrong}")
     return made, source
 
 

@@ -35,27 +35,16 @@ WALL_PATTERNS = (*WALLS, *WALLS, *DISTANT)
 GROUND_PATTERNS = ("planks", "tiles", "concrete", "veneer", "fine terrazzo")
 PLAIN_RATE = 0.02  # chance, per surface, of the clean look inside the randomised domain
 TIMBER = (
-    (0.78, 0.66, 0.50),
-    (0.66, 0.50, 0.34),
-    (0.45, 0.32, 0.22),
-    (0.58, 0.40, 0.28),
+    *((0.78, 0.66, 0.50), (0.66, 0.50, 0.34), (0.45, 0.32, 0.22), (0.58, 0.40, 0.28)),
     (0.80, 0.72, 0.60),
 )
 MINERAL = (
-    (0.86, 0.84, 0.80),
-    (0.45, 0.46, 0.48),
-    (0.62, 0.60, 0.57),
-    (0.28, 0.29, 0.31),
-    (0.72, 0.66, 0.58),
-    (0.88, 0.88, 0.87),
+    *((0.86, 0.84, 0.80), (0.45, 0.46, 0.48), (0.62, 0.60, 0.57), (0.28, 0.29, 0.31)),
+    *((0.72, 0.66, 0.58), (0.88, 0.88, 0.87)),
 )
 PAINTS = (
-    (0.86, 0.85, 0.82),
-    (0.74, 0.76, 0.76),
-    (0.80, 0.76, 0.68),
-    (0.62, 0.67, 0.66),
-    (0.60, 0.64, 0.70),
-    (0.90, 0.89, 0.87),
+    *((0.86, 0.85, 0.82), (0.74, 0.76, 0.76), (0.80, 0.76, 0.68), (0.62, 0.67, 0.66)),
+    *((0.60, 0.64, 0.70), (0.90, 0.89, 0.87)),
 )
 FREE, FREE_TIMBER = 0.22, 0.10  # largest share of any other colour in these
 
@@ -128,13 +117,10 @@ def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
     toward, solid = _directions(*radiance.shape[:2])
     light = radiance.astype(np.float64) * solid[..., None]
     above = np.maximum(toward[..., 2], 0)
-    luminance = np.where(
-        toward[..., 2] > LOWEST_SUN, radiance.astype(np.float64).sum(-1), -1.0
-    ).ravel()
-    order = np.argsort(-luminance, kind="stable")
-    brightest = order[
-        : max(1, int((np.cumsum(solid.ravel()[order]) < SUN_SHARE * 4 * np.pi).sum()))
-    ]
+    bright = np.where(toward[..., 2] > LOWEST_SUN, radiance.astype(np.float64).sum(-1), -1.0)
+    order = np.argsort(-bright.ravel(), kind="stable")
+    count = (np.cumsum(solid.ravel()[order]) < SUN_SHARE * 4 * np.pi).sum()
+    brightest = order[: max(1, int(count))]
     flat, ways = light.reshape(-1, 3), toward.reshape(-1, 3)
     way = (flat[brightest].sum(1, keepdims=True) * ways[brightest]).sum(0)
     way /= np.linalg.norm(way)

@@ -227,8 +227,8 @@ def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float
 
 
 def inset(outline: ArrayLike, distance: float) -> Floats:
-    """Move the sides of an `outline` (K,2), counter-clockwise, inwards by `distance` (m); mitres are
-    at most twice as long."""
+    """Move the sides of an `outline` (K,2), counter-clockwise, inwards by `distance` (m); mitres
+    are at most twice as long."""
     outline = np.asarray(outline, float)
     edge = np.roll(outline, -1, 0) - outline
     normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
