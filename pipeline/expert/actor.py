@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun, StateLog
+from pipeline.planning.collision import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner, Planner, planner_of
-from pipeline.planning.scene import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.planning.trajectory import ArmTrajectory, smoothed
 from pipeline.poses import Floats, Pose, compose, inverse
 from pipeline.world.cameras import cameras_of

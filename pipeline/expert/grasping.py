@@ -7,10 +7,10 @@ from itertools import chain
 import numpy as np
 
 from pipeline.planning.budgets import MARGINS
+from pipeline.planning.collision import Carried
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree, ending_clear
 from pipeline.planning.planner import ArmPlanner
-from pipeline.planning.scene import Carried
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
 from pipeline.world.objects.contract import Grasp

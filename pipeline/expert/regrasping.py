@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.planning.collision import Obstacle
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
-from pipeline.planning.scene import Obstacle
 from pipeline.poses import Floats, Pose, compose, inverse, yawed
 from pipeline.world.physics.body import TABLE_TOP, apart
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,8 +88,7 @@ class MotionRequest:
     `workspace`, also for `tail` s after the meeting at its last velocity. `visible(path (N,K,3 or
     7)) -> (N,)` accepts paths, `free(motion)` a motion. At most `candidates` shapes are drawn.
     `radius` and `height` (m) are the target's at `end_pose`, `floor` (m) its height on the table.
-    `company` are x, y and radius (m) then of the bodies that are carried with it.
-    Raises ValueError for numbers that make no sense."""
+    `company` are x, y and radius (m) then of the bodies that are carried with it."""
 
     level: int
     alpha: float
@@ -109,27 +108,6 @@ class MotionRequest:
     height: float = 0.08
     floor: float = 0.0
     company: tuple[tuple[float, float, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite([self.alpha, self.duration, self.lead]).all() and self.duration > 0):
-            raise ValueError(
-                f"alpha, lead and duration (> 0) must be finite: {self.alpha}, {self.lead},"
-                f" {self.duration}"
-            )
-        if self.alpha < 0 or self.duration + self.lead <= 0:
-            raise ValueError(
-                f"alpha must be >= 0 and -lead before duration: {self.alpha}, {self.lead},"
-                f" {self.duration}"
-            )
-        if self.speed_bound not in get_args(SpeedBound):
-            raise ValueError(
-                f"speed_bound {self.speed_bound!r} is unknown: use"
-                f" {' or '.join(get_args(SpeedBound))}"
-            )
-        for name in ("tail", "end_speed_limit", "jump_limit"):
-            value = getattr(self, name) or 0.0
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be finite and not negative: {value}")
 
     @property
     def end(self) -> Floats:

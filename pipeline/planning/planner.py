@@ -14,11 +14,10 @@ from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Arm, Embodiment
 
 from .budgets import DETOURS, LIMITS, MARGINS
-from .collision import CollisionWorld
+from .collision import Carried, CollisionWorld, PlanningScene, Sees
 from .failure import PlanFailure
 from .kinematics import Chain, chain_of, fk, fk_batch, ik_many, ik_path, line_poses
 from .path import IsFree, connect, dense
-from .scene import Carried, PlanningScene, Sees
 from .trajectory import ArmTrajectory, time_parameterise
 
 

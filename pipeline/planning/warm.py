@@ -5,10 +5,10 @@ import numpy as np
 from pipeline.poses import IDENTITY, pose
 from pipeline.world.physics.body import TABLE_COLLISION
 
+from .collision import ArmState, Obstacle, PlanningScene
 from .collision_pieces import Sweep
 from .path import connect
 from .planner import ArmPlanner, Planner, planner_for
-from .scene import ArmState, Obstacle, PlanningScene
 from .trajectory import time_parameterise
 
 

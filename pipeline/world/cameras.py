@@ -55,7 +55,9 @@ def wanted_cameras(
         camera.name: camera for camera in mounted
     }
     cameras = []
-    for each in setup.cameras_on(sides):
+    for each in setup.cameras:
+        if each in SIDES and each not in sides:
+            continue
         if isinstance(each, NamedCamera):
             cameras.append(each.camera(each.name))
         elif camera_name(each) in known:

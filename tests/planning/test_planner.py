@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.planning.collision import Carried
 from pipeline.planning.kinematics import chain_of, fk
 from pipeline.planning.planner import tool_way, unseen_length
-from pipeline.planning.scene import Carried
 from pipeline.poses import pose
 from pipeline.world.robots import get_embodiment
 

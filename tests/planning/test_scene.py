@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.data.names import SIDES
+from pipeline.planning.collision import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner, Planner
-from pipeline.planning.scene import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.poses import IDENTITY, Pose, compose, pose, quat_about
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.shapes import Collider

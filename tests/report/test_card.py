@@ -12,16 +12,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.data.episode.file import open_episode
-from pipeline.data.episode.state_log import Event
-from pipeline.data.episode.writer import write_episode
 from pipeline.data.slots.select import position_of, split_of
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.record import read_card
 from pipeline.html import table
 from pipeline.report.card import describe
 from pipeline.report.card.plots import _edges
-from pipeline.report.card.survey import cameras, idle, look, visibility
+from pipeline.report.card.survey import cameras, look, visibility
 from pipeline.report.card.text import spread
 from tests.export.running import REQUIRED
 from tests.synthetic import episode_path, make_episode
@@ -249,7 +246,7 @@ def test_a_camera_that_robots_carry_on_other_links_has_a_row_for_each(tmp_path):
         assert rows.count(f"| {link} | {robot} |") == 1
 
 
-def test_a_card_tells_how_much_of_the_target_is_visible_and_which_frames_are_idle(tmp_path):
+def test_a_card_tells_how_much_of_the_target_is_visible(tmp_path):
     one = look(make_episode(episode_path(tmp_path), frames=12))
     assert one.visible == {} and visibility([one], {"head_camera": "cam_high"}) == ""
     parts = [
@@ -268,28 +265,6 @@ def test_a_card_tells_how_much_of_the_target_is_visible_and_which_frames_are_idl
     ]
     text = visibility(seen, {"head_camera": "cam_high", "left_camera": "cam_left_wrist"})
     assert "| cam_high | 10 | 30 | 90 | 50 | 75 |" in text and "cam_left_wrist" not in text
-    idle_frames = [
-        replace(one, frames=20, after_success=5, still=3),
-        replace(one, frames=20, after_success=3, still=0),
-    ]
-    assert idle(idle_frames).startswith(
-        "20.0 % of the frames come after the success"
-    ) and "In 7.5 % no command" in idle(idle_frames)
-
-
-def test_frames_after_the_success_and_still_ones_are_counted(tmp_path):
-    path = make_episode(episode_path(tmp_path), frames=12)
-    with open_episode(path) as file:
-        log = file.read().log
-    # it succeeds in its last frame, and always moves
-    assert look(path).after_success == 0 and look(path).still == 0
-    log.action[3:7] = log.action[3]
-    log.events = [Event("success", float(log.times[8]))]
-    with open_episode(path) as file:
-        episode = replace(file.read(), log=log)
-    write_episode(tmp_path / "still.hdf5", episode, [])
-    found = look(tmp_path / "still.hdf5")
-    assert (found.after_success, found.still) == (3, 3)
 
 
 def test_splits_follow_physics_and_nothing_else(card):

@@ -210,10 +210,6 @@ class Setup(BaseModel):
         """The cameras by their names in an episode file."""
         return tuple(map(camera_name, self.cameras))
 
-    def cameras_on(self, sides: Collection[str]) -> tuple[str | NamedCamera, ...]:
-        """Those that a robot with the arms of `sides` can have."""
-        return tuple(camera for camera in self.cameras if camera in sides or camera not in SIDES)
-
     def ruling(self) -> Rules:
         objects = tuple(sorted(self.objects.items()))
         given = (self.rules, self.contact, self.layout, self.clutter, objects, self.drive)

@@ -27,10 +27,6 @@ from pipeline.motion.recorded import (
 )
 from pipeline.poses import Floats
 
-STILL = 1e-3
-"""rad, or share of a gripper's opening; frames with smaller changes of the command count as
-still."""
-
 
 @dataclass(frozen=True, eq=False)
 class SurveyedEpisode:
@@ -38,7 +34,7 @@ class SurveyedEpisode:
 
     Its target moves from `start` (s) on `path` (N,2) m at `speeds` (N,) m/s until the meeting;
     `low` and `high` (A,) bound its actions. `visible` (T,) by camera is the unoccluded share of the
-    target's silhouette. `after_success` and `still` count frames.
+    target's silhouette.
     """
 
     file: Path
@@ -56,8 +52,6 @@ class SurveyedEpisode:
     high: Floats
     visible: dict[str, NDArray[np.float32]]
     last_visible: dict[str, NDArray[np.float32]]
-    after_success: int
-    still: int
 
     @property
     def level(self) -> tuple[str, int]:
@@ -73,7 +67,6 @@ def look(file: Path) -> SurveyedEpisode:
     with open_episode(file) as e:
         episode = e.read()
     motion, visible, log = motion_from_json(episode.motion), _visible(episode), episode.log
-    success, action = log.time_of("success"), log.action
     times = np.linspace(-motion.lead, motion.duration, 30)
     return SurveyedEpisode(
         file=file,
@@ -87,12 +80,10 @@ def look(file: Path) -> SurveyedEpisode:
         cameras=episode.cameras,
         path=motion.pose(times)[:, :2],
         speeds=np.linalg.norm(motion.twist(times)[:, :3], axis=1),
-        low=action.min(0),
-        high=action.max(0),
+        low=log.action.min(0),
+        high=log.action.max(0),
         visible=visible,
         last_visible={camera: before_meeting(log, shares) for camera, shares in visible.items()},
-        after_success=0 if success is None else int((log.times > success + 1e-6).sum()),
-        still=int((np.abs(np.diff(action[:-1], axis=0)).max(-1, initial=0.0) < STILL).sum()),
     )
 
 
@@ -143,16 +134,6 @@ def visibility(seen: Sequence[SurveyedEpisode], names: Mapping[str, str]) -> str
         " episodes that `view: unoccluded` rejects (%)"
     )
     return VISIBILITY + table(head, rows) if rows else ""
-
-
-def idle(seen: Sequence[SurveyedEpisode]) -> str:
-    frames = sum(one.frames for one in seen)
-    after = 100 * sum(one.after_success for one in seen) / frames
-    still = 100 * sum(one.still for one in seen) / frames
-    return (
-        f"{after:.1f} % of the frames come after the success; `--after-success` of the LeRobot"
-        f" export leaves them out. In {still:.1f} % no command changes by more than 1 mrad.\n\n"
-    )
 
 
 def camera_names(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Mapping[str, str]:

@@ -16,7 +16,7 @@ from pipeline.report.film_strip import clip, contact_sheet, encode
 
 from .loading import loading_section
 from .plots import plots
-from .survey import SurveyedEpisode, by_cell, camera_names, cameras, idle, look, visibility
+from .survey import SurveyedEpisode, by_cell, camera_names, cameras, look, visibility
 from .words import citation, is_failures, kind_of, limits, title, uses
 
 SHEET_ROWS, CLIPS, CELLS = 8, 4, 40
@@ -50,7 +50,7 @@ def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping
         shown = visibility(seen, camera_names(seen, summary))
         sections = {
             "Intended use": f"For:\n\n{intended}\nNot for:\n\n{unintended}",
-            "What is in it": held + _cells(dataset, seen) + _speeds(seen) + idle(seen),
+            "What is in it": held + _cells(dataset, seen) + _speeds(seen),
             "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", *films]),
             "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
             "Cameras": cameras(seen, summary) + shown,

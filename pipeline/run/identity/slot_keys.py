@@ -48,7 +48,7 @@ class RecipeKeys:
         if self._recipe.view == "unoccluded":
             acting["view"] = digest([code.drawing_code(root), parts.looks])
         looks = parts.looks
-        if files := self._objects(cell.task, randomized):
+        if self._recipe.objects and (files := self._objects(cell.task, randomized)):
             looks = digest([looks, files["looks"]])
             acting["files"] = files["physics"]
         physics = Key(own | parts.physics | acting)
@@ -62,8 +62,6 @@ class RecipeKeys:
 
     def _objects(self, task: str, randomized: bool) -> dict[str, str]:
         """Contents of the objects from files for a task; may be empty."""
-        if not self._recipe.objects:
-            return {}
         if (task, randomized) not in self._placed:
             rules = Rules(objects=tuple(sorted(self._recipe.objects.items())))
             self._placed[task, randomized] = code.object_contents(task, randomized, rules)

@@ -19,11 +19,6 @@ from pipeline.data.slots.records import SlotRecord, pack_keys
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 
-FEATURES = ("fps ", "camera ", "cameras ", "size ", "corrections ")
-"""Keys of a recipe that decide which columns and images a LeRobot export has."""
-
-EXPORTS = "; their LeRobot exports can be joined by `lerobot-edit-dataset` (docs/lerobot.md)"
-
 SHARED = (("physics", "core"), ("render", "renderer"), ("render", "shaders"))
 """Parts of the keys that are the same for every slot of one version of the code."""
 
@@ -92,11 +87,9 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
     first = recipes[0]
     for source, other in zip(sources[1:], recipes[1:], strict=True):
         if changed := differences(first, other):
-            # of the same frames and cameras, LeRobot exports fit together nevertheless
-            fit = not any(line.startswith(FEATURES) for line in changed)
             raise DatasetError(
                 f"{sources[0].root} and {source.root} are of different recipes:"
-                f" {'; '.join(changed)}{EXPORTS if fit else ''}"
+                f" {'; '.join(changed)}"
             )
     if all(other == first for other in recipes):
         return first

@@ -169,7 +169,8 @@ def _from_nothing(
     rows = list[dict[str, Any]]()
     demonstrator = demonstrator_of(recipe)
     remove(dataset.episode(slot))
-    remove_failures(dataset, slot)
+    if recipe.keep_failures != "none":
+        remove_failures(dataset, slot)
     for number in range(recipe.attempts):
         spec, began = recipe.spec(slot, number), time.perf_counter()
         row: dict[str, Any] = asdict(slot.cell)

@@ -172,6 +172,12 @@ def root_link(arm: Arm) -> str:
     return _roots(arm)[0]
 
 
+def arm_limits(arm: Arm) -> np.ndarray:
+    """Limits of the arm joints, (dof, 2) rad."""
+    by_name = {joint.name: joint for joint in arm.joints}
+    return np.array([(by_name[n].lower, by_name[n].upper) for n in arm.arm_joints])
+
+
 class RobotError(DominoError):
     """A robot whose spec is not sound."""
 
