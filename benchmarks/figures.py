@@ -8,9 +8,11 @@ python -m benchmarks.figures decide docs/decide.webp
 python -m benchmarks.figures pair docs/pair.webp
 python -m benchmarks.figures domino docs/domino.webp
 python -m benchmarks.figures variants EPISODE.hdf5 docs/variants.jpg
+python -m benchmarks.figures effects ROWS.jsonl docs/event_effects.png
 """
 
 import argparse
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from PIL import Image
 
+from benchmarks.ladder import effect, effect_groups
 from pipeline.data.cameras import View
 from pipeline.data.episode.events import EventSpec
 from pipeline.data.episode.file import Episode, open_episode
@@ -361,7 +364,32 @@ def benchmark_case(task: str) -> Case:
     return read_benchmark("domino-v1").cases([cell], 1)[cell][0]
 
 
+def effects(rows: Path, out: Path) -> None:
+    """Paired effects of events, by rows of benchmarks.ladder: a panel a kind, a point a policy."""
+    groups = effect_groups([json.loads(line) for line in rows.read_text().splitlines()])
+    kinds, policies = (list(dict.fromkeys(key[i] for key in groups)) for i in (0, 1))
+    figure, axes = plt.subplots(
+        1, len(kinds), figsize=(1.5 * len(kinds) + 1.5, 0.3 * len(policies) + 1.2), sharey=True
+    )
+    for kind, axis in zip(kinds, np.atleast_1d(axes), strict=True):
+        for place, policy in enumerate(policies):
+            if own := groups.get((kind, policy)):
+                mean, low, high = effect(own)
+                axis.plot([low, high], [place, place], color="#9ca3af", lw=2)
+                axis.plot(mean, place, "o", color="#b91c1c" if high < 0 else "#1f2937", ms=5)
+        axis.axvline(0, color="#d1d5db", lw=1, zorder=0)
+        axis.set(title=kind, xlim=(-105, 30), xticks=(-100, -50, 0))
+        axis.spines[["top", "right", "left"]].set_visible(False)
+        axis.tick_params(left=False)
+    np.atleast_1d(axes)[0].set_yticks(range(len(policies)), policies)
+    np.atleast_1d(axes)[0].invert_yaxis()
+    figure.supxlabel("effect of the event on the success rate, points (95 %)", fontsize=9)
+    figure.tight_layout()
+    figure.savefig(out, dpi=120)
+
+
 FIGURES = {
+    "effects": effects,
     "robots": robots,
     "hero": hero,
     "stages": stages,

@@ -115,18 +115,25 @@ def cross(
     return "\n".join(lines)
 
 
-def effects(rows: Sequence[Row]) -> str:
-    """Markdown: paired effects of events (points, with 95 % intervals) where they happened."""
+def effect_groups(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Rows in which an event happened, by its kind and the name of the policy."""
     names = {text: name for name, text in EFFECTS.items()}
     groups = defaultdict[tuple[str, str], list[Row]](list)
-    for row in rows:
-        if row["event"] and row["happened"] != "none":
-            groups[row["event"].partition("@")[0], row["policy"]].append(row)
-    policies = sorted({p for _, p in groups}, key=lambda p: (p not in names, [*names, p].index(p)))
-    head = ["event", *(names.get(policy, policy) for policy in policies)]
-    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(policies)]
-    for kind in dict.fromkeys(kind for kind, _ in groups):
-        cells = [effect_text(groups[kind, policy]) for policy in policies]
+    for text in dict.fromkeys([*names, *(row["policy"] for row in rows)]):
+        for row in rows:
+            if row["policy"] == text and row["event"] and row["happened"] != "none":
+                kind = row["event"].partition("@")[0]
+                groups[kind, names.get(text, text.rpartition("/")[2])].append(row)
+    return groups
+
+
+def effects(rows: Sequence[Row]) -> str:
+    """Markdown: paired effects of events (points, with 95 % intervals) where they happened."""
+    groups = effect_groups(rows)
+    kinds, policies = (list(dict.fromkeys(key[i] for key in groups)) for i in (0, 1))
+    lines = ["| event | " + " | ".join(policies) + " |", "|---|" + "---:|" * len(policies)]
+    for kind in kinds:
+        cells = [effect_text(groups.get((kind, policy), [])) for policy in policies]
         lines.append(f"| `{kind}` | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

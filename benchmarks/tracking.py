@@ -1,5 +1,5 @@
 """A replayed plan beside a hand that tracks, on insertion into a moving pot: `python -m
-benchmarks.tracking [--layouts 8]`.
+benchmarks.tracking [--task put_can_pot] [--layouts 8]`.
 
 Of layouts that have a dry run and a motion, how many succeed. "Replayed" plays the plan for the
 still scene; "planned track" moves the hand with the known motion; "reactive track" with what is
@@ -29,7 +29,7 @@ from pipeline.stages.replay import commands, finish, react
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.world.robots import MODELS
 
-TASK, DELAY, OFF = "put_can_pot", 0.1, 0.005
+DELAY, OFF = 0.1, 0.005
 WAYS = ("replayed", "planned track", "reactive track")
 
 
@@ -73,19 +73,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--task", default="put_can_pot", help="one whose script tracks")
+    parser.add_argument("--robots", default=",".join(MODELS))
     parser.add_argument("--layouts", type=int, default=8)
     args = parser.parse_args()
-    print(f"{TASK}, alpha 0.1 m/s, levels 1 to 3 in turn; {hardware()}\n")
+    print(f"{args.task}, alpha 0.1 m/s, levels 1 to 3 in turn; {hardware()}\n")
     print(
         "| robot | "
         + " | ".join(f"{way}{errors}" for errors in ("", ", 100 ms and 5 mm") for way in WAYS)
         + " |"
     )
     print("|---|" + "---:|" * 6)
-    for robot in MODELS:
+    for robot in args.robots.split(","):
         won, tried = Counter[tuple[bool, str]](), 0
         for seed in tqdm(range(4 * args.layouts), desc=robot):
-            scene = build_scene(EpisodeSpec(TASK, robot, 1 + seed % 3, 0.1, "clean", 0, 700 + seed))
+            scene = build_scene(
+                EpisodeSpec(args.task, robot, 1 + seed % 3, 0.1, "clean", 0, 700 + seed)
+            )
             try:
                 dry, motion, _ = draw_motion(scene, Recipe())
             except Failure:
