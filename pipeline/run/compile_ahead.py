@@ -10,13 +10,12 @@ from sys import executable
 
 import numpy as np
 
-from pipeline.data.cameras import CAMERA_TYPES
+from pipeline.data.cameras import CAMERA_TYPES, Camera, look
 from pipeline.data.process.machine import usable_cores
 from pipeline.poses import IDENTITY
-from pipeline.world.drawing.edges import smoothed, through_lens
-from pipeline.world.drawing.shadows import Ground, soft
+from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.silhouettes import draw, solids_of, track_bodies
-from pipeline.world.drawing.surfaces import opened
+from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.shapes import Material, Mesh
 
 
@@ -47,16 +46,13 @@ def compile_drawing() -> None:
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
     parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]
-    opened(parts)
-    depths = np.ones((40, 40), np.float32)
-    soft(depths, Ground(depths, depths, 1.0, (slice(4, 36), slice(4, 36))))
-    image = np.zeros((16, 16, 4), np.uint8)
-    image[8:] = 255
-    out = np.empty((16, 16, 3), np.uint8)
-    smoothed(image, out)
-    through_lens(out, np.empty_like(out))
-    here, solids = IDENTITY[None], solids_of({"body": parts}, [])
-    track_bodies(solids, {"body": here}, ["body"], CAMERA_TYPES["L515"], here)
+    here = IDENTITY[None]
+    kind = CAMERA_TYPES["L515"]
+    camera = Camera("camera", kind, None, look((0.0, -0.5, 1.3), (0.0, 0.6, -0.6)))
+    with Renderer({"body": parts}, [], [camera], CLEAN) as drawing:
+        drawing.render({"body": here})
+    solids = solids_of({"body": parts}, [])
+    track_bodies(solids, {"body": here}, ["body"], kind, here)
 
 
 if __name__ == "__main__":

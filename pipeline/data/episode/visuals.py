@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 Triple = tuple[float, float, float]
 
-FIRST_LOOK, SECOND_LOOK, LOOK = 1, 2, 3
+FIRST_LOOK, SECOND_LOOK, THIRD_LOOK, LOOK = 1, 2, 3, 4
 """How images are computed. `Visuals` without a number were stored before soft shadows; those of the
-second look before poses were rounded."""
+second look before poses were rounded, and those of the third before our own rasteriser."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 draw call costs the software rasteriser about 20 us whatever it draws."""
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.visuals import Visuals
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Pose
 from pipeline.world.shapes import Material, Mesh, Parts, linear, merge
 
+from .masks import Depths, Masks
 from .shadows import (
+    CASTER_CELL,
     SHADOW_CENTRE,
     SHADOW_DEPTH,
     SHADOW_HALF_SIZE,
     SHADOW_MAP,
+    caster,
     look_of,
 )
 
@@ -39,6 +42,11 @@ class Preset:
     def stock(self) -> bool:
         """Whether SAPIEN's own shaders draw: they divide light by pi and expect linear colours."""
         return self.shader == "rt"
+
+    @property
+    def software(self) -> bool:
+        """Whether our own rasteriser can draw it."""
+        return self.samples == 1 and not self.stock
 
 
 PRESETS: dict[str, Preset] = {
@@ -225,6 +233,76 @@ class DrawnScene:
     def _pose(self, pose: ArrayLike) -> Any:
         p = np.asarray(pose, float)
         return self._sapien.Pose(p[:3], p[3:])
+
+
+class EngineCasters:
+    """The sun's view of bodies, and the two `textures` that our shaders look shadows up in."""
+
+    def __init__(
+        self,
+        sapien: Any,
+        visuals: Visuals,
+        bodies: tuple[Mapping[str, Parts], Parts],
+        depths: Depths,
+        masks: Masks,
+    ) -> None:
+        self._sapien, render = sapien, sapien.render
+        self._scene: Any = sapien.Scene([render.RenderSystem()])
+        self._scene.add_directional_light(visuals.sun_direction, [1.0, 1.0, 1.0])
+        moving, fixed = bodies
+        self._bodies = {name: self._add(parts) for name, parts in moving.items() if parts}
+        self._fixed = [self._add(fixed)[1]] if fixed else []
+        # a setting of the whole process; a camera of several samples per pixel has no depth to read
+        render.set_msaa(1)
+        self._camera: Any = render.RenderCameraComponent(
+            SHADOW_MAP, SHADOW_MAP, str(SHADERS / "shadow_map")
+        )
+        entity = sapien.Entity()
+        entity.add_component(self._camera)
+        entity.add_to_scene(self._scene)
+        self._depths: Any = render.RenderTexture(depths, 2, "R32Sfloat", 1, "nearest", "edge")
+        kind = {2: "R8G8Unorm", 4: "R8G8B8A8Unorm"}[masks.shape[2]]
+        self._masks: Any = render.RenderTexture(masks, 2, kind, 1, "linear", "edge")
+        self.textures = {"ShadowMap": self._depths, "ShadowMasks": self._masks}
+
+    def place(self, name: str, pose: Pose) -> None:
+        """Set the world pose (7,) of a body."""
+        self._bodies[name][0].set_pose(self._sapien.Pose(pose[:3], pose[3:]))
+
+    def show(self, names: Set[str], fixed: bool) -> None:
+        """Hide all other bodies."""
+        for component in self._fixed:
+            component.visibility = float(fixed)
+        for name, (_, component) in self._bodies.items():
+            component.visibility = float(name in names)
+
+    def take(self, behind: Depths) -> Depths:
+        """Depths of what is shown, or those behind where they are less."""
+        self._scene.update_render()
+        self._camera.take_picture()
+        return np.minimum(self._camera.get_picture("GbufferDepth"), behind)
+
+    def upload(self, depths: Depths, masks: Masks) -> None:
+        """Look shadows up in these."""
+        self._depths.upload(depths[..., None])
+        self._masks.upload(masks)
+
+    def close(self) -> None:
+        """Free the device memory."""
+        self._bodies.clear()
+        self._fixed.clear()
+        self._scene.clear()
+
+    def _add(self, parts: Parts) -> tuple[Any, Any]:
+        render = self._sapien.render
+        mesh = caster(parts, CASTER_CELL)
+        body = render.RenderBodyComponent()
+        shape = mesh.vertices, mesh.triangles, mesh.normals, mesh.uvs, render.RenderMaterial()
+        body.attach(render.RenderShapeTriangleMesh(*shape))
+        entity = self._sapien.Entity()
+        entity.add_component(body)
+        entity.add_to_scene(self._scene)
+        return entity, body
 
 
 def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:

@@ -20,6 +20,7 @@ from .engine import (
     PRESETS,
     Drawn,
     DrawnScene,
+    EngineCasters,
     bounds,
     component,
     millimetres,
@@ -27,9 +28,11 @@ from .engine import (
 from .masks import Depths
 from .room import shell, table_legs, table_light, table_top
 from .seen import Seen
-from .shadows import NOTHING, ShadowMap, look_of
+from .shadows import CASTER_CELL, NOTHING, ShadowMap, caster, look_of, sun_map
+from .software.casters import SoftwareCasters
+from .software.scene import Bodies, Picture, Planes, lamps_of
 from .surfaces import TABLE, channel, prepared
-from .vulkan import ensure_renderer
+from .vulkan import ensure_renderer, has_gpu
 
 MAX_BODIES = 255
 FURNITURE = "the furniture"  # no name of a body: those have no spaces
@@ -62,9 +65,6 @@ class Renderer:
         for camera in cameras:
             if camera.link is not None and camera.link not in visual_bodies:
                 raise KeyError(f"camera {camera.name!r} is mounted on {camera.link!r}, no body")
-        self.device = ensure_renderer()
-        import sapien  # after the driver is chosen
-
         self._preset = PRESETS[preset]
         self.cameras = tuple(cameras)
         self._names = tuple(visual_bodies)
@@ -83,19 +83,33 @@ class Renderer:
         stock = self._preset.stock
         self._edges = look.edges and self._preset.edges
         shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
+        self._shadows: ShadowMap[Any] | None = None
+        self._scenes: Sequence[DrawnScene | Picture]
+        casters = ({}, ())
+        if self._preset.shadow:
+            casters = self._moving, [*planes[TABLE], *solid[FURNITURE]]
+        if look.software and self._preset.software and not has_gpu():
+            meshes = {name: caster(parts, CASTER_CELL) for name, parts in casters[0].items()}
+            still = caster(casters[1], CASTER_CELL) if casters[1] else None
+            of_sun = partial(SoftwareCasters, meshes, still, sun_map(self._sun))
+            self._shadows = shadows = ShadowMap(visuals, casters[0], of_sun)
+            lights, drawn = lamps_of(visuals, scattered), Bodies(shown, numbers)
+            kinds = {camera.type: Planes(planes, camera.type) for camera in cameras}
+            self._scenes = [Picture(c.type, drawn, kinds[c.type], lights, shadows) for c in cameras]
+            return
+        ensure_renderer()
+        import sapien  # after the driver is chosen
+
         bodies = {
             name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND))
             for name, parts in shown.items()
         }
-        self._shadows: ShadowMap | None = None
         if stock:
             room = {name: Drawn(component(sapien, parts, stock)) for name, parts in planes.items()}
             self._scenes = [DrawnScene(sapien, bodies | room, visuals, self._preset, scattered)]
             return
-        casters = ({}, ())
-        if self._preset.shadow:
-            casters = self._moving, [*planes[TABLE], *solid[FURNITURE]]
-        self._shadows = ShadowMap(sapien, visuals, *casters)
+        of_engine = partial(EngineCasters, sapien, visuals, casters)
+        self._shadows = ShadowMap(visuals, casters[0], of_engine)
         rooms = {
             kind: {
                 name: Drawn(
@@ -107,7 +121,7 @@ class Renderer:
             }
             for kind in dict.fromkeys(camera.type for camera in cameras)
         }
-        textures = self._shadows.textures
+        textures = self._shadows.casters.textures
         self._scenes = [
             DrawnScene(sapien, bodies | rooms[c.type], visuals, self._preset, scattered, textures)
             for c in cameras
@@ -123,7 +137,7 @@ class Renderer:
         """Free the device memory."""
         for scene in self._scenes:
             scene.close()
-        self._scenes.clear()
+        self._scenes = ()
         if self._shadows is not None:
             self._shadows.close()
         self._shadows = None
@@ -238,7 +252,7 @@ class Renderer:
         return compose(poses[camera.link], mount)
 
     def _take(
-        self, scene: DrawnScene, view: View, at: Floats, poses: Mapping[str, Floats]
+        self, scene: DrawnScene | Picture, view: View, at: Floats, poses: Mapping[str, Floats]
     ) -> tuple[Any, Any]:
         """Start drawing a frame from `at` (7,); returns the components that hold the images."""
         for name, pose in poses.items():

@@ -1,16 +1,15 @@
-"""The sun's shadows as two textures that all cameras share: depths drawn once per frame, and the
-resulting light on table and floor."""
+"""The sun's shadows, which all cameras share: depths drawn once per frame, and the resulting light
+on table and floor."""
 
 from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, SECOND_LOOK, Visuals
-from pipeline.poses import Floats
+from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, SECOND_LOOK, THIRD_LOOK, Visuals
+from pipeline.poses import Floats, Pose
 from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
 from pipeline.world.shapes import Mesh, Parts, merge
 
@@ -35,7 +34,7 @@ from .surfaces import embossed, opened
 @dataclass(frozen=True)
 class Look:
     """A way to compute images: shader suffix, planes' shadow masks, smoothing allowed, rounding of
-    poses (m, 0: none)."""
+    poses (m, 0: none), and whether our own rasteriser draws if there is no GPU."""
 
     shaders: str
     masks: Callable[[Depths, Ground, Masks | None, Area], Masks]
@@ -43,6 +42,7 @@ class Look:
     surface: Callable[[Parts, ArrayLike], Parts]
     edges: bool
     step: float = 0.0
+    software: bool = False
 
     def rounded(self, poses: Floats) -> Floats:
         """Poses (...,7) as they are drawn."""
@@ -53,7 +53,8 @@ LOOKS = {
     FIRST_LOOK: Look("_first", hard, lambda parts: parts, lambda parts, _: parts, edges=False),
     SECOND_LOOK: Look("", soft, opened, embossed, edges=True),
     # an arm at rest trembles by 1e-9 m; a hundredth of a pixel is 1e-5 m at least
-    LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17),
+    THIRD_LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17),
+    LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17, software=True),
 }
 
 
@@ -64,7 +65,6 @@ def look_of(number: int) -> Look:
     return LOOKS[number]
 
 
-SHADER = Path(__file__).parent / "shaders" / "shadow_map"
 # m; this and the next three are in shaders/common/sun.glsl too
 SHADOW_CENTRE = (0.0, 0.0, TABLE_TOP)
 SHADOW_HALF_SIZE = 0.85  # m, across the light
@@ -80,39 +80,37 @@ NOTHING: Blocks = np.zeros((3, SHADOW_MAP // BLOCK, SHADOW_MAP // BLOCK), np.boo
 NOTHING.setflags(write=False)
 
 
-class ShadowMap:
-    """Two `textures` that `draw` updates: depth along the light, 0-1, of every body's far side;
-    share of light on table and floor.
+class Casters(Protocol):
+    """Draws bodies as the sun sees them: each one's far side, for a lit surface not to shade
+    itself."""
 
-    Poses are rounded to POSE_STEP; bodies still for SAME_STILL frames are drawn once.
+    def place(self, name: str, pose: Pose) -> None: ...
+    def show(self, names: Set[str], fixed: bool) -> None: ...
+    def take(self, behind: Depths) -> Depths: ...
+    def upload(self, depths: Depths, masks: Masks) -> None: ...
+    def close(self) -> None: ...
+
+
+class ShadowMap[C: Casters]:
+    """Depths along the light, 0-1, and share of light on table and floor, which `draw` updates.
+
+    `make` is given both; `changed` is what the last `draw` returned. Poses are rounded to
+    POSE_STEP; bodies still for SAME_STILL frames are drawn once.
     """
 
     def __init__(
-        self, sapien: Any, visuals: Visuals, moving: Mapping[str, Parts], fixed: Parts
+        self, visuals: Visuals, bodies: Iterable[str], make: Callable[[Depths, Masks], C]
     ) -> None:
-        self._sapien = sapien
-        render = sapien.render
-        self._scene: Any = sapien.Scene([render.RenderSystem()])
-        self._scene.add_directional_light(visuals.sun_direction, [1.0, 1.0, 1.0])
-        self._bodies = {name: self._add(parts) for name, parts in moving.items() if parts}
-        self._fixed = [self._add(fixed)[1]] if fixed else []
-        # a setting of the whole process; a camera of several samples per pixel has no depth to read
-        render.set_msaa(1)
-        self._camera: Any = render.RenderCameraComponent(SHADOW_MAP, SHADOW_MAP, str(SHADER))
-        entity = sapien.Entity()
-        entity.add_component(self._camera)
-        entity.add_to_scene(self._scene)
         table, floor = (plane_depths(height, visuals.sun_direction) for height in (TABLE_TOP, 0.0))
         self._ground = Ground(table, floor, 2 * SHADOW_DEPTH, table_window(visuals.sun_direction))
         self._masks_of = look_of(visuals.look).masks
+        self._bodies = frozenset(bodies)
         self._poses: dict[str, Floats] = {}
         self._movers: list[frozenset[str]] = []
         self._still = self._now = far = np.ones((SHADOW_MAP, SHADOW_MAP), np.float32)
-        self._depths: Any = render.RenderTexture(far, 2, "R32Sfloat", 1, "nearest", "edge")
-        self._lit = lit = self._masks_of(far, self._ground, None, ALL)
-        kind = {2: "R8G8Unorm", 4: "R8G8B8A8Unorm"}[lit.shape[2]]
-        self._masks: Any = render.RenderTexture(lit, 2, kind, 1, "linear", "edge")
-        self.textures = {"ShadowMap": self._depths, "ShadowMasks": self._masks}
+        self._lit = self._masks_of(far, self._ground, None, ALL)
+        self.casters = make(far, self._lit)
+        self.changed = NOTHING
 
     def follow(self, poses: Mapping[str, Floats]) -> None:
         """Take the moving bodies' poses (F,7)."""
@@ -125,20 +123,24 @@ class ShadowMap:
         ]
 
     def draw(self, k: int) -> Blocks:
-        """Update the textures to frame `k`, in order from 0. Returns blocks (3,M,M) in which light
-        on table, on floor, and depths changed."""
+        """Update to frame `k`, in order from 0. Returns blocks (3,M,M) in which light on table, on
+        floor, and depths changed."""
+        self.changed = self._draw(k)
+        return self.changed
+
+    def _draw(self, k: int) -> Blocks:
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
-            self._place(self._bodies.keys() - movers, k)
-            self._show(self._bodies.keys() - movers, fixed=True)
-            self._still = self._take().copy()
-            self._show(movers, fixed=False)
+            self._place(self._bodies - movers, k)
+            self.casters.show(self._bodies - movers, fixed=True)
+            self._still = self.casters.take(np.ones_like(self._now))
+            self.casters.show(movers, fixed=False)
         elif not movers:
             return NOTHING
         depths = self._still
         if movers:
             self._place(movers, k)
-            depths = np.minimum(self._take(), self._still)
+            depths = self.casters.take(self._still)
         different = depths != self._now
         rows, columns = (np.flatnonzero(different.any(axis)) for axis in (1, 0))
         if not len(rows):
@@ -150,42 +152,16 @@ class ShadowMap:
         corner = touched[0].start, touched[1].start
         compare(different, before, self._lit, corner, changed := NOTHING.copy())
         self._now = depths
-        self._depths.upload(depths[..., None])
-        self._masks.upload(self._lit)
+        self.casters.upload(depths, self._lit)
         return changed
 
     def close(self) -> None:
         """Free the device memory."""
-        self._bodies.clear()
-        self._fixed.clear()
-        self._scene.clear()
+        self.casters.close()
 
     def _place(self, names: Iterable[str], k: int) -> None:
         for name in names:
-            pose = self._poses[name][k]
-            self._bodies[name][0].set_pose(self._sapien.Pose(pose[:3], pose[3:]))
-
-    def _show(self, names: Set[str], fixed: bool) -> None:
-        for component in self._fixed:
-            component.visibility = float(fixed)
-        for name, (_, component) in self._bodies.items():
-            component.visibility = float(name in names)
-
-    def _take(self) -> NDArray[np.float32]:
-        self._scene.update_render()
-        self._camera.take_picture()
-        return self._camera.get_picture("GbufferDepth")
-
-    def _add(self, parts: Parts) -> tuple[Any, Any]:
-        render = self._sapien.render
-        mesh = caster(parts, CASTER_CELL)
-        body = render.RenderBodyComponent()
-        shape = mesh.vertices, mesh.triangles, mesh.normals, mesh.uvs, render.RenderMaterial()
-        body.attach(render.RenderShapeTriangleMesh(*shape))
-        entity = self._sapien.Entity()
-        entity.add_component(body)
-        entity.add_to_scene(self._scene)
-        return entity, body
+            self.casters.place(name, self._poses[name][k])
 
 
 def caster(parts: Parts, cell: float) -> Mesh:
@@ -202,6 +178,15 @@ def caster(parts: Parts, cell: float) -> Mesh:
     triangles = triangles[(a != b) & (b != c) & (c != a)].astype(np.uint32)
     means = means.astype(np.float32)
     return Mesh(means, triangles, np.zeros_like(means), np.zeros((len(means), 2), np.float32))
+
+
+def sun_map(direction: ArrayLike) -> Floats:
+    """What takes world places to the map's column, row and depth, (3,4)."""
+    texels = 0.5 * SHADOW_MAP / SHADOW_HALF_SIZE
+    # the map is mirrored in x
+    turn = sun_axes(direction) * np.array([[-texels], [texels], [0.5 / SHADOW_DEPTH]])
+    middle = np.array([SHADOW_MAP / 2, SHADOW_MAP / 2, 0.5])
+    return np.column_stack([turn, middle - turn @ SHADOW_CENTRE])
 
 
 def sun_axes(direction: ArrayLike) -> Floats:

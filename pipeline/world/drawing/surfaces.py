@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
-from pipeline.world.shapes import Mesh, Parts, merge, quads
+from pipeline.world.shapes import Material, Mesh, Parts, merge, quads
 
 CELLS = 44  # along the longest side of a body
 CELL = (0.0015, 0.012)  # m, smallest and largest
@@ -165,15 +165,22 @@ def embossed(parts: Parts, direction: ArrayLike) -> Parts:
 
 def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
     """A plane's parts as grids, with textures no finer than such a camera sees."""
-    cell, distance = (TABLE_CELL, TABLE_DISTANCE) if name == TABLE else (ROOM_CELL, ROOM_DISTANCE)
+    cell = TABLE_CELL if name == TABLE else ROOM_CELL
+    return [
+        (grid(mesh, cell), replace(material, texture=plane_texture(name, mesh, material, kind)))
+        for mesh, material in parts
+    ]
+
+
+def plane_texture(
+    name: str, mesh: Mesh, material: Material, kind: CameraType
+) -> NDArray[np.uint8] | None:
+    """A plane's texture, no finer than such a camera sees."""
+    if (image := material.texture) is None:
+        return None
+    distance = TABLE_DISTANCE if name == TABLE else ROOM_DISTANCE
     pixel = distance * 2 * np.tan(np.radians(kind.fovy) / 2) / kind.height
-    out = []
-    for mesh, material in parts:
-        if (image := material.texture) is not None:
-            small = halved(image, texture_level(mesh, image, pixel))
-            material = replace(material, texture=small)
-        out.append((grid(mesh, cell), material))
-    return out
+    return halved(image, texture_level(mesh, image, pixel))
 
 
 def grid(mesh: Mesh, cell: float) -> Mesh:

@@ -30,6 +30,13 @@ class NoRenderer(DominoError):
 
 
 @cache
+def has_gpu() -> bool:
+    """Whether the driver that `ensure_renderer` chooses draws on a GPU."""
+    chosen = os.environ.get("VK_ICD_FILENAMES") or os.environ.get("VK_DRIVER_FILES")
+    return "lvp" not in chosen if chosen else _gpu_works()
+
+
+@cache
 def ensure_renderer() -> str:
     """Choose a driver before `sapien.render` is used; returns the device's name.
 

@@ -1,0 +1,70 @@
+"""Which pixels must be shaded again, and where shadows need no look-up."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .light import NEAREST
+from .raster import Floats32, Frame, Ids
+
+
+class Stale(NamedTuple):
+    """What must be shaded again: everything, or pixels that show another surface than `before`,
+    bodies that `moved`, and what is lit from blocks of the maps that `changed` (3,B)."""
+
+    everything: bool
+    before: Ids
+    moved: NDArray[np.bool_]
+    changed: NDArray[np.bool_]
+
+
+@njit(cache=True, error_model="numpy")
+def sort_stale(
+    frame: Frame,
+    stale: Stale,
+    blocks: NDArray[np.uint16],
+    body: NDArray[np.uint16],
+    planes: Floats32,
+    out: Ids,
+) -> NDArray[np.int64]:
+    """Pixels to be shaded into `out` (2+Q,H*W), by what they show: nothing, bodies, each plane.
+    Their numbers (2+Q,)."""
+    ids, before, every = frame.ids, stale.before, stale.everything
+    counts = np.zeros(len(planes) + 2, np.int64)
+    channels = np.full(len(planes) + 2, -1, np.int64)
+    channels[1] = 2
+    for k in range(len(planes)):
+        if planes[k, 16] < 2:
+            channels[k + 2] = int(planes[k, 16])
+    for p in range(len(ids)):
+        t = ids[p]
+        group = 1 if t >= 0 else -t if t < -1 else 0
+        shaded = not every and t == before[p] and (t < 0 or not stale.moved[body[t]])
+        if shaded and (channels[group] < 0 or not stale.changed[channels[group], blocks[p]]):
+            continue
+        out[group, counts[group]] = p
+        counts[group] += 1
+    return counts
+
+
+@njit(cache=True, error_model="numpy")
+def surrounding(depths: Floats32, least: Floats32, most: Floats32) -> None:
+    """Least and most depth in each 4 x 4 texels and those around them."""
+    n = least.shape[0]
+    lows, highs = np.empty((n, n), np.float32), np.empty((n, n), np.float32)
+    for y in range(n):
+        for x in range(n):
+            low = high = depths[NEAREST * y, NEAREST * x]
+            for i in range(NEAREST * y, NEAREST * (y + 1)):
+                for j in range(NEAREST * x, NEAREST * (x + 1)):
+                    low, high = min(low, depths[i, j]), max(high, depths[i, j])
+            lows[y, x], highs[y, x] = low, high
+    for y in range(n):
+        for x in range(n):
+            low, high = lows[y, x], highs[y, x]
+            for i in range(max(y - 1, 0), min(y + 2, n)):
+                for j in range(max(x - 1, 0), min(x + 2, n)):
+                    low, high = min(low, lows[i, j]), max(high, highs[i, j])
+            least[y, x], most[y, x] = low, high
