@@ -56,8 +56,10 @@ class ReactiveActor(Actor):
     def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
         """Begin to look at the target in its `workspace`; `rng` draws the errors of sight."""
         self.sight, self.workspace, self._sight_rng = sight, workspace, rng
-        box = self.bodies[self.simulation.target].instance.shape().aabb()
-        self.track, self.believed = TargetFilter(sight.noise, box.mean(axis=0)), dict[str, Pose]()
+        shape = self.bodies[self.simulation.target].instance.shape()
+        ball = all(piece.kind == "sphere" for piece in shape.collision)
+        self.track = TargetFilter(sight.noise, shape.aabb().mean(axis=0), ball=ball)
+        self.believed = dict[str, Pose]()
         self._late = list[tuple[float, Pose]]()
         self._look()
 

@@ -25,16 +25,19 @@ ROLLING = 1.5  # rad/s about a level axis, from which a target rolls: no hand tu
 
 class TargetFilter:
     """A target's motion as seen so far. `noise` (m) is per coordinate; `surprise` (m) the last
-    error of prediction. The point `centre` (3,) of the body moves evenly.
+    error of prediction. The point `centre` (3,) of the body moves evenly. A `ball` is predicted
+    upright, however it has rolled: hands take it as it stands.
     """
 
-    def __init__(self, noise: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(
+        self, noise: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0), *, ball: bool = False
+    ) -> None:
         self.noise, self._variance = noise, EXACT**2 + noise**2
         self._centre = np.asarray(centre, float)
         self.time, self.surprise = -np.inf, 0.0
         self._state, self._cov = np.zeros((2, 3)), np.zeros((3, 2, 2))
         self._seen = self._turned = np.array([1.0, 0.0, 0.0, 0.0])
-        self._rolls = False
+        self._rolls = ball
         self._axis, self._rate = np.array([0.0, 0.0, 1.0]), 0.0
 
     def see(self, time: float, pose: Pose) -> None:

@@ -62,3 +62,10 @@ def test_a_ball_that_rolls_is_expected_upright_where_its_centre_will_be():
         track.see(t, np.concatenate([origin, turned]))
     later = track.predict(1.0)
     assert later == pytest.approx(yawed((speed, 0.0, 0.77 - radius), 0.0), abs=2e-3)
+
+
+def test_a_ball_is_expected_upright_however_it_lies_when_it_is_first_seen():
+    track = TargetFilter(ball=True)
+    for n in range(3):
+        track.see(n * PERIOD, np.concatenate([[0, 0, 0.77], quat_about((1, 0, 0), 2.0 + 0.01 * n)]))
+    assert track.predict(1.0) == pytest.approx([0, 0, 0.77, 1, 0, 0, 0], abs=1e-6)
