@@ -16,7 +16,7 @@ from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import failing_as
-from pipeline.stages.replay import REACT, Reactive, Replay, finish
+from pipeline.stages.replay import REACT, ReactiveDemonstrator, Replay, finish
 from pipeline.stages.scene import Scene
 from pipeline.world.physics.simulation import Simulation
 from training.ladder.demonstrations import Demonstration, DemonstrationJob, fill
@@ -64,7 +64,7 @@ class ForesightedActor(ReactiveActor):
             self._future.further = 0.0
 
 
-class Foresighted(Reactive):
+class Foresighted(ReactiveDemonstrator):
     """This expert as the demonstrator of an attempt."""
 
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:

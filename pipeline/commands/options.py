@@ -84,8 +84,6 @@ Manifest = Annotated[
     option(
         "A recipe file (YAML), or the name of one that ships with the package; other options"
         " override its keys.",
-        "--manifest",
-        "--recipe",
         autocompletion=complete_recipe,
     ),
 ]
@@ -213,8 +211,7 @@ def _option(key: str, default: str | None) -> Any:
     if kind in (int, float):
         choices = one.get("enum", [0, 1])
         words |= {"min": one.get("minimum", min(choices)), "max": one.get("maximum", max(choices))}
-    names = (flag, "--preset") if key == "render" else (flag,)
-    return Annotated[kind | None, typer.Option(*names, **words)]
+    return Annotated[kind | None, typer.Option(flag, **words)]
 
 
 def _show_default(value: Any) -> str | bool:

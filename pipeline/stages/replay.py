@@ -47,7 +47,7 @@ class Demonstrator(Protocol):
         ...
 
 
-class Planned(Demonstrator):
+class PlannedDemonstrator(Demonstrator):
     """Knows where and when it meets the target."""
 
     def describe(self) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class Planned(Demonstrator):
 
 
 @dataclass(frozen=True)
-class Reactive(Demonstrator):
+class ReactiveDemonstrator(Demonstrator):
     """Sees the past of the target through its `sight`."""
 
     sight: Sight
@@ -71,7 +71,8 @@ class Reactive(Demonstrator):
 
 
 def expert_of(setup: Setup) -> Demonstrator:
-    return Planned() if setup.reactive is None else Reactive(setup.reactive)
+    seen = setup.reactive
+    return PlannedDemonstrator() if seen is None else ReactiveDemonstrator(seen)
 
 
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:

@@ -356,7 +356,7 @@ def test_lists_are_for_programs_to_read():
         (("--executor", "mars"), "--executor"),
         (("--workers", "0"), "--workers"),
         (("--manifest", "missing.yaml"), "missing.yaml"),
-        (("--recipe", "unknown.yaml"), "episdoes"),
+        (("--manifest", "unknown.yaml"), "episdoes"),
         (("--manifest", "broken.yaml"), "broken.yaml"),
     ],
 )

@@ -488,7 +488,7 @@ TOP = (
         (("--environment", "nowhere.hdr"), "cannot be read"),
         (("--sensors", "noise"), "noise=2"),
         (("--sensors", "motion_blur=80"), "66.7 ms"),
-        (("--preset", "lovely"), "lovely"),
+        (("--render", "lovely"), "lovely"),
         (("--pointcloud", "--cameras", "left"), "head"),
         (("--visuals", "dirty"), "dirty"),
         (("--variants", "3"), "--visuals randomized"),

@@ -24,10 +24,10 @@ from pipeline.stages.drawing.render import (
     keep_images,
     sensing_of,
     stored_appearance,
+    surface_images,
     visuals_of,
     with_setup,
 )
-from pipeline.stages.drawing.render import images_of as surfaces_of
 from pipeline.world.looks.materials import load_parts
 from pipeline.world.shapes import Parts
 
@@ -115,7 +115,7 @@ def _draw(
     sensing = sensing_of(spec, recipe.sensors, meta.fps, variant)
     appearance = with_setup(stored, recipe, look, log.sides, sensing)
     if not job.same_look:
-        appearance = replace(appearance, images=surfaces_of(look, recipe))
+        appearance = replace(appearance, images=surface_images(look, recipe))
     assets = meta.drawing.assets.items()
     kept = {name: key for name, key in assets if not name.startswith(SURFACE)}
     changed = {

@@ -84,7 +84,7 @@ def visuals_of(
     return lit_by(visuals, light_of(setup.environment)) if setup.environment else visuals
 
 
-def images_of(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
+def surface_images(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
     """The textures of visuals that the setup brings, by kind."""
     if not isinstance(setup.textures, Brought):
         return {}
@@ -109,7 +109,7 @@ def appearance_of(scene: "Scene", setup: Setup = DEFAULT) -> Appearance:
     cameras = setup_cameras(robot, setup)
     sensing = sensing_of(scene.spec, setup.sensors, setup.fps)
     visuals = visuals_of(scene.spec, setup, frozen=scene.looks)
-    images = images_of(visuals, setup)
+    images = surface_images(visuals, setup)
     looks = visuals, setup.render, sensing, images
     return Appearance(bodies, robot.furniture, cameras, *looks, scene.events)
 
