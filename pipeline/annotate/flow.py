@@ -19,16 +19,12 @@ NORMALISATIONS = ("per_map", "shared", "fixed")
 
 
 class _Thread(threading.local):
-    """A thread's depth in `bit_stable`, and its IPP setting."""
-
     depth = 0
     ipp = True
 
 
 @dataclass
 class _Process:
-    """Threads inside `bit_stable`, and the earlier settings."""
-
     inside: int = 0
     before: tuple[bool, int] = (True, 1)
     lock: threading.Lock = field(default_factory=threading.Lock)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.actions import JOINTS
 from pipeline.data.errors import DominoError
+from pipeline.poses import Floats
 
 from .actions import ActionError, Answers
 from .lines import line_of
@@ -90,7 +91,6 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
 
 
 def _answer_of(policy: Policy, start: Start) -> tuple[bytes, bytes]:
-    """Metadata, and the fixed question's answer, as bytes."""
     contracts.begin(policy, start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
     joints = np.zeros(len(start.state_names))
@@ -141,7 +141,7 @@ class AskedPolicy:
                 with _translated():
                     policy.see(trial, case)
 
-    def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
+    def answer(self, observation: Observation, length: int) -> Floats:
         """A chunk (H,A) of joint targets. Raises ActionError or NoAnswer."""
         answers, trial = self._answers, self._trial
         with self._in_time(), _translated():

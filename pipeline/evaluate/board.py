@@ -56,7 +56,6 @@ def board(rows: Sequence[Row]) -> Board:
 
 
 def _clock_order(clock: str) -> tuple[int, float, str]:
-    """Paused, then by latency (ms), then asynchronous."""
     kind, _, rest = clock.partition(":")
     number = re.search(r"\d+(\.\d+)?", rest)
     rank = {"sim": 0, "latency": 2, "async": 3}.get(kind, 1)

@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
@@ -22,6 +22,7 @@ from .episode import CONDITIONS, EpisodeJob, play
 from .lines import line_of
 from .scenes.benchmark_rows import RecordedBenchmark
 from .scenes.case import Case
+from .scenes.frozen import StrictModel
 from .scoring.results import TIMES
 from .scoring.summary import Row
 
@@ -33,11 +34,9 @@ LONGEST = 1 << 26  # bytes of an episode's commands, and physics steps that one 
 class BundleError(DominoError): ...
 
 
-class RecordedResult(BaseModel):
+class RecordedResult(StrictModel):
     """One evaluation of a bundle. `options` are those of the keys of its rows, `rows` and `scenes`
     hashes of its rows and of its cases. `made_by` names packages, Python and processor."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     code: str
     policy: str

@@ -37,7 +37,6 @@ def _send(connection: Connection, answer: bytes | tuple[str, int]) -> None:
 
 
 def _end_with_caller(descriptor: int) -> None:
-    """Once the other end is closed, whatever the policy does."""
     poll = select.poll()
     poll.register(descriptor, 0)
     poll.poll()

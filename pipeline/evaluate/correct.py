@@ -88,7 +88,6 @@ class Correction:
 
 
 def _ask_policy(recipe: Recipe) -> AskedPolicy:
-    """Raises PolicyError if it cannot be made or has changed."""
     corrections = recipe.corrections
     if corrections is None:
         raise PolicyError("the recipe names no policy to correct")
@@ -116,7 +115,6 @@ class _Turn:
         self._adviser: Adviser | None = None
 
     def take(self) -> list[Floats]:
-        """The expert's commands (A,) until its turn."""
         setup = _choose_setup(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()
@@ -162,7 +160,6 @@ class _Turn:
         return labels[:-1]
 
     def _ends(self, frames: int) -> bool:
-        """Raises Failure if it is too late."""
         self._refuse_contact("no_error" if self._recipe.takeover == "error" else "takeover_late")
         if self._actor.simulation.time >= self._last - 1e-9:
             return frames > 0

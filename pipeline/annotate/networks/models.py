@@ -1,11 +1,8 @@
 """Networks by short name, hub id or directory, identified by the hash of their files."""
 
 import contextlib
-import hashlib
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.annotate.stage_key import AnnotateError, digest
+from pipeline.data.keys import file_hash
 from pipeline.data.parsing import read_json
 
 _SAM, _DINO2 = ("tiny", "small", "base-plus", "large"), ("small", "base", "large", "giant")
@@ -51,7 +49,7 @@ def resolve(name: str, download: bool = True) -> ModelFiles:
     if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
         raise AnnotateError(f"{path} is no model directory: it needs config.json and *.safetensors")
     files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
-    return ModelFiles(name, str(path), digest([[f.name, _file_digest(f)] for f in files]))
+    return ModelFiles(name, str(path), digest([[f.name, file_hash(f.resolve())] for f in files]))
 
 
 def _from_hub(repo: str, download: bool) -> Path:
@@ -72,21 +70,6 @@ def _from_hub(repo: str, download: bool) -> Path:
             f" ({type(error).__name__}): run `hf download {repo}` where there is a network, or name"
             " a local directory that holds it (--mask-source sim needs no detector)"
         ) from error
-
-
-def _file_digest(file: Path) -> str:
-    """A file's sha256, which the hub's cache uses as a name."""
-    real = file.resolve()
-    if re.fullmatch(r"[0-9a-f]{64}", real.name):
-        return real.name
-    stat = real.stat()
-    return _hash(str(real), stat.st_size, stat.st_mtime_ns)
-
-
-@lru_cache(maxsize=256)
-def _hash(path: str, size: int, mtime_ns: int) -> str:
-    with open(path, "rb") as f:
-        return hashlib.file_digest(f, "sha256").hexdigest()
 
 
 def pick_device(device: str) -> str:

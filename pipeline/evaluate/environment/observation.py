@@ -13,6 +13,7 @@ from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.trial import SUCCESS, Trial
+from pipeline.poses import Floats
 from pipeline.tasks import Draw, Task
 from pipeline.tasks.contract import TRACKING
 from pipeline.world.cameras import setup_cameras
@@ -202,5 +203,5 @@ def bodies_of(task: Task) -> tuple[str, ...]:
     return (task.target, *(name for name in placed if name != task.target))
 
 
-def _within(space: Box, values: NDArray[np.float64]) -> NDArray[np.float32]:
+def _within(space: Box, values: Floats) -> NDArray[np.float32]:
     return np.minimum(np.maximum(values.astype(np.float32), space.low), space.high)

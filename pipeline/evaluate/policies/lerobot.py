@@ -101,7 +101,6 @@ class LerobotPolicy:
         return batch
 
     def _other_lengths(self, start: Start) -> str:
-        """What differs in the numbers of joints or actions."""
         config = self._policy.config
         features = dict(config.input_features or {}) | dict(config.output_features or {})
         names = start.state_names

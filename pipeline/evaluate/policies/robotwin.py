@@ -222,7 +222,6 @@ class RobotwinPolicy:
 
 
 def _directory_of(settings: PolicySettings) -> Path:
-    """Or of its deploy_policy.py. Raises PolicyError."""
     path = Path(settings.path).resolve()
     folder = path.parent if path.name == FILE else path
     if not (folder / FILE).is_file():
@@ -234,7 +233,6 @@ def _directory_of(settings: PolicySettings) -> Path:
 
 
 def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[str, Any]:
-    """Raises PolicyError for no map."""
     path = _directory_of(settings) / "deploy_policy.yml"
     try:
         values = (read_yaml(path) if path.exists() else None) or {}

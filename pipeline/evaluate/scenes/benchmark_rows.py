@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Cell
@@ -13,17 +13,15 @@ from pipeline.motion.models import motion_from_json
 from pipeline.tasks import TASKS
 
 from .case import Case
-from .frozen import FrozenScene
+from .frozen import FrozenScene, StrictModel
 from .manifests import SeedJob
 
 _Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]{0,63}$")]
 _Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 
 
-class FrozenCell(BaseModel):
+class FrozenCell(StrictModel):
     """A Cell, strictly read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     task: str
     embodiment: str
@@ -35,10 +33,8 @@ class FrozenCell(BaseModel):
         return Cell(**self.model_dump())
 
 
-class FrozenCase(BaseModel):
+class FrozenCase(StrictModel):
     """A case of a cell: see Case."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     seed: Annotated[int, Field(ge=0)]
     motion: dict[str, Any]
@@ -61,10 +57,8 @@ class FrozenCase(BaseModel):
         return Case(SeedJob(cell, self.seed).spec, *facts, setup, self.state)
 
 
-class BenchmarkHead(BaseModel):
+class BenchmarkHead(StrictModel):
     """The first line. Every cell has as many `scenes`; `parts` are tasks by the name of a part."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     benchmark: _Name
     schema_version: Annotated[int, Field(ge=1, le=1)] = 1
@@ -85,10 +79,8 @@ class BenchmarkHead(BaseModel):
         return cells
 
 
-class RecordedBenchmark(BaseModel):
+class RecordedBenchmark(StrictModel):
     """A result's benchmark: `scenes` of `of` were tried, all in cells of `part` ("" for none)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     name: str
     sha256: str

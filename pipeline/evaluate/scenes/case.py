@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.state_log import StateLog
@@ -19,6 +18,7 @@ from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec, condition_arms
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
+from pipeline.poses import Floats
 from pipeline.stages.attempt import Rollout, attempt
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.world.physics.events import PROP
@@ -116,7 +116,7 @@ def start_of_trial(simulation: Simulation) -> str:
     return start_hash(simulation.poses()[own], simulation.qpos()[0])
 
 
-def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:
+def start_hash(poses: Floats, qpos: Floats) -> str:
     """Hash of one frame: poses (B,7) of all bodies and joint positions (J,)."""
     return _digest([poses, qpos])
 
@@ -126,7 +126,7 @@ def log_hash(log: StateLog) -> str:
     return _digest([log.poses, log.qpos, log.qvel, log.action])
 
 
-def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
+def _digest(arrays: Sequence[Floats]) -> str:
     digest = hashlib.sha256()
     for values in arrays:
         digest.update(np.ascontiguousarray(values).tobytes())
@@ -151,7 +151,7 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
     return Case(spec, motion, rollout.meeting, len(log), *hashes, setup.physics)
 
 
-def expert_actions(case: Case) -> NDArray[np.float64]:
+def expert_actions(case: Case) -> Floats:
     """The expert's actions (T,A), one a control period. Raises Failure."""
     if case.state is None:
         return expert(case.spec, case.setup).replay.log.action[:-1]

@@ -26,10 +26,14 @@ _Number = Annotated[float, Field(ge=-10, le=10)]
 _Sentence = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
-class FrozenBody(BaseModel):
-    """A Body; `parameters` are the fields of its family."""
+class StrictModel(BaseModel):
+    """Data of strangers, strictly read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class FrozenBody(StrictModel):
+    """A Body; `parameters` are the fields of its family."""
 
     name: str
     family: str
@@ -65,10 +69,8 @@ class FrozenBody(BaseModel):
         return Body(self.name, self.family, self.instance(), *placed)
 
 
-class FrozenScene(BaseModel):
+class FrozenScene(StrictModel):
     """The last `clutter` bodies are distractors. `looks` are those with unseen textures."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     bodies: tuple[FrozenBody, ...]
     clutter: Annotated[int, Field(ge=0)] = 0

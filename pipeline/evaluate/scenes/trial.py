@@ -14,7 +14,7 @@ from pipeline.data.names import HEAD
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.evaluate.actions import check_action, interpolate_targets, joint_limits
 from pipeline.expert.actor import Actor
-from pipeline.poses import inverse, transform
+from pipeline.poses import Floats, inverse, transform
 from pipeline.stages.drawing.exposure import Lapses, photograph
 from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.scene import Scene
@@ -55,7 +55,7 @@ class Trial:
         self.per_period = PHYSICS_HZ // fps
         self.max_steps = scene.task.step_limit * (PHYSICS_HZ // DEFAULT_FPS)
         self.ending, self.left_workspace = "", False
-        self._commands, self._waited = list[NDArray[np.float64]](), 0
+        self._commands, self._waited = list[Floats](), 0
         self._known: tuple[int, dict[str, bool]] = (-1, {})
         self._held = 0
         self._enough = 1 if scene.rules.name == "domino" else at_rate(HOLD_FRAMES, fps)
@@ -71,7 +71,7 @@ class Trial:
     def length(self) -> int:
         return len(self.limits.names)
 
-    def advance(self, action: NDArray[np.float64]) -> None:
+    def advance(self, action: Floats) -> None:
         """One control period: drive targets go linearly to `action` (A,), clipped to the limits.
         Raises ActionError."""
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
@@ -98,13 +98,13 @@ class Trial:
         self.ending = fault
 
     @property
-    def commanded(self) -> NDArray[np.float64]:
+    def commanded(self) -> Floats:
         """All that was commanded (T,1+A): physics steps held, then an action; perhaps a last row of
         NaN."""
         last = [np.array([self._waited, *[np.nan] * self.length])] if self._waited else []
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
-    def repeat(self, commands: NDArray[np.float64]) -> None:
+    def repeat(self, commands: Floats) -> None:
         """Do again another trial's commands. Raises ActionError."""
         for held, *action in commands:
             self.hold(int(held))
@@ -120,7 +120,7 @@ class Trial:
             self._known = (self.simulation.steps, self.watch.conditions())
         return self._known[1]
 
-    def _step(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+    def _step(self, command: Floats, velocity: Floats) -> None:
         self.simulation.step(command, velocity)
         self.recorder.after_step()
         self.watch.after_step()
@@ -201,7 +201,7 @@ def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
     )
 
 
-def _and(rows: NDArray[np.float64], row: NDArray[np.float64]) -> NDArray[np.float64]:
+def _and(rows: Floats, row: Floats) -> Floats:
     return np.concatenate([rows, row[None]])
 
 

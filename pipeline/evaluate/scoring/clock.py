@@ -7,7 +7,7 @@ from math import ceil
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.errors import DominoError
@@ -40,10 +40,10 @@ class Retimed:
     rate: float = 1.0
     late: float = 0.0
 
-    def pose(self, t: ArrayLike) -> NDArray[np.float64]:
+    def pose(self, t: ArrayLike) -> Floats:
         return self.motion.pose(self._then(t))
 
-    def twist(self, t: ArrayLike) -> NDArray[np.float64]:
+    def twist(self, t: ArrayLike) -> Floats:
         return self.rate * self.motion.twist(self._then(t))
 
     def scenery(self) -> tuple[Prop, ...]:
@@ -54,10 +54,10 @@ class Retimed:
     def others(self) -> Mapping[str, Motion]:
         return {name: replace(self, motion=m) for name, m in others_of(self.motion).items()}
 
-    def _later(self, prop: Prop, t: ArrayLike) -> NDArray[np.float64]:
+    def _later(self, prop: Prop, t: ArrayLike) -> Floats:
         return prop.pose(self._then(t))
 
-    def _then(self, t: ArrayLike) -> NDArray[np.float64]:
+    def _then(self, t: ArrayLike) -> Floats:
         return self.rate * (np.asarray(t, float) - self.late)
 
 
@@ -174,7 +174,6 @@ def _periods(delay: float, fps: int) -> int:
 
 
 def _advance(trial: Trial, left: Floats) -> Floats:
-    """The last action is kept."""
     trial.advance(left[0])
     return left[1:] if len(left) > 1 else left
 

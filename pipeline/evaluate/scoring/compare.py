@@ -75,7 +75,6 @@ def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy
 
 
 def _conditions(arm: ComparedPolicy) -> Iterator[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Every condition against none, scene by scene."""
     whole = [_without_arm(row) for row in arm.rows if row.get("condition")]
     groups = _group(whole, lambda r: (r["clock"], r["rules"]))
     for which, rows in groups.items():
@@ -90,7 +89,6 @@ def _conditions(arm: ComparedPolicy) -> Iterator[tuple[ComparedPolicy, ComparedP
 
 
 def _without_arm(row: Row) -> Row:
-    """A row whose key is that of all arms of its scene."""
     key = json.loads(row["key"])
     spec = {name: value for name, value in json.loads(key[3]).items() if name != "arm"}
     return row | {"key": json.dumps([*key[:3], json.dumps(spec), *key[4:]])}
@@ -212,7 +210,6 @@ def _why_other(a: ComparedPolicy, b: ComparedPolicy) -> str:
 
 
 def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:
-    """The outcomes of all episodes of a scene as one."""
     clusters = defaultdict[Any, list[SceneResult]](list)
     for row, scene in pairs:
         clusters[scene_of(row)].append(scene)

@@ -7,10 +7,11 @@ from itertools import pairwise
 from statistics import fmean
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.episode.state_log import StateLog
 from pipeline.evaluate.scenes.trial import FAULTS, OUT_OF_VIEW, SUCCESS, Trial
+from pipeline.poses import Floats
 from pipeline.stages.scene import held_by
 from pipeline.tasks.contract import Task
 from pipeline.tasks.outcome import failed
@@ -72,7 +73,7 @@ def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
     return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
 
 
-def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
+def route_completion(tools: Floats, goal: ArrayLike, success: bool) -> float:
     """RC in [0, 100] from tools (T,arms,3) and the target's end (3,)."""
     if success:
         return 100.0
@@ -94,7 +95,7 @@ def touched_distractors(log: StateLog) -> tuple[str, ...]:
     return tuple(event.by for event in log.events if event.name == "clutter_touched")
 
 
-def jerk(positions: NDArray[np.float64], fps: float) -> float:
+def jerk(positions: Floats, fps: float) -> float:
     """RMS (m/s3) of the third difference of positions (T,...,3); 0 for fewer than four."""
     if len(positions) < 4:
         return 0.0
@@ -160,7 +161,7 @@ def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
     return None if met is None or first is None else max(0.0, float(log.times[first]) - met)
 
 
-def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
+def _distances(log: StateLog, target: str) -> Floats:
     """(F,S) of tools from the target, up to the first touch."""
     met = log.time_of("meeting")
     frames = len(log) if met is None else int(np.searchsorted(log.times, met)) + 1

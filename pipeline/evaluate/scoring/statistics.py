@@ -7,13 +7,14 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from pipeline.poses import Floats
+
 RESAMPLES = 4000
 
-ByTask = Mapping[str, NDArray[np.float64]]
+ByTask = Mapping[str, Floats]
 """A number (N,) of each scene, by task."""
 
 
@@ -162,7 +163,7 @@ class SequentialTest:
     more: int | None
 
 
-def wealth(differences: Sequence[float]) -> NDArray[np.float64]:
+def wealth(differences: Sequence[float]) -> Floats:
     """Log wealth (N, 2) after each of N differences in [-1, 1], of bets on each sign. Raises
     ValueError."""
     x = np.asarray(differences, float)

@@ -79,7 +79,6 @@ class GrootClient(Bridge):
         self._socket = None
 
     def _ask(self, endpoint: str, data: dict[str, Any] | None, seconds: float) -> Any:
-        """Raises NoAnswer if there is none in time, or an error."""
         import zmq
 
         request: dict[str, Any] = {"endpoint": endpoint} | ({"data": data} if data else {})

@@ -114,7 +114,6 @@ class PolicyServer:
             await stop.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The refusal, or None."""
         path = request.path.partition("?")[0]
         if path == "/healthz":
             return connection.respond(HTTPStatus.OK, "OK\n")
@@ -156,7 +155,6 @@ class PolicyServer:
                 self._free.append(policy)
 
     async def _talk(self, connection: ServerConnection, session: Session) -> tuple[str, int]:
-        """The reason and close code at the end."""
         answer = guarded(lambda: pack(session.metadata()))
         seconds = self._limits.open_seconds
         while isinstance(answer, bytes):

@@ -29,6 +29,7 @@ from pipeline.evaluate.policies.policy import (
     count_inferences,
     policy_seed,
 )
+from pipeline.poses import Floats
 from pipeline.world.robots import get_embodiment
 
 from .messages import FAILED, INVALID, REFUSED, MessageError, pack, unpack
@@ -39,8 +40,6 @@ AT_HOME, LEFT_HOME = 0.03, 0.1
 
 
 class _Message(BaseModel):
-    """Unknown keys are refused."""
-
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     @classmethod
@@ -191,14 +190,14 @@ class Session:
             self._begin(Start(prompt, robot.name, names, DEFAULT_FPS, tuple(sizes), seed, sizes))
         return Observation(state, prompt, self._periods / DEFAULT_FPS, images)
 
-    def _is_new(self, prompt: str, state: NDArray[np.float64], start: Start) -> bool:
+    def _is_new(self, prompt: str, state: Floats, start: Start) -> bool:
         if self._options.reset_every:
             return self._asked >= self._options.reset_every
         if prompt != start.instruction:
             return True
         return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME
 
-    def _from_home(self, rows: NDArray[np.float64]) -> float:
+    def _from_home(self, rows: Floats) -> float:
         """rad or m of the farthest arm joint, the nearest of (N,A)."""
         arms = get_embodiment(self._options.embodiment).arms.values()
         home = np.array([value for arm in arms for value in (*arm.home, np.nan)])

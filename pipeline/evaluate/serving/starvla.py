@@ -148,7 +148,6 @@ class StarvlaClient(Bridge):
             raise ActionError(f"{self._url}: {error}") from error
 
     def _actions(self, data: object) -> NDArray[Any]:
-        """(T,A), perhaps normalised. Raises ActionError."""
         keys = ("actions", "normalized_actions")
         ours, other = keys if self._statistics is None else keys[::-1]
         values = data if isinstance(data, dict) else {}
@@ -164,7 +163,6 @@ class StarvlaClient(Bridge):
 
 
 def _indices(kind: str, keys: object, start: Start, of: Representation) -> NDArray[np.int64]:
-    """Of the server's numbers in our vector. Raises PolicyError."""
     if not isinstance(keys, list):
         what = f"the server does not tell the order of its {kind}s"
         raise PolicyError(f"{what}: give ?action_keys=left_joints,left_gripper,... in its order")

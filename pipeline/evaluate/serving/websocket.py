@@ -116,7 +116,6 @@ class WebSocket:
     async def _send_and_receive(
         self, connection: ClientConnection, data: bytes | None
     ) -> bytes | tuple[str, int | None]:
-        """Or the text and the close code of an error."""
         if data is not None:
             await connection.send(data)
         answer = await connection.recv()

@@ -103,8 +103,6 @@ class _Silent:
 
 
 class _Move(NamedTuple):
-    """Rows of a motion step, its arms, and what they held."""
-
     start: int
     end: int
     sides: tuple[str, ...]

@@ -40,7 +40,6 @@ def pour(
     free = arm.checker()
 
     def reached(bodies: ArrayLike) -> tuple[Floats, Floats]:
-        """Body poses that touch nothing, with their joints."""
         bodies = np.atleast_2d(np.asarray(bodies, float))
         q, ok = arm.solve(compose(bodies, hold[None]))
         found = [i for i in np.flatnonzero(ok) if free(q[i])]
@@ -71,7 +70,6 @@ def pour(
 
 
 def _tipping(over: Floats, down: Floats, pair: int) -> Floats:
-    """Joint rows from one of `over` (N,n) to one of `down` (M,n), by pair."""
     start, end = over[pair // len(down)], down[pair % len(down)]
     return start + np.linspace(0, 1, POUR.rows)[:, None] * (end - start)
 

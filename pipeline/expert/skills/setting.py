@@ -192,7 +192,6 @@ def press(
 
 
 def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> Floats:
-    """Tcp poses (N,7) with the fingertips on the spot."""
     poses = []
     for pitch in pitches:
         for azimuth in np.arange(0, 2 * np.pi, 2 * np.pi / PRESS.azimuths):

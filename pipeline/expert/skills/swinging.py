@@ -95,7 +95,6 @@ def rock(
 
 
 def _swing(arm: ArmPlanner, q: Floats, middle: Pose, ends: list[Pose]) -> _Swing | None:
-    """The lines of a swing from joints q (n,), if the arm can reach."""
     out = arm.line(q, ends[0])
     across = None if out is None else arm.line(out[-1], ends[1])
     return None if out is None or across is None else _Swing(q, middle, ends, out, across)

@@ -110,7 +110,6 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
 
 
 def _chunk(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
-    """Each image is a chunk of its own."""
     return {"chunks": (1, *values.shape[1:])} if key.startswith("observations/images/") else None
 
 
@@ -150,5 +149,4 @@ def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
 
 
 def _lengthen(values: NDArray[Any], length: int) -> NDArray[Any]:
-    """The last row is repeated."""
     return values[np.minimum(np.arange(max(length, len(values))), len(values) - 1)]

@@ -81,7 +81,6 @@ class Parquet(Exporter[ParquetOptions]):
 
 
 def _plan(paths: Sequence[Path], dataset: Path, options: ParquetOptions) -> Plan:
-    """By robot. Raises ExportError if its episodes differ in what they hold."""
     firsts, sensors = dict[str, Facts](), set[str]()
     for path in paths:
         with reading(path) as file:
@@ -108,8 +107,6 @@ def _plan(paths: Sequence[Path], dataset: Path, options: ParquetOptions) -> Plan
 
 
 class _Files:
-    """data-00000.parquet ...: a table is a row group."""
-
     def __init__(self, draft: ExportDraft, plan: Plan, options: ParquetOptions) -> None:
         self.folder, self.schema, self.options, self.count = draft.folder, plan.schema(), options, 0
         # JPEG and PNG bytes neither compress nor repeat
@@ -133,7 +130,6 @@ class _Files:
         return self.folder / f"data-{self.count:05d}.parquet"
 
     def write(self, table: pa.Table) -> None:
-        """Write the rows of an episode."""
         if self._writer is None:
             self._writer = TableWriter(self._path, self.schema, **self.settings)
         groups = max(1, -(-table.nbytes // self.options.group_bytes))

@@ -142,7 +142,6 @@ def episode_table(
 
 
 def _columns(index: int, facts: Facts, plan: Plan) -> Iterator[tuple[str, Any]]:
-    """All columns of an episode but images and annotations."""
     frames, log, derived = len(facts), facts.log, interception(facts)
     spec, meta, target = facts.spec, facts.meta, facts.target[:, :3]
     of_meta = {"physics_id": meta.physics_id, "variant": meta.variant}
@@ -190,7 +189,6 @@ def _columns(index: int, facts: Facts, plan: Plan) -> Iterator[tuple[str, Any]]:
 
 
 def _images(file: EpisodeFile, plan: Plan) -> Iterator[tuple[str, pa.Array]]:
-    """With point clouds; nulls for what the episode has not."""
     for camera, name in plan.images.items():
         yield name, image_column(file.array(f"observation/{camera}/rgb").tolist())
     for (camera, sensor), name in plan.sensor_images.items():

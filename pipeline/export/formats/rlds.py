@@ -73,14 +73,12 @@ class Rlds(Exporter[RldsOptions]):
 
 
 def _name(spec: Any) -> str:
-    """Small letters, digits and underscores."""
     return "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
 
 
 def _write_shards(
     job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
 ) -> list[list[int]]:
-    """The bytes of each record by shard."""
     shards = list(batched(paths, job.options.shard_episodes))
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):

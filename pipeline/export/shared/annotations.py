@@ -168,7 +168,6 @@ def stale(
 def _inputs(
     stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
 ) -> Iterator[tuple[str, Callable[[], Any]]]:
-    """By name; None for what the episode has not."""
     camera, log = str(stage["parameters"]["camera"]), facts.log
     there, group = camera in facts.cameras, f"observation/{camera}"
 

@@ -109,7 +109,6 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
 
 
 def _since(facts: Facts) -> dict[str, float | None]:
-    """Time (s) by condition, or None."""
     since, times = dict[str, float | None](), facts.log.times
     for name, holds in conditions_of(facts.interception).items():
         failing = np.flatnonzero(~holds)

@@ -59,8 +59,6 @@ articulated, and ours take their places."""
 
 @dataclass(frozen=True)
 class _OriginalInstance:
-    """An instance that is to stand for a family, under a key of `objects`."""
-
     key: str
     family: str
     model: OriginalModel
@@ -155,7 +153,6 @@ def _is_made(place: Path) -> bool:
 
 
 def _make(batch: Sequence[tuple[_OriginalInstance, Path]]) -> dict[str, str]:
-    """Make objects in a limited child process."""
     limits = Limits(processor=SECONDS * len(batch), wall=3.0 * SECONDS * len(batch))
     try:
         run_limited(str(batch[0][0].files.visual), _make_here, batch, limits=limits)

@@ -119,7 +119,6 @@ def described_in(each: Instance) -> Path | None:
 
 
 def _read_phrases(each: Instance, noun: str) -> Phrases | None:
-    """An instance's descriptions without articles, or None."""
     file = described_in(each)
     try:
         texts = {} if file is None else read_json(file)

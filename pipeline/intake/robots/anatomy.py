@@ -118,7 +118,6 @@ def _travel(
     mimics: Mapping[str, Mimic],
     hints: Hints,
 ) -> dict[str, tuple[float, float]]:
-    """Gripper joint positions at both ends."""
     by_name = {j.name: j for j in joints}
     free = [name for name in jaws if name not in mimics]
     slides = all(by_name[name].kind == "prismatic" for name in free)

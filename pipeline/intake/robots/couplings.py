@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pipeline.poses import Floats
 
 # positions of the driving joint, seconds at each, seconds of a step of simulation
 STOPS, SETTLE, STEP = 5, 1.0, 1e-3
@@ -63,9 +64,7 @@ def couplings(model: Any) -> dict[int, Coupling]:
     return by_joint
 
 
-def _swept(
-    model: Any, leader: int, at: NDArray[np.float64], group: set[int]
-) -> NDArray[np.float64]:
+def _swept(model: Any, leader: int, at: Floats, group: set[int]) -> Floats:
     import mujoco
 
     off = mujoco.mjtDisableBit

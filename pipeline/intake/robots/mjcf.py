@@ -136,7 +136,6 @@ class _CompiledModel:
         return effort
 
     def _flanges(self, body: int) -> Iterator[Joint]:
-        """A fixed joint for each attachment site."""
         model = self.model
         for site in np.flatnonzero(model.site_bodyid == body):
             name = self._name("site", int(site))
@@ -166,7 +165,6 @@ class _CompiledModel:
         return self.model.mat_rgba[material] if material >= 0 and np.allclose(own, GREY) else own
 
     def _shape(self, geom: int, body: int) -> UrdfShape | None:
-        """A geom as a mesh file; None for planes and height fields."""
         model, size, kind = self.model, self.model.geom_size[geom].tolist(), f"geom_{geom}"
         match int(model.geom_type[geom]):
             case 2:

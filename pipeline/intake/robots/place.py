@@ -205,7 +205,6 @@ def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | N
 
 
 def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[Floats]:
-    """Rest configurations of one arm, farthest from limits first."""
     arm = robot.arms[side]
     chain = chain_of(arm)
     x = float(arm.base[0])

@@ -135,8 +135,6 @@ def write_meta(
 
 
 def _tasks_table(tasks: Sequence[str]) -> pa.Table:
-    """pandas finds the column `task` as its index."""
-
     def column(name: str | None, kind: str, stored: str, metadata: Any = None) -> dict[str, Any]:
         names = {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": stored}
         return names | {"metadata": metadata}
