@@ -80,13 +80,11 @@ HUB = {
 
 def read_catalogue(source: str) -> list[FetchedObject]:
     with Path(__file__).with_name("fetched_objects.csv").open(newline="") as file:
-        rows: list[dict[str, Any]] = [*csv.DictReader(file)]
-    changed = (
-        row | {"scale": float(row["scale"]), "up": row["up"] or None}
-        for row in rows
-        if row.pop("source") == source
-    )
-    return [FetchedObject(**row | {"words": tuple(row["words"].split("|"))}) for row in changed]
+        rows: list[dict[str, Any]] = [r for r in csv.DictReader(file) if r.pop("source") == source]
+    for row in rows:
+        row["scale"], row["up"] = float(row["scale"]), row["up"] or None
+        row["words"] = tuple(row["words"].split("|"))
+    return [FetchedObject(**row) for row in rows]
 
 
 def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[str]:

@@ -18,7 +18,7 @@ from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.lines import line_of, line_of_text
 from pipeline.stages.failure import Failure
 
 from .case import Case, admit
@@ -150,7 +150,8 @@ class Manifests:
         try:
             manifest = Manifest.from_json(read_regular(path))
         except ValueError as error:
-            raise ProtocolError(f"{path}: is no manifest of seeds: delete it") from error
+            what = f"{path}: is no manifest of seeds ({line_of_text(error)})"
+            raise ProtocolError(f"{what}: delete it to draw them again") from error
         expected = (cell, self.first(cell), self.setup.physics)
         if (manifest.cell, manifest.first, manifest.setup) != expected:
             raise ProtocolError(f"{path}: is of another cell, seed or setup: delete it")

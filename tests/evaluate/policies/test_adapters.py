@@ -303,7 +303,7 @@ def test_a_model_without_the_methods_is_one_line(tmp_path):
     [
         ("robotwin:", "write robotwin:PATH"),
         ("robotwin:/nowhere", "there is no deploy_policy.py"),
-        ("robotwin:x?y", "write options as"),
+        ("robotwin:x?y", "write robotwin:PATH"),
         ("xpolicylab:/nowhere.py", "cannot be read"),
         ("lerobot:/nowhere", "no directory"),
         ("lerobot:a/b?wings=2", "option 'wings' is unknown"),
