@@ -297,7 +297,7 @@ def test_two_policies_behind_one_port_have_two_labels():
 def test_a_policy_that_samples_or_fails_needs_a_label():
     rng = np.random.default_rng(0)
     with websocket(lambda m: {"actions": rng.normal(size=(2, 7))}, {"model": "pi0"}) as (port, _):
-        with pytest.raises(PolicyError, match=r"differently each time: name it with \?label=NAME"):
+        with pytest.raises(PolicyError, match=r"its answers differ: name it with \?label=NAME"):
             named(port)
         assert named(port, "?label=x").label == "openpi:x"
     with (
