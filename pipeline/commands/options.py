@@ -1,7 +1,6 @@
 """The options that name recipe keys, made from its model, with completions."""
 
 import inspect
-import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ import typer
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.names import EXPORT_RECORD, MANIFEST
-from pipeline.data.parsing import ParseError, bounded, pixels, real, show_value, whole
+from pipeline.data.parsing import ParseError, parse_yaml, pixels, real, show_value, whole
 from pipeline.data.recipe.file import find_recipe, read_recipe, shipped_recipes
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
@@ -243,25 +242,11 @@ def parse_value(key: str, given: Any) -> Any:
 def cameras_of(text: str) -> list[str | dict[str, Any]]:
     """The comma-separated names and JSON objects of --cameras; nothing for "none". Raises
     UsageError."""
-    cameras: list[str | dict[str, Any]] = []
-    decoder, at = json.JSONDecoder(), 0
-    while at < len(text):
-        if text[at] in ", ":
-            at += 1
-        elif text[at] == "{":
-            try:
-                value, at = decoder.raw_decode(text, at)
-                cameras.append(bounded(value))
-            except (ValueError, RecursionError) as error:
-                why = "nested too deeply" if isinstance(error, RecursionError) else error
-                raise UsageError(
-                    f"--cameras: {show_value(text[at:])} is not JSON ({why})"
-                ) from error
-        else:
-            end = text.find(",", at)
-            end = len(text) if end < 0 else end
-            cameras.append(text[at:end].strip())
-            at = end
+    try:
+        cameras = parse_yaml(f"[{text}]")
+    except ParseError as error:
+        wrong = "is not a list of names and JSON objects"
+        raise UsageError(f"--cameras {show_value(text)} {wrong}") from error
     if not cameras:
         raise names_nothing("--cameras", text)
     return [] if cameras == ["none"] else cameras

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.poses import Floats, Pose, compose, inverse, quat_to_matrix
+from pipeline.poses import Floats, Pose, compose, inverse, quat_from_matrix, quat_to_matrix
 
 from .names import SIDES, sides_of
 
@@ -248,7 +248,9 @@ def quaternions_of(values: ArrayLike, rotation: str) -> Floats:
         return _unit(values)
     x = _unit(values[..., :3])
     y = _unit(values[..., 3:] - x * np.sum(x * values[..., 3:], -1, keepdims=True))
-    return _quaternions(np.stack([x, y, np.cross(x, y)], -1))
+    matrices = np.stack([x, y, np.cross(x, y)], -1)
+    quaternions = [quat_from_matrix(matrix) for matrix in matrices.reshape(-1, 3, 3)]
+    return np.array(quaternions).reshape(*matrices.shape[:-2], 4)
 
 
 def continuous_signs(q: Floats, along_time: bool = True) -> Floats:
@@ -265,24 +267,3 @@ def _unit(values: NDArray[Any]) -> Floats:
     if (length < SMALLEST).any():
         raise ValueError("a rotation has the length zero")
     return values / length
-
-
-def _quaternions(m: NDArray[Any]) -> Floats:
-    """Quaternions wxyz (...,4), w >= 0, of matrices (...,3,3) (Shepperd)."""
-    a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    turned = np.swapaxes(m, -1, -2)
-    skew, even = m - turned, m + turned
-    x, y, z = skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]
-    xy, yz, zx = even[..., 0, 1], even[..., 1, 2], even[..., 2, 0]
-    candidates = np.stack(
-        [
-            np.stack([1 + a + b + c, x, y, z], -1),
-            np.stack([x, 1 + a - b - c, xy, zx], -1),
-            np.stack([y, xy, 1 - a + b - c, yz], -1),
-            np.stack([z, zx, yz, 1 - a - b + c], -1),
-        ],
-        -2,
-    )
-    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), -1)
-    q = np.take_along_axis(candidates, best[..., None, None], -2)[..., 0, :]
-    return continuous_signs(q / np.linalg.norm(q, axis=-1, keepdims=True), along_time=False)

@@ -10,7 +10,7 @@ from pipeline.poses import Floats, Pose, matrix
 from pipeline.world.robots.contract import Arm, Joint
 
 from . import ik_kernels
-from .budgets import IK, LINE, IkBudget, LineSampling
+from .budgets import IK, LINE, IkBudget
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,13 @@ def ik_path(chain: Chain, poses: ArrayLike, q0: ArrayLike) -> Floats | None:
     return q if reached == len(rows) else None
 
 
-def line_poses(start: Pose, goal: Pose, sampling: LineSampling = LINE) -> Floats:
+def line_poses(start: Pose, goal: Pose) -> Floats:
     """Poses (K,7), K >= 2, from `start` to `goal`; rotation by slerp."""
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     a, b = start[3:], goal[3:] if start[3:] @ goal[3:] >= 0 else -goal[3:]
     # a quarter of the rotation angle
     half = float(np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
-    steps = max(np.linalg.norm(goal[:3] - start[:3]) / sampling.step, 4 * half / sampling.turn)
+    steps = max(np.linalg.norm(goal[:3] - start[:3]) / LINE.step, 4 * half / LINE.turn)
     s = np.linspace(0.0, 1.0, 1 + max(1, int(np.ceil(steps - 1e-9))))[:, None]
     omega = 2 * half
     weights = 1 - s, s

@@ -476,7 +476,7 @@ TOP = (
         (("--cameras", "hed"), "hed"),
         (("--cameras", "head,head"), "twice"),
         (("--cameras", ""), "cameras"),
-        (("--cameras", '{"name": "x"'), "not JSON"),
+        (("--cameras", '{"name": "x"'), "JSON"),
         (("--cameras", '{"name": "x"}'), "width"),
         (("--cameras", TOP % ("../up", "null")), "../up"),
         (("--cameras", TOP % ("top", '"left_tail"')), "left_tail"),
