@@ -60,7 +60,8 @@ class EpisodeCost:
         size = episodes * self.size
         room = f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
         crew = f"{workers} worker{'' if workers == 1 else 's'}"
-        return f"{least} to {most} on {crew} and {room} (estimated from {self.source})"
+        spent = least if least == most else f"{least} to {most}"
+        return f"{spent} on {crew} and {room} (estimated from {self.source})"
 
 
 def mean_frames(recipe: Recipe) -> float:

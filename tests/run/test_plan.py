@@ -135,6 +135,7 @@ def test_a_plan_says_core_hours(tmp_path):
     [
         (60, 10, 2, "5 min to 8 min on 2 workers and 20 MB (estimated from x)"),
         (3600, 3, 1, "3.0 h to 5.1 h on 1 worker and 6 MB (estimated from x)"),
+        (1, 1, 1, "1 min on 1 worker and 2 MB (estimated from x)"),
         (1, 0, 10, "nothing is left to make"),
     ],
 )

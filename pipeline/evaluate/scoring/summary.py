@@ -178,12 +178,18 @@ def _stratified_interval(
     return float(low), float(high)
 
 
+WORDS = ("rules", "condition")  # columns of `table` that are as wide as their longest word
+
+
 def table(cells: Sequence[Row]) -> str:
     """Format cells as aligned text. `truth` marks policies that are shown the simulation."""
+    width = {name: max(map(len, (name, *(c[name] for c in cells)))) for name in WORDS}
+    conditions = any(c["condition"] for c in cells)
     head = (
-        f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5}"
-        f" {'process':9} {'n':>4}"
+        f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10}"
+        f" {'rules':{width['rules']}} {'truth':5} {'process':9} {'n':>4}"
     )
+    head = f"{'condition':{width['condition']}} {head}" if conditions else head
     lines = [f"{head}  SR % (95 %)        RC     MS  hold s  failures"]
     for c in cells:
         low, high = c["success_interval"]
@@ -192,10 +198,11 @@ def table(cells: Sequence[Row]) -> str:
             why += f"{', ' if why else ''}unreachable poses {c['unreachable']}"
         scores = f"{c['route_completion']:6.1f} {c['manipulation_score']:6.1f}"
         hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
-        why += f"  [{c['condition']}]" if c["condition"] else ""
+        start = f"{c['condition']:{width['condition']}} " if conditions else ""
         lines.append(
-            f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10}"
-            f" {c['rules']:15} {'sees' if c['sees_truth'] else '-':5} {c['process']:9}"
+            f"{start}{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g}"
+            f" {c['domain']:10} {c['rules']:{width['rules']}}"
+            f" {'sees' if c['sees_truth'] else '-':5} {c['process']:9}"
             f" {c['episodes']:4}  {c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {scores} "
             f" {hold:>6}  {why}"
         )

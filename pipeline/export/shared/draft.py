@@ -17,7 +17,7 @@ from pipeline.data.names import EXPORT_RECORD
 from pipeline.data.slots.select import VALIDATION
 from pipeline.data.store.place import is_there
 
-from .episodes import EPISODES, ExportError, Progress, source_of
+from .episodes import EPISODES, ExportError, Progress, reading, source_of
 from .record import ExportRecord, entries, read_record
 
 OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
@@ -70,8 +70,19 @@ class ExportDraft:
 
     def __init__(self, folder: Path, job: Job[Any], format_: str) -> None:
         self.folder, self._job, self.dataset, self.format = folder, job, job.dataset, format_
-        self.validation, self.mixed = job.validation, "datasets" in job.given
+        self.validation = job.validation
         self._inputs: dict[str, str | None] = {}
+
+    @functools.cached_property
+    def optional(self) -> frozenset[str]:
+        """Columns of `scalars` that only some exports have. One episode of each folder is looked
+        at. Raises ExportError."""
+        found = {"dataset"} if "datasets" in self._job.given else set[str]()
+        for path in {path.parent: path for path in self._job.episodes}.values():
+            with reading(path) as file:
+                found |= {"pair", "arm"} if file.spec.arm else set()
+                found |= {"choices"} if file.meta.choices else set()
+        return frozenset(found)
 
     def hash_of(self, path: Path) -> str:
         """The sha256 of a file, recorded as an input. Raises ExportError."""

@@ -1,6 +1,7 @@
 """Parquet files being written, and the origin of each episode."""
 
 import json
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -70,14 +71,17 @@ class RowWriter:
             self._writer.close()
 
 
-def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
-    """The origin of an episode, one value a column. T_meet (s) and x_meet ... (m) are planned;
-    other t_ are s since the first frame, None for what did not happen. Speeds are m/s."""
+def scalars(
+    facts: Facts, optional: Collection[str], validation: float = VALIDATION
+) -> dict[str, Any]:
+    """The origin of an episode, one value a column; of OPTIONAL ones those in `optional`. T_meet
+    (s) and x_meet ... (m) are planned; other t_ are s since the first frame, None for what did not
+    happen. Speeds are m/s."""
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     start, first = log.times[0], derived.first_contacts
     times = {f"t_{event}": log.time_of(event) for event in ("meeting", "release", "success")}
     times |= {f"t_contact_{side}": first[side].time if side in first else None for side in SIDES}
-    return {
+    row = {
         "task": spec.task,
         "category": meta.category,
         "embodiment": spec.embodiment,
@@ -100,12 +104,15 @@ def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
         "arms": "+".join(sorted(set(meta.arms.values()))),
         "physics_key": meta.physics_key,
         "source": facts.source,
-        **({"dataset": facts.dataset} if facts.dataset else {}),
-        **({"pair": spec.pair, "arm": spec.arm} if facts.paired else {}),
+        "dataset": facts.dataset,
+        "pair": spec.pair,
+        "arm": spec.arm,
+        "choices": json.dumps(meta.choices, sort_keys=True),
         "skills": json.dumps(rows_of(facts)),
         "conditions": json.dumps(_since(facts)),
         "failure": meta.failure.model_dump_json() if meta.failure else "",
     }
+    return {n: value for n, value in row.items() if n not in OPTIONAL or n in optional}
 
 
 def _since(facts: Facts) -> dict[str, float | None]:
@@ -117,9 +124,12 @@ def _since(facts: Facts) -> dict[str, float | None]:
     return since
 
 
+OPTIONAL = ("dataset", "pair", "arm", "choices")
+
 _TEXTS = (
     *("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"),
-    *("source", "dataset", "skills", "conditions", "failure", "physics_id", "split", "pair", "arm"),
+    *("source", "dataset", "skills", "conditions", "failure", "physics_id", "split"),
+    *OPTIONAL[1:],
 )
 _NUMBERS = (
     *("alpha", "T_meet", "t_meeting", "t_release", "t_success", "average_speed", "maximum_speed"),
@@ -136,10 +146,11 @@ PROVENANCE = "episodes.parquet"
 
 
 class Provenance(RowWriter):
-    """Episodes in Parquet; with `dataset` in an export of several."""
+    """Episodes in Parquet."""
 
     def __init__(self, path: Path, draft: ExportDraft) -> None:
-        without = ("pair", "arm") if draft.mixed else ("pair", "arm", "dataset")
+        self.optional = draft.optional
+        without = {*OPTIONAL} - self.optional
         texts = pa.list_(pa.string())
         schema = {
             **{"episode_index": pa.int64(), "length": pa.int64()},
@@ -160,7 +171,7 @@ class Provenance(RowWriter):
         row = {
             "episode_index": self.count,
             "length": facts.kept,
-            **scalars(facts, self.validation),
+            **scalars(facts, self.optional, self.validation),
             "instruction": facts.instruction,
             "instructions_seen": facts.seen,
             "instructions_unseen": facts.unseen,

@@ -77,6 +77,14 @@ def test_cells_are_counted_apart():
     assert " evaluator " in (line := table([a, b, a3]).splitlines()[1]) and "missed 1" in line
 
 
+def test_columns_of_the_table_are_as_wide_as_their_words():
+    (cell,) = summarise(ROWS[:1])
+    cell |= {"condition": "light+stop", "rules": "strict-light@share0.4+stop@share0.6"}
+    head, line = table([cell]).splitlines()
+    assert head.startswith("condition") and line.startswith("light+stop ")
+    assert head.index("truth") == line.index(cell["rules"]) + len(cell["rules"]) + 1
+
+
 def test_rules_are_counted_apart():
     both = [row("a", True, 100.0), row("a", False, 0.0, rules="domino")]
     assert [(c["rules"], c["success_rate"]) for c in summarise(both)] == [

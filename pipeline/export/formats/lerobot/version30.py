@@ -65,7 +65,7 @@ class V3Writer(Writer):
             row |= _below(f"videos/{key}", self.data.place | times)
         for name, entry in stats.items():
             row |= _below(f"stats/{name}", {stat: v.tolist() for stat, v in entry.items()})
-        told = scalars(facts, self.draft.validation)
+        told = scalars(facts, self.draft.optional, self.draft.validation)
         row |= {f"domino.{name}": value for name, value in told.items()}
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
