@@ -189,5 +189,5 @@ def draw_path(
 @cache
 def _plasma() -> Pixels:
     """RGB (256,3) of the color map, cached: OpenCV takes milliseconds."""
-    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_PLASMA)
+    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_PLASMA)
     return np.asarray(ramp, np.uint8)[:, 0, ::-1]

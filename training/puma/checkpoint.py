@@ -20,9 +20,10 @@ import torch
 import yaml
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
+from safetensors.torch import save as to_bytes
 from torch import Tensor, nn
 
-from pipeline.data.atomic import atomic_directory, remove
+from pipeline.data.atomic import atomic_directory, remove, write_atomic
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.parsing import read_json, read_yaml
 from pipeline.data.setup import SETUP_FILE
@@ -204,6 +205,31 @@ def load_weights(network: nn.Module, folder: Path) -> None:
         raise TrainError(
             f"{folder}: weights are of another network: {', '.join([*missing, *unexpected][:3])}"
         )
+
+
+def save_finder(finder: nn.Module, path: Path | None, made_of: str) -> None:
+    """Write a trained finder, with what its training depends on; nothing without a path."""
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    held = {name: value.cpu().contiguous() for name, value in finder.state_dict().items()}
+    write_atomic(path, to_bytes(held, {"made_of": made_of}))
+
+
+def load_finder(finder: nn.Module, path: Path | None, made_of: str) -> bool:
+    """Load what `save_finder` wrote, if it is there and made of the same; returns whether it was.
+
+    Raises TrainError for a file that cannot be read."""
+    if path is None or not path.exists():
+        return False
+    try:
+        with safe_open(path, "pt") as held:
+            if (held.metadata() or {}).get("made_of") != made_of:
+                return False
+        finder.load_state_dict(load_file(path))
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise TrainError(f"{path}: cannot be loaded ({error}): delete it") from error
+    return True
 
 
 def begin_from(network: nn.Module, folder: Path) -> None:

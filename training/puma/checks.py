@@ -2,6 +2,7 @@
 what it was trained on."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,19 +114,20 @@ def errors(folder: Path) -> dict[str, dict[str, float]]:
     """
     held = checkpoint.load(folder)
     network = held.model().eval()
-    corpus = follow(open_corpus(held.config), network, trained=True)
+    opened = open_corpus(held.config)
+    shown = opened.validation or opened.train
+    corpus = follow(replace(opened, train=[], validation=shown), network, trained=True)
     sight, track = held.preprocessing.sight, held.config.model.track
     if (finder := network.finder) is None or sight is None or track is None:
         raise TrainError(f"{folder}: has no finder: only policies with model.track have one")
     out = dict[str, dict[str, float]]()
-    caches = dict.fromkeys(id(part.cache) for part in corpus.train)
+    caches = dict.fromkeys(part.cache.path for part in opened.train)
     names = {
         cache: "/".join(source.dataset.parts[-2:])
         for cache, source in zip(caches, held.config.data.sources, strict=True)
     }
-    shown = corpus.validation or corpus.train
-    sentences = [part.cache.rows[0].unseen for part in shown]
-    for number, part in enumerate(shown):
+    sentences = [part.cache.rows[0].unseen for part in corpus.validation]
+    for number, part in enumerate(corpus.validation):
         arrays, rows = part.cache.arrays, [part.cache.rows[i] for i in part.episode]
         free = np.asarray(arrays["free"][part.frame])
         places = np.flatnonzero(free)[:: max(1, int(free.sum()) // LOOKED_AT)]
@@ -149,7 +151,7 @@ def errors(folder: Path) -> dict[str, dict[str, float]]:
                 if not name or not body:
                     found[name or label] = float(np.median(away))
         found |= _action_errors(network, part, corpus)
-        out[names[id(part.cache)]] = found
+        out[names[part.cache.path]] = found
     return out
 
 

@@ -273,6 +273,12 @@ def many(
     workers: Annotated[
         int, typer.Option(min=0, max=1024, help="Of builds and evaluations; 0: cores.")
     ] = 0,
+    stages: Annotated[
+        str, typer.Option(help="Stages that are done: data, networks, evaluation.")
+    ] = "data,networks,evaluation",
+    conditions: Annotated[
+        str, typer.Option(help="Conditions of the evaluation; all by default.")
+    ] = "",
     plan: Annotated[
         bool, typer.Option("--plan", help="Estimate core-hours by stage, and do nothing.")
     ] = False,
@@ -280,7 +286,7 @@ def many(
     """Train one policy for many tasks and evaluate it: data, networks, evaluations, table. Rerun
     the same command to resume."""
     from pipeline.data.parsing import ParseError, whole
-    from training.puma.many import Many, commands, estimate, results, table
+    from training.puma.many import CONDITIONS, STAGES, Many, commands, estimate, results, table
 
     full = Many.full(out)
     try:
@@ -296,11 +302,13 @@ def many(
         scenes,
         tuple(settings or ()),
         ("--workers", str(workers)) if workers else (),
+        _chosen("stages", stages, STAGES),
+        _chosen("conditions", conditions, tuple(CONDITIONS)),
     )
-    stages = estimate(wanted)
-    for name, count, hours in stages:
+    costs = estimate(wanted)
+    for name, count, hours in costs:
         print(f"{name:12} {count:8} {hours:6.1f} core-hours")
-    print(f"{'together':12} {'':8} {sum(hours for *_, hours in stages):6.1f} core-hours")
+    print(f"{'together':12} {'':8} {sum(hours for *_, hours in costs):6.1f} core-hours")
     if plan:
         return
     _run(commands(wanted))
@@ -309,6 +317,14 @@ def many(
     lines = [json.dumps(row) + "\n" for row in results(wanted)]
     (out / "rows.jsonl").write_text("".join(lines))
     print(text)
+
+
+def _chosen(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Some of the `known` names, divided by commas; all for no text."""
+    names = tuple(text.split(",")) if text else known
+    if wrong := [name for name in names if name not in known]:
+        raise typer.BadParameter(f"--{option} {wrong[0]!r}: choose {', '.join(known)}")
+    return names
 
 
 def _run(commands: "Iterable[Command]") -> None:

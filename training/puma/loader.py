@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from training.puma.config import Config
-from training.puma.data import Arrays, Corpus, SplitFrames, mixed_batch
+from training.puma.data import Arrays, Corpus, SplitFrames, mixed_batch, pooled
 from training.puma.model.inputs import Inputs, inputs_of
 from training.puma.model.puma import Targets
 from training.puma.model.text import Tokenizer
@@ -49,6 +49,9 @@ class Loader:
         config = corpus.config
         self._corpus, self._words, self._share = corpus, words, share or Share()
         sizes = [len(part) for part in corpus.train]
+        self._parts, self._starts = corpus.train, np.zeros(len(sizes), np.int64)
+        if not config.model.looks and config.model.history == config.model.world == "none":
+            self._parts, self._starts = [pooled(corpus.train)], np.cumsum([0, *sizes[:-1]])
         self.sampler = Sampler(sizes, corpus.weights, config.train.batch, config.train.seed)
         self._ready: queue.Queue[Batch | BaseException] = queue.Queue(AHEAD)
         self._closed = threading.Event()
@@ -91,8 +94,10 @@ class Loader:
         step = self.sampler.state()["step"]
         sources, places = self.sampler.next()
         rows = slice(self._share.rank, None, self._share.world)
-        draw = sources[rows], places[rows]
-        arrays, texts = mixed_batch(corpus.train, draw, config, corpus.preprocessing)
+        draw = sources[rows], places[rows] + self._starts[sources[rows]]
+        if len(self._parts) == 1:
+            draw = np.zeros_like(draw[0]), draw[1]
+        arrays, texts = mixed_batch(self._parts, draw, config, corpus.preprocessing)
         seed = [config.train.seed, step, self._share.rank]
         if config.train.shift:
             shift_images(arrays, config.train.shift, seed)

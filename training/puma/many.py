@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
-from pipeline.data.parsing import read_yaml
+from pipeline.data.parsing import read_json, read_yaml
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
 from pipeline.evaluate.scoring.statistics import clustered
@@ -68,6 +68,9 @@ def make_policy() -> MisledPolicy:
 '''
 
 
+STAGES = ("data", "networks", "evaluation")
+
+
 class MisledPolicy(PumaPolicy):
     """A policy that reads sentences of another task in place of its own."""
 
@@ -87,7 +90,8 @@ class Many:
     """The size of a run: tasks, levels, demonstrations of a task, level and look, networks, and
     scenes of a task and level.
 
-    `settings` are those of `puma train`, `workers` an option of builds and evaluations."""
+    `settings` are those of `puma train`, `workers` an option of builds and evaluations. Only these
+    `stages` are done, and networks are evaluated under these `conditions`."""
 
     out: Path
     tasks: tuple[str, ...]
@@ -97,6 +101,8 @@ class Many:
     scenes: int = 50
     settings: tuple[str, ...] = ()
     workers: tuple[str, ...] = ()
+    stages: tuple[str, ...] = STAGES
+    conditions: tuple[str, ...] = tuple(CONDITIONS)
 
     @classmethod
     def full(cls, out: Path) -> "Many":
@@ -152,7 +158,7 @@ def commands(many: Many) -> Iterator[Command]:
     """
     levels = ",".join(map(str, many.levels))
     for task in many.tasks:
-        for look, options in LOOKS.items():
+        for look, options in LOOKS.items() if "data" in many.stages else ():
             out = str(many.data(look, task))
             size = ("--levels", levels, "--episodes", str(many.demonstrations))
             words = ("build", "--manifest", str(RECIPE), "--tasks", task, *size, *options)
@@ -161,12 +167,12 @@ def commands(many: Many) -> Iterator[Command]:
             yield Command("domino-data", export)
     for network in range(many.networks):
         run = many.run(network)
-        if not checkpoint.checkpoint_path(run, many.steps[1]).exists():
-            yield Command(
-                "puma", ("train", "--config", CONFIG, "--out", str(run), *_keys(many, network))
-            )
-        yield Command("puma", ("errors", str(run)))
-        for condition in CONDITIONS:
+        if "networks" in many.stages:
+            if not checkpoint.checkpoint_path(run, many.steps[1]).exists():
+                words = ("train", "--config", CONFIG, "--out", str(run), *_keys(many, network))
+                yield Command("puma", words)
+            yield Command("puma", ("errors", str(run)))
+        for condition in many.conditions if "evaluation" in many.stages else ():
             yield from _evaluations(many, network, condition)
 
 
@@ -207,10 +213,16 @@ def _evaluations(many: Many, network: int, condition: str) -> Iterator[Command]:
 
 
 def _sentences(many: Many, task: str) -> list[str]:
-    """Sentences that ask for a task and that training never read."""
+    """Sentences that ask for a task and that training never read, kept beside the networks."""
+    kept = many.out / "sentences" / f"{task}.json"
+    if kept.exists():
+        return read_json(kept)
     table = Dataset(many.data("clean", task)).exports("parquet") / "episodes.parquet"
     rows = pq.read_table(table, columns=["instructions_unseen"])["instructions_unseen"].to_pylist()
-    return sorted({text for row in rows for text in row})[:100]
+    found = sorted({text for row in rows for text in row})[:100]
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(kept, json.dumps(found, indent=1).encode())
+    return found
 
 
 def results(many: Many) -> list[dict[str, Any]]:

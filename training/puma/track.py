@@ -8,6 +8,7 @@ so a hidden target keeps its course.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -75,18 +76,19 @@ class TargetView:
     def places(self, pixels: ArrayLike) -> Floats:
         """(...,2) world x and y (m) of pixels (...,2) on the plane of the targets' origins."""
         pixels = np.asarray(pixels, float)
-        world = extrinsics_cv(np.array(self.pose))
         ones = np.ones((*pixels.shape[:-1], 1))
-        rays = (
-            np.concatenate([pixels, ones], -1)
-            @ np.linalg.inv(intrinsics(self.camera)).T
-            @ world[:, :3]
-        )
-        eye = -world[:, :3].T @ world[:, 3]
+        inverse, turn, eye = self._rays
+        rays = np.concatenate([pixels, ones], -1) @ inverse @ turn
         # a ray that does not go down never meets the plane: what is found above the horizon is
         # taken for far away
         down = np.minimum(rays[..., 2:], -1e-2)
         return eye[:2] + rays[..., :2] * (self.height - eye[2]) / down
+
+    @cached_property
+    def _rays(self) -> tuple[Floats, Floats, Floats]:
+        world = extrinsics_cv(np.array(self.pose))
+        turn = world[:, :3]
+        return np.linalg.inv(intrinsics(self.camera)).T, turn, -turn.T @ world[:, 3]
 
     def metres(self, pixels: float) -> float:
         """Metres on the plane, in the middle of the image, of so many pixels."""

@@ -1,21 +1,26 @@
 """Finds targets in all frames of a corpus: trains the finder, follows every episode with it, and
 places the tools beside."""
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Container, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 from tqdm import tqdm
 
+from pipeline.data.keys import digest
 from pipeline.data.names import SIDES
+from pipeline.data.process.machine import usable_cores
 from pipeline.planning.kinematics import fk_batch
 from pipeline.planning.planner import planner_for
 from pipeline.poses import inverse, transform
+from training.puma import checkpoint
 from training.puma.cache import Cache, CodedImages
 from training.puma.config import Config, Finder
 from training.puma.data import Arrays, Corpus
@@ -24,7 +29,7 @@ from training.puma.model.finder import finding_loss
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.shards import Row
-from training.puma.track import CHOICES, TargetView, Tracks, aims
+from training.puma.track import CHOICES, TargetView, Tracks, aims, track_numbers
 
 ASTRAY = 0.1
 """Share of the crops in training that lie anywhere: from them the finder learns to doubt."""
@@ -39,21 +44,41 @@ FRAMES = 128
 """Frames that are searched at once."""
 
 
-def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = True) -> Corpus:
+def follow(
+    corpus: Corpus,
+    network: Puma,
+    trained: bool = False,
+    quiet: bool = True,
+    kept: Path | None = None,
+) -> Corpus:
     """The corpus with the arrays `track` (N,M), those of all bodies, `tools` (N,2,3) m and `choice`
     (N,), which of CHOICES acts, for every frame.
 
     Trains the finder of the network, and fits the scale of what is found, unless they are `trained`
-    already. The same for the same corpus, configuration, torch and processor. Raises TrainError if
-    no image shows the target before it is touched.
+    already. A trained finder is written to the file `kept`, and read from there if it is of the
+    same corpus and configuration. The same for the same corpus, configuration, torch and processor.
+    Raises TrainError if no image shows the target before it is touched.
     """
     finder, sight = network.finder, corpus.preprocessing.sight
     if finder is None or sight is None:
         return corpus
     if not trained:
-        _train(network, sight, corpus, quiet)
-    finder.eval()
-    return with_tracks(corpus, network, partial(_find_tracks, network, sight), trained)
+        settings = corpus.config.model_dump(mode="json")
+        settings["train"] = corpus.config.train.seed
+        made_of = digest([settings, corpus.preprocessing.digest])
+        if not checkpoint.load_finder(finder, kept, made_of):
+            _train(network, sight, corpus, quiet)
+            checkpoint.save_finder(finder, kept, made_of)
+    finder.requires_grad_(False).eval()
+    parts = [*corpus.train, *corpus.validation]
+    seen = {id(part.cache): set[int]() for part in parts}
+    for part in parts:
+        seen[id(part.cache)].update(part.episode.tolist())
+
+    def tracks(cache: Cache) -> NDArray[np.float32]:
+        return _find_tracks(network, sight, cache, seen[id(cache)])
+
+    return with_tracks(corpus, network, tracks, trained)
 
 
 def with_tracks(
@@ -150,7 +175,7 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
     image. What reads sentences learns to tell tasks apart as well."""
     finder = network.finder
     assert finder is not None
-    settings, rng = finder.settings, np.random.default_rng(corpus.config.train.seed)
+    settings, seed = finder.settings, corpus.config.train.seed
     views, wanted, shares = _views(settings, sight, corpus)
     size, device = np.array(sight.size[::-1]), next(finder.parameters()).device
     tasks = sorted({view.task for view in views})
@@ -161,9 +186,12 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimizer, settings.rate, total_steps=settings.steps
     )
-    shrinking = size / settings.size[::-1]
-    for _ in tqdm(range(settings.steps), desc="finder", unit="step", disable=quiet):
-        chosen = rng.choice(len(views), settings.batch, p=shares)
+    shrinking, reached = size / settings.size[::-1], np.cumsum(shares)[:-1]
+
+    def make(step: int) -> dict[str, Tensor]:
+        """The images of a step, what is to be found in them, and what is told."""
+        rng = np.random.default_rng([seed, step])
+        chosen = np.searchsorted(reached, rng.random(settings.batch))
         seen, truth = [views[i] for i in chosen], wanted[chosen]
         images = [view.image for view in seen]
         there = ((truth >= 0) & (truth < size)).all(-1)
@@ -174,29 +202,35 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
         middle = each[:, 0] + rng.uniform(-settings.crop / 3, settings.crop / 3, count)
         astray = (rng.random((len(each), 1)) < ASTRAY) | ~there_each[:, :1]
         corners = finder.corners(np.where(astray, rng.uniform(0, size, count), middle), size)
-        crops = finder.crops(images * settings.bodies, corners)
-        read = None
+        arrays = {
+            "images": finder.shrunk(images),
+            "points": (truth / shrinking).astype(np.float32),
+            "there": there,
+            "crops": finder.crops(images * settings.bodies, corners),
+            "crop_points": (each - corners[:, None]).astype(np.float32),
+            "crop_there": there_each,
+            "task": np.array([tasks.index(view.task) for view in seen]),
+        }
+        made = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        return made | {"text": network.words.ids([view.sentence(rng) for view in seen])}
+
+    for batch in tqdm(
+        in_order(make, settings.steps),
+        desc="finder",
+        unit="step",
+        disable=quiet,
+        total=settings.steps,
+    ):
+        there = {name: values.to(device, non_blocking=True) for name, values in batch.items()}
+        read, loss = None, torch.zeros((), device=device)
         if naming is not None:
-            read = finder.read(network.words.ids([view.sentence(rng) for view in seen]))
-        loss = torch.zeros((), device=device)
-        if naming is not None and read is not None:
-            named = torch.tensor([tasks.index(view.task) for view in seen], device=device)
-            loss = nn.functional.cross_entropy(naming(read), named)
-        for locator, shown, points, seen_of, told in (
-            (finder.coarse, finder.shrunk(images), truth / shrinking, there, read),
-            (
-                finder.fine,
-                crops,
-                each - corners[:, None],
-                there_each,
-                finder.add_bodies(read, len(seen)),
-            ),
-        ):
-            found, errors = locator(torch.from_numpy(shown).to(device), told)
-            points_in = torch.from_numpy(points).float().to(device)
-            loss = loss + finding_loss(
-                found, errors, points_in, torch.from_numpy(seen_of).to(device)
-            )
+            read = finder.read(there["text"])
+            loss = nn.functional.cross_entropy(naming(read), there["task"])
+        found, errors = finder.coarse(there["images"], read)
+        loss = loss + finding_loss(found, errors, there["points"], there["there"])
+        told = finder.add_bodies(read, settings.batch)
+        found, errors = finder.fine(there["crops"], told)
+        loss = loss + finding_loss(found, errors, there["crop_points"], there["crop_there"])
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(finder.parameters(), 1.0)
@@ -205,7 +239,19 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
     # gradients left here would count in the norm to which the network's own are clipped, and be
     # missing in a resumed run
     optimizer.zero_grad()
-    finder.requires_grad_(False).eval()
+
+
+def in_order[T](make: Callable[[int], T], count: int) -> Iterator[T]:
+    """What `make` returns for 0, 1, ..., made ahead by a thread for every core."""
+    cores = usable_cores()
+    with ThreadPoolExecutor(cores) as pool:
+        ahead = deque[Future[T]]()
+        for number in range(count):
+            ahead.append(pool.submit(make, number))
+            if len(ahead) > 2 * cores:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,22 +302,30 @@ def _views(
     return views, np.concatenate(points), likely / likely.sum()
 
 
-def _find_tracks(network: Puma, sight: TargetView, cache: Cache) -> NDArray[np.float32]:
-    """What the finder sees in all frames (N,M) of a cache, each episode followed from its first
-    frame, by its first sentence."""
+def _find_tracks(
+    network: Puma, sight: TargetView, cache: Cache, episodes: Container[int]
+) -> NDArray[np.float32]:
+    """What the finder sees in all frames (N,M) of a cache, zeros in other episodes than these. Each
+    is followed from its first frame, by its first sentence."""
     finder, images = network.finder, cache.images(network.config.data.cameras[0])
     assert finder is not None
-    settings, out = finder.settings, list[NDArray[np.float32]]()
-    for start, length, row in zip(cache.start, cache.length, cache.rows, strict=True):
+    settings = finder.settings
+    numbers = settings.bodies * track_numbers(settings.points)
+    out = np.zeros((int(cache.length.sum()), numbers), np.float32)
+    spans = zip(cache.start, cache.length, cache.rows, strict=True)
+    for number, (start, length, row) in enumerate(spans):
+        if number not in episodes:
+            continue
         tracks, end = Tracks(sight, settings.bodies, settings.memory), start + length
         ids = network.words.ids(row.instructions[:1])
         for first in range(start, end, FRAMES):
             last = min(first + FRAMES, end)
             points, errors = finder.find(images[first:last], ids.repeat(last - first, 1))
-            for time, *seen in zip(cache.arrays["time"][first:last], points, errors, strict=True):
+            times = cache.arrays["time"][first:last]
+            for place, time, *seen in zip(range(first, last), times, points, errors, strict=True):
                 tracks.see(float(time), *seen)
-                out.append(tracks.numbers)
-    return np.stack(out)
+                out[place] = tracks.numbers
+    return out
 
 
 def _add_arrays(cache: Cache, tracks: NDArray[np.float32]) -> Cache:

@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +62,16 @@ class Result:
 Track = Callable[[Corpus, Puma, bool, bool], Corpus]
 """Adds what a network sees of targets to a corpus, as training.puma.tracking.follow does."""
 
+FINDER = "finder.safetensors"
+"""The finder of a run, written when it has been trained: a run that is stopped begins there."""
+
 
 def train(
-    config: Config, out: Path, steps: int | None = None, quiet: bool = False, track: Track = follow
+    config: Config,
+    out: Path,
+    steps: int | None = None,
+    quiet: bool = False,
+    track: Track | None = None,
 ) -> Result:
     """Train until `train.steps`, or until `steps` have been done in all, from the newest checkpoint
     in `out` if there is one.
@@ -98,6 +106,9 @@ def train(
             checkpoint.begin_from(network, checkpoint.load(config.train.start).path)
     else:
         network = shell_of(config, sizes)
+    if network.finder is not None:
+        network.finder.to(accelerator.device)
+    track = track or partial(follow, kept=out / FINDER if main else None)
     corpus = track(corpus, network, bool(held or config.train.start is not None), quiet or not main)
     loader = Loader(
         corpus, network.words, Share(accelerator.process_index, accelerator.num_processes)

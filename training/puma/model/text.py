@@ -4,10 +4,13 @@ none."""
 import re
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Protocol
 
+import numpy as np
 import torch
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 PADDING = -1
@@ -31,21 +34,21 @@ class HashedWords:
     a word, by which words that were never seen have something in common with others."""
 
     def __init__(self, size: int, first: int = 0, pieces: bool = False) -> None:
-        self._size, self._first, self._pieces = size, first, pieces
+        self._settings = size, first, pieces
 
     def ids(self, texts: Sequence[str]) -> Tensor:
         """See Tokenizer."""
-        span = self._size - self._first
-        return padded(
-            [[self._first + zlib.crc32(w.encode()) % span for w in self._parts(t)] for t in texts]
-        )
+        return padded([_hashed(text, *self._settings) for text in texts])
 
-    def _parts(self, text: str) -> list[str]:
-        words = re.findall(r"\w+", text.lower())
-        if not self._pieces:
-            return words
+
+@lru_cache(1 << 17)  # sentences of demonstrations come again and again
+def _hashed(text: str, size: int, first: int, pieces: bool) -> NDArray[np.int64]:
+    words = re.findall(r"\w+", text.lower())
+    if pieces:
         letters = [f"<{w}>"[i : i + 3] for w in words for i in range(len(w))]
-        return [*words, *(f"{a} {b}" for a, b in pairwise(words)), *letters]
+        words = [*words, *(f"{a} {b}" for a, b in pairwise(words)), *letters]
+    numbers = [first + zlib.crc32(word.encode()) % (size - first) for word in words]
+    return np.array(numbers, np.int64)
 
 
 class TokenizedWords:
@@ -61,8 +64,11 @@ class TokenizedWords:
         )
 
 
-def padded(rows: Sequence[Sequence[int]]) -> Tensor:
+def padded(rows: Sequence[ArrayLike]) -> Tensor:
     """Rows of ids as one tensor (B,L)."""
-    longest = max(1, *(len(row) for row in rows))
-    width = -(-longest // BUCKET) * BUCKET
-    return torch.tensor([[*row, *[PADDING] * (width - len(row))] for row in rows])
+    lengths = [np.size(row) for row in rows]
+    width = -(-max(1, *lengths) // BUCKET) * BUCKET
+    out = np.full((len(rows), width), PADDING, np.int64)
+    for ids, row, length in zip(out, rows, lengths, strict=True):
+        ids[:length] = row
+    return torch.from_numpy(out)
