@@ -69,6 +69,8 @@ def follow(
         if not checkpoint.load_finder(finder, kept, made_of):
             _train(network, sight, corpus, quiet)
             checkpoint.save_finder(finder, kept, made_of)
+        # what comes after is the same, whether the finder was trained or read
+        torch.manual_seed(corpus.config.train.seed)
     finder.requires_grad_(False).eval()
     parts = [*corpus.train, *corpus.validation]
     seen = {id(part.cache): set[int]() for part in parts}

@@ -2,6 +2,7 @@
 made of commands that resume."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,19 @@ from pipeline.export import EXPORTERS, Job
 from tests.synthetic import episode_path, make_episode
 from tests.training.puma.test_track import SIGHT, small
 from tests.training.puma.test_train import seen, start
+from training.puma import tracking
 from training.puma.checks import errors, replay_check
 from training.puma.config import Config, Finder, parse_config
-from training.puma.data import open_corpus
+from training.puma.data import batch_of, open_corpus, pooled
 from training.puma.errors import TrainError
 from training.puma.many import Many, MisledPolicy, commands, estimate, table
 from training.puma.model.finder import FinderNet, finding_loss
+from training.puma.model.puma import build_model
 from training.puma.model.text import HashedWords
 from training.puma.policy import PumaPolicy
 from training.puma.track import Tracks, aim_numbers, aims
-from training.puma.train import train
+from training.puma.tracking import with_tracks
+from training.puma.train import FINDER, sizes_of, train
 
 
 def test_pieces_of_words_are_what_unseen_words_have_in_common():
@@ -128,17 +132,23 @@ def several(datasets: list[Path], cache: Path) -> Config:
 
 
 def test_a_network_of_two_tasks_trains_resumes_and_sees_what_it_was_trained_on(
-    two: list[Path], cache: Path, tmp_path: Path
+    two: list[Path], cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     config = several(two, cache)
     train(config, tmp_path / "whole", quiet=True)
     train(config, tmp_path / "parts", steps=3, quiet=True)
     train(config, tmp_path / "parts", quiet=True)
-    whole, parts = (
+    # of a run that was stopped just after it trained its finder, only that is left
+    (tmp_path / "kept").mkdir()
+    shutil.copy(tmp_path / "whole" / FINDER, tmp_path / "kept")
+    with monkeypatch.context() as patched:
+        patched.setattr(tracking, "_train", None)
+        train(config, tmp_path / "kept", quiet=True)
+    whole, *others = (
         (tmp_path / run / "checkpoints/step_00000006/model.safetensors").read_bytes()
-        for run in ("whole", "parts")
+        for run in ("whole", "parts", "kept")
     )
-    assert whole == parts
+    assert [whole, whole] == others
     found = replay_check(tmp_path / "whole", None, 1)
     assert found["answers"] and not found["different"]
     policy = PumaPolicy.load(tmp_path / "whole")
@@ -149,6 +159,25 @@ def test_a_network_of_two_tasks_trains_resumes_and_sees_what_it_was_trained_on(
         one.reset(start())
     answers = [np.concatenate([one.act(seen(k / 15)) for k in range(3)]) for one in told]
     assert np.abs(answers[0] - answers[1]).max() > 1e-6
+
+
+def test_frames_of_all_datasets_in_one_part_make_the_same_batches(two: list[Path], cache: Path):
+    config = several(two, cache)
+    corpus = open_corpus(config)
+    corpus = with_tracks(
+        corpus,
+        build_model(config, sizes_of(corpus)),
+        lambda cache: np.repeat(np.asarray(cache.arrays["time"])[:, None], 16, 1),
+    )
+    whole, start = pooled(corpus.train), 0
+    for part in corpus.train:
+        places = np.arange(len(part))
+        one = batch_of(part, places, config, corpus.preprocessing)
+        same = batch_of(whole, places + start, config, corpus.preprocessing)
+        texts = [part.cache.rows[row].instructions for row in one.pop("row")]
+        assert texts == [whole.cache.rows[row].instructions for row in same.pop("row")]
+        assert all(np.array_equal(one[name], same[name]) for name in one)
+        start += len(part)
 
 
 def test_errors_are_told_by_dataset_and_sentence(two: list[Path], cache: Path, tmp_path: Path):
