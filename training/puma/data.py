@@ -300,8 +300,13 @@ def pooled(parts: Sequence[SplitFrames]) -> SplitFrames:
         numbers = [getattr(part, name) + by[k] for part, k in zip(parts, places, strict=True)]
         return np.concatenate(numbers)
 
-    spans = [moved(name, frames) for name in ("frame", "first", "last")]
-    return SplitFrames(whole, *spans, moved("episode", episodes))
+    return SplitFrames(
+        whole,
+        moved("frame", frames),
+        moved("first", frames),
+        moved("last", frames),
+        moved("episode", episodes),
+    )
 
 
 def joined(batches: Sequence[Arrays], order: NDArray[np.int64]) -> Arrays:

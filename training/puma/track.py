@@ -88,7 +88,8 @@ class TargetView:
     def _rays(self) -> tuple[Floats, Floats, Floats]:
         world = extrinsics_cv(np.array(self.pose))
         turn = world[:, :3]
-        return np.linalg.inv(intrinsics(self.camera)).T, turn, -turn.T @ world[:, 3]
+        inverse = np.asarray(np.linalg.inv(intrinsics(self.camera)).T, float)
+        return inverse, turn, -turn.T @ world[:, 3]
 
     def metres(self, pixels: float) -> float:
         """Metres on the plane, in the middle of the image, of so many pixels."""
