@@ -186,6 +186,29 @@ def track(camera: CameraType, camera_poses: Floats, points: Floats) -> Floats:
     return np.column_stack([uv, depth, inside])
 
 
+NEAREST = 0.01  # m before a camera
+
+
+def path_ahead(positions: Floats, horizon: int) -> Floats:
+    """Positions (T,H,3) in m of the next `horizon` frames, the last frame standing for those after
+    it."""
+    frames = np.arange(len(positions))[:, None] + np.arange(1, horizon + 1)
+    return positions[np.minimum(frames, len(positions) - 1)]
+
+
+def trace_ahead(
+    camera: CameraType, camera_poses: Floats, positions: Floats, horizon: int
+) -> Floats:
+    """Columns, rows (pixels) and depths (m) (T,H,3) of the next positions, zero less than 1 cm
+    before the camera."""
+    e = extrinsics_cv(camera_poses)
+    seen = np.einsum("tij,thj->thi", e[..., :3], path_ahead(positions, horizon)) + e[:, None, :, 3]
+    depth = seen[..., 2:]
+    front = depth > NEAREST
+    pixels = (seen @ intrinsics(camera).T)[..., :2] / np.where(front, depth, 1.0)
+    return np.where(front, np.concatenate([pixels, depth], axis=-1), 0.0)
+
+
 CONDITIONS = "conditions/"
 TRACKS = "tracks/"
 

@@ -26,8 +26,7 @@ from pipeline.export.shared.derived import (
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
 from pipeline.export.shared.images import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column
 from pipeline.export.shared.script import script_of
-from pipeline.motion.paths import path_ahead
-from pipeline.motion.recorded import track
+from pipeline.motion.recorded import path_ahead, track
 
 VECTORS = ("state", "action", "target_pose", "target_velocity")
 TOOLS = {side: f"tcp_{side}" for side in SIDES}

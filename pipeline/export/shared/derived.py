@@ -9,8 +9,7 @@ from pipeline.data.episode.events import spans
 from pipeline.data.episode.world import contact_forces, twists_of
 from pipeline.data.names import SIDES
 from pipeline.motion.models import motion_from_json
-from pipeline.motion.paths import trace_ahead
-from pipeline.motion.recorded import Interception
+from pipeline.motion.recorded import Interception, trace_ahead
 from pipeline.poses import Floats
 
 from .episodes import ExportError, Facts

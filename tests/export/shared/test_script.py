@@ -10,7 +10,7 @@ from pipeline.export.formats.lerobot.format import data_columns
 from pipeline.export.formats.parquet_table import Plan, episode_table
 from pipeline.export.shared.episodes import read_facts, reading
 from pipeline.export.shared.script import describe_runs, rows_of, script_of
-from pipeline.motion.paths import path_ahead
+from pipeline.motion.recorded import path_ahead
 from tests.synthetic import episode_path, make_episode
 
 NAMES = {"block": "the block", "cup": "the cup"}

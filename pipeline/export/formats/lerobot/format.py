@@ -23,7 +23,7 @@ from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats
 from pipeline.export.shared.tables import SCALAR_TYPES
 from pipeline.export.shared.video import Codec
-from pipeline.motion.paths import path_ahead
+from pipeline.motion.recorded import path_ahead
 from pipeline.poses import Floats
 
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
