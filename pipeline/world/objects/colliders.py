@@ -1,5 +1,6 @@
 """Convex collision pieces (m, body frame, z up); hollow things are hollow."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -71,6 +72,12 @@ def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
 def convex_collider(points: ArrayLike) -> Colliders:
     """The convex hull of `points` (N,3)."""
     return (Collider("convex", (), vertices=np.asarray(points, float)),)
+
+
+def twelve_sided(outline: Sequence[tuple[float, float]]) -> list[tuple[float, float, float]]:
+    """Twelve points (m) round z for each (radius, z) of `outline`, for hulls of round bodies."""
+    turns = np.arange(12) * np.pi / 6
+    return [(r * np.cos(a), r * np.sin(a), z) for r, z in outline for a in turns]
 
 
 def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:

@@ -22,9 +22,9 @@ from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
 
 KINDS = (
-    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box",  # noqa: E501
-    "coffee_box", "soap",
-)  # fmt: skip
+    *("mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards"),
+    *("wooden_block", "tea_box", "coffee_box", "soap"),
+)
 DISTANCE = 0.13
 APART = 0.10  # m in y
 NEAR = 0.19  # m; A nearer to B than this must not stand on the side it shall come to

@@ -39,16 +39,8 @@ HELD = 0.03  # m over the floor of the drawer from which the object falls
 LONGEST = 0.105  # m along the open part of the drawer that fits into it
 
 OBJECTS = (
-    "mouse",
-    "stapler",
-    "toy_car",
-    "rubiks_cube",
-    "bread",
-    "phone",
-    "playing_cards",
-    "tea_box",
-    "coffee_box",
-    "soap",
+    *("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards"),
+    *("tea_box", "coffee_box", "soap"),
 )
 
 
@@ -72,13 +64,8 @@ class PutObjectCabinet(Task):
         lift=Limit(0.03),
     )
     own_conditions = (
-        "drawer_open",
-        "within_outline",
-        "at_height",
-        "on_drawer",
-        "off_table",
-        "released",
-        "was_lifted",
+        *("drawer_open", "within_outline", "at_height", "on_drawer", "off_table"),
+        *("released", "was_lifted"),
     )
 
     def layout(self, draw: Draw) -> Bodies:

@@ -155,12 +155,11 @@ class BreadBasket(Parametric):
 
     def frames(self) -> NamedFrames:
         hx, hy, hz = 0.5 * self.hx, WALL / 2, self.height / 2
-        rim = [
-            g
+        front, back = (
+            box_pinches(hx, hy, hz, (0, y, hz), axes="y", kind="rim")
             for y in (self.hy - hy, hy - self.hy)
-            for g in box_pinches(hx, hy, hz, (0, y, hz), axes="y", kind="rim")
-        ]
-        return hollow(self.height, WALL, rim)
+        )
+        return hollow(self.height, WALL, front + back)
 
 
 @register("table_bin")
@@ -233,13 +232,12 @@ class BigBin(Parametric):
         wall = 0.01
         body = open_box(self.hx, self.hy, self.height, wall, self.corner)
         ring = rounded_rectangle(self.hx - 0.002, self.hy - 0.002, self.corner, 4)
-        rim = sweep(
-            np.column_stack([ring, np.full(len(ring), self.height - 0.004)]), 0.008, 6, closed=True
-        )
+        path = np.column_stack([ring, np.full(len(ring), self.height - 0.004)])
+        rim = sweep(path, 0.008, 6, closed=True)
         plate = at(box(0.4 * self.hx, 0.001, 0.05, 0.0), (0, -self.hy - 0.001, 0.72 * self.height))
         return Shape(
             ((body, plastic(self.colour)), (rim, plastic(self.rim)), (plate, plastic(self.rim))),
-            (*tray(self.hx, self.hy, wall, self.height),),
+            tray(self.hx, self.hy, wall, self.height),
             mass=3.5,
         )
 

@@ -181,13 +181,10 @@ class Mug(Parametric):
         floor = [(inner, wall + 0.003), (inner - 0.003, wall), (0, wall)]
         inside = revolve([(inner, h), *floor], 28)
         path, skin = self.ear_path(), glaze(self.colour)
+        handle = sweep(path, self.ear_radius, 8)
         ear = arc_of_capsules(path[::2], self.ear_radius)
         return Shape(
-            (
-                (outside, skin),
-                (inside, glaze(self.inside)),
-                (sweep(path, self.ear_radius, 8), skin),
-            ),
+            ((outside, skin), (inside, glaze(self.inside)), (handle, skin)),
             disc(r, wall) + ring_of_boxes(r, wall, h, 16) + ear,
             mass=2300 * MUG_WALL * np.pi * (r * r + 2 * r * h) * 0.9,
             friction=0.5,
@@ -223,9 +220,6 @@ class ShellCup(Parametric):
     height: float = between(2.2, 2.8, of="radius")
     stripe: str = one_of(COLOURS, other_than="colour")
 
-    def _outline(self) -> list[tuple[float, float]]:
-        return [(self.radius, 0.0), (self.foot, self.height)]
-
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, SHELL_WALL
         outside = [(r, 0), (f, h - 0.003), (f - 0.003, h), (0, h)]
@@ -244,12 +238,9 @@ class ShellCup(Parametric):
 
     def frames(self) -> NamedFrames:
         r, f, h = self.radius, self.foot, self.height
-        grasps = [
-            grasp
-            for s in (0.45, 0.7)
-            for grasp in side_pinches(r + (f - r) * s, s * h, outline=self._outline())
-        ]
-        return standing(h, grasps)
+        outline = [(r, 0.0), (f, h)]
+        low, high = (side_pinches(r + (f - r) * s, s * h, outline=outline) for s in (0.45, 0.7))
+        return standing(h, low + high)
 
 
 @register("lid")

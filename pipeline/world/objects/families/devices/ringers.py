@@ -12,6 +12,7 @@ from pipeline.world.objects.colliders import (
     disc,
     push_button,
     slab,
+    twelve_sided,
 )
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, sweep, upright
@@ -165,19 +166,11 @@ class Bell(Parametric):
         stem = at(cylinder(0.0035, 0.012, 8), (0, 0, f + self.dome - 0.004))
         lip = revolve([(0.98 * r, f + 0.0004), (1.03 * r, f + 0.0016), (0.98 * r, f + 0.0032)], 24)
         knob = at(cylinder(self.knob, 0.005, 16, bevel=0.0015), (0, 0, self.height - 0.005))
-        rings = [
-            (rho * np.cos(a), rho * np.sin(a), z)
-            for rho, z in self.outline()
-            for a in np.arange(12) * np.pi / 6
-            if rho > 0
-        ]
+        rings = twelve_sided([point for point in self.outline() if point[0] > 0])
         return Shape(
             (
-                (foot, plastic(self.base_colour)),
-                (dome, skin),
-                (lip, skin),
-                (stem, metal()),
-                (knob, metal()),
+                *((foot, plastic(self.base_colour)), (dome, skin), (lip, skin)),
+                *((stem, metal()), (knob, metal())),
             ),
             disc(0.93 * r, f)
             + convex_collider(rings)

@@ -6,7 +6,12 @@ import numpy as np
 
 from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.world.looks.materials import glaze, metal, plastic, print_texture, printed, wrapped
-from pipeline.world.objects.colliders import convex_collider, cylinder_collider, disc
+from pipeline.world.objects.colliders import (
+    convex_collider,
+    cylinder_collider,
+    disc,
+    twelve_sided,
+)
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, box, cylinder, revolve
 from pipeline.world.objects.grasping import bar_pinches, side_pinches
@@ -71,15 +76,10 @@ class Bottle(Parametric):
         label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body)
         image = print_texture(self.label_colour, self.colour, "product", self.brand, self.seed)
         shoulder = [p for p in outline if p[1] >= self.body]
-        rings = [
-            (rho * np.cos(a), rho * np.sin(a), z)
-            for rho, z in shoulder[:-1]
-            for a in np.arange(12) * np.pi / 6
-        ]
         return Shape(
             ((skin, glaze(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(image))),
             cylinder_collider(r, 0, self.body)
-            + convex_collider(rings)
+            + convex_collider(twelve_sided(shoulder[:-1]))
             + cylinder_collider(self.neck, top - 0.006, self.height),
             mass=0.75 * 1000 * np.pi * r**2 * self.body,
         )

@@ -39,25 +39,15 @@ CRUSTS: dict[str, tuple[float, float, float]] = {
     "dark": (0.36, 0.20, 0.10),
     "pale": (0.90, 0.75, 0.50),
 }
-WIDTH = (0.048, 0.064)
+WIDTH, SLIM = (0.048, 0.064), {"baguette": 0.86}
 LEVELS = (
     (
-        (0, 0.82, 0.78),
-        (0.08, 0.94, 0.93),
-        (0.3, 1, 1),
-        (0.5, 1, 1),
-        (0.72, 0.9, 0.88),
-        (0.9, 0.66, 0.6),
-        (1, 0.3, 0.26),
+        *((0, 0.82, 0.78), (0.08, 0.94, 0.93), (0.3, 1, 1), (0.5, 1, 1), (0.72, 0.9, 0.88)),
+        *((0.9, 0.66, 0.6), (1, 0.3, 0.26)),
     ),
     (
-        (0, 0.93, 0.9),
-        (0.08, 1, 0.98),
-        (0.5, 1, 1),
-        (0.62, 1, 1),
-        (0.82, 0.95, 0.9),
-        (0.95, 0.82, 0.62),
-        (1, 0.6, 0.3),
+        *((0, 0.93, 0.9), (0.08, 1, 0.98), (0.5, 1, 1), (0.62, 1, 1), (0.82, 0.95, 0.9)),
+        *((0.95, 0.82, 0.62), (1, 0.6, 0.3)),
     ),
 )
 """Height, length and width of the rings of a piece, as shares, and of a loaf."""
@@ -69,9 +59,7 @@ OBLIQUE = np.array([[1.0, 0.0, 0.55], [0.0, 1.0, -0.65]])
 @register("bread")
 class Bread(Parametric):
     form: str = one_of(tuple(FORMS))
-    width: float = drawn(
-        lambda rng, bread: rng.uniform(*WIDTH) * (0.86 if bread.form == "baguette" else 1.0)
-    )
+    width: float = drawn(lambda rng, bread: rng.uniform(*WIDTH) * SLIM.get(bread.form, 1.0))
     length: float = drawn(lambda rng, bread: bread.width * rng.uniform(*FORMS[bread.form]))
     height: float = between(0.036, 0.046)
     crust: str = one_of(tuple(CRUSTS))
@@ -125,17 +113,13 @@ class Bread(Parametric):
         return [at(seedlet, p) for p in zip(x, y, z, strict=True)]
 
     def frames(self) -> NamedFrames:
-        half, heights = (
-            (self.length / 2, self.width / 2, self.height / 2),
-            (0.4 * self.height, 0.022),
+        half = self.length / 2, self.width / 2, self.height / 2
+        heights = max(0.4 * self.height, 0.014), 0.022
+        offsets = (-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,)
+        axes = "xy" if self.form in ("bun", "roll") else "y"
+        return standing(
+            self.height, box_pinches(*half, heights=heights, offsets=offsets, axes=axes)
         )
-        grasps = box_pinches(
-            *half,
-            heights=(max(heights[0], 0.014), 0.022),
-            offsets=(-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,),
-            axes="xy" if self.form in ("bun", "roll") else "y",
-        )
-        return standing(self.height, grasps)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {

@@ -5,7 +5,7 @@ import numpy as np
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import fabric, plastic, rubber, wrapped
 from pipeline.world.objects.colliders import convex_collider
-from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.contract import Grasp, NamedFrames, register
 from pipeline.world.objects.geometry import (
     at,
     capsule,
@@ -37,6 +37,7 @@ STATIONS = np.array([0.0, 0.04, 0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 0.95, 1
 WIDTHS = np.array([0.42, 0.62, 0.74, 0.77, 0.78, 0.85, 0.95, 1.0, 0.88, 0.62, 0.3])
 RIDGE = np.array([0.80, 0.96, 1.0, 0.97, 0.93, 0.82, 0.68, 0.57, 0.5, 0.42, 0.32])
 
+FLANK = ((1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0))
 COLLAR = ((1.0, 0.0), (1.04, 0.45), (0.97, 0.95), (0.87, 0.95), (0.80, 0.4))
 """Radius and height, as shares, of the padding round the opening."""
 
@@ -59,9 +60,7 @@ class Shoe(Parametric):
 
     def sections(self) -> np.ndarray:
         """Upright arches (S,K,3) from heel to toe."""
-        flank = np.array(
-            [(1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0)]
-        )
+        flank = np.array(FLANK)
         arch = np.concatenate([flank, flank[::-1] * [-1, 1]])
         rings = []
         for s, w, r in zip(STATIONS, WIDTHS, RIDGE, strict=True):
@@ -79,29 +78,21 @@ class Shoe(Parametric):
         return float(np.interp(share, STATIONS, RIDGE)) * self.height
 
     def _details(self) -> list[tuple[Mesh, str]]:
-        parts = []
+        parts, across = [], quat_about((1, 0, 0), np.pi / 2)
         tilt = float(np.arctan2(self._top(0.42) - self._top(0.72), 0.3 * self.length))
         for k in range(self.laces):
             share = 0.47 + 0.2 * k / max(self.laces - 1, 1)
-            lace = at(
-                capsule(0.0024, 0.36 * self.half, 3, 4),
-                (float(self.x(share)), 0, self._top(share) + 0.001),
-                quat_about((1, 0, 0), np.pi / 2),
-            )
-            parts.append((lace, "white" if self.colour not in ("white", "beige") else "charcoal"))
+            place = (float(self.x(share)), 0, self._top(share) + 0.001)
+            lace = at(capsule(0.0024, 0.36 * self.half, 3, 4), place, across)
+            parts.append((lace, "charcoal" if self.colour in ("white", "beige") else "white"))
         x, z, level = float(self.x(0.21)), self._top(0.21), quat_about((0, 1, 0), 0.06)
         hole = extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004)
         collar = scaled(revolve(COLLAR, 14, 60), 0.174 * self.length, 0.64 * self.half, 0.015)
-        parts += [
-            (at(hole, (x, 0, z - 0.0018), level), "black"),
-            (at(collar, (x, 0, z - 0.0085), level), self.colour),
-        ]
-        tongue = at(
-            scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004),
-            (float(self.x(0.415)), 0, self._top(0.415) + 0.001),
-            quat_about((0, 1, 0), tilt - 0.42),
-        )
-        parts.append((tongue, self.colour))
+        parts.append((at(hole, (x, 0, z - 0.0018), level), "black"))
+        parts.append((at(collar, (x, 0, z - 0.0085), level), self.colour))
+        tongue = scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004)
+        place = (float(self.x(0.415)), 0, self._top(0.415) + 0.001)
+        parts.append((at(tongue, place, quat_about((0, 1, 0), tilt - 0.42)), self.colour))
         return parts
 
     def _stripes(self) -> list[Mesh]:
@@ -109,9 +100,8 @@ class Shoe(Parametric):
         flat = rings.reshape(len(rings), -1)
         stripes = []
         for share in (0.52, 0.58, 0.64):
-            columns = [
-                [np.interp(s, STATIONS, c) for c in flat.T] for s in (share - 0.014, share + 0.014)
-            ]
+            sides = (share - 0.014, share + 0.014)
+            columns = [[np.interp(s, STATIONS, c) for c in flat.T] for s in sides]
             ends = np.array(columns).reshape(2, *rings.shape[1:])
             for flank in (slice(0, 4), slice(8, 12)):
                 stripes.append(_ribbon(*(end[flank] * [1, 1.02, 1] for end in ends)))
@@ -123,14 +113,12 @@ class Shoe(Parametric):
         sole = at(extrude(self.outline(1.03), self.sole - tread), (0, 0, tread))
         upper = loft(rings, crease=60)
         cloth = wrapped("upper", self.colour, self.seed, 0.75, 256)
+        profile = extrude(self.outline(1.045), tread - 0.0003)
         solid = [convex_collider(_with_floor(rings[a:b])) for a, b in ((0, 5), (4, 8), (7, 11))]
         return Shape(
             (
                 (sole, rubber(self.sole_colour)),
-                (
-                    extrude(self.outline(1.045), tread - 0.0003),
-                    rubber("brown" if self.sole_colour == "black" else "charcoal"),
-                ),
+                (profile, rubber("brown" if self.sole_colour == "black" else "charcoal")),
                 (upper, cloth),
                 *((m, plastic(self.stripe)) for m in self._stripes()),
                 *((m, fabric(c)) for m, c in self._details()),
@@ -141,21 +129,13 @@ class Shoe(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        x = float(self.x(0.2))
-        grasps = [
-            g
-            # the centre of mass is at 0.45
-            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.45, (-0.4, 0.0, 0.4)))
-            for g in box_pinches(
-                0.1 * self.length,
-                self.half * 0.97 * float(np.interp(share, STATIONS, WIDTHS)),
-                self._top(share) / 2,
-                (float(self.x(share)), 0, self._top(share) / 2),
-                heights=(0.5 * self._top(share), 0.65 * self._top(share)),
-                offsets=offsets,
-                axes="y",
-            )
-        ]
+        x, grasps = float(self.x(0.2)), list[Grasp]()
+        for share, out in ((0.2, 0.5), (0.45, 0.4)):  # the centre of mass is at 0.45
+            wide, top = float(np.interp(share, STATIONS, WIDTHS)), self._top(share)
+            half, middle = (0.1 * self.length, self.half * 0.97 * wide), float(self.x(share))
+            heights, offsets = (0.5 * top, 0.65 * top), (-out, 0.0, out)
+            place = (middle, 0, top / 2)
+            grasps += box_pinches(*half, top / 2, place, heights, offsets=offsets, axes="y")
         return standing(
             self.height,
             grasps,

@@ -1,6 +1,7 @@
 """A toy car, its nose towards +x, and a wagon; a ball, and one whose stripe shows how it rolls."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -102,10 +103,8 @@ class ToyCar(Parametric):
         cabin = np.array([(x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
         glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
         corners = [(share, side) for share in (0.2, 0.8) for side in (-1, 1)]
-        wheel, turn = (
-            cylinder(r, 0.009, 14),
-            {s: quat_about((1, 0, 0), -s * np.pi / 2) for s in (-1, 1)},
-        )
+        wheel = cylinder(r, 0.009, 14)
+        turn = {s: quat_about((1, 0, 0), -s * np.pi / 2) for s in (-1, 1)}
         wheels = [at(wheel, (x(a), s * (w - 0.0085) + 0.0045, r), LYING) for a, s in corners]
         tyre, hub = (revolve([(radius, 0), (0, 0)], 16) for radius in (1.06 * r, 0.55 * r))
         tyres = [at(tyre, (x(a), s * (w - 0.0004), r), turn[s]) for a, s in corners]
@@ -160,12 +159,9 @@ class Wagon(Parametric):
 
     def shape(self) -> Shape:
         box = at(open_box(self.hx, self.hy, self.height - LOW, FLOOR - LOW, 0.006), (0, 0, LOW))
-        lying = quat_about((1, 0, 0), np.pi / 2)
-        wheels = [
-            at(cylinder(0.011, 0.005, 16), (x * self.hx, y, 0.011), lying)
-            for x in (-0.6, 0.6)
-            for y in (-self.hy, self.hy + 0.005)
-        ]
+        places = product((-0.6, 0.6), (-self.hy, self.hy + 0.005))
+        wheel = cylinder(0.011, 0.005, 16)
+        wheels = [at(wheel, (x * self.hx, y, 0.011), LYING) for x, y in places]
         return Shape(
             ((box, painted(self.colour)), *((wheel, rubber("black")) for wheel in wheels)),
             (*slab(self.hx, self.hy, FLOOR), *tray(self.hx, self.hy, WALL, self.height)[1:]),
