@@ -28,6 +28,9 @@ class _Material:
     offset: tuple[float, float] = (0.0, 0.0)
 
 
+type _Place = tuple[Path, Path, list[str]]
+"""The OBJ file, the folder below which the files lie that it names, and the notes."""
+
 type _Corners = list[tuple[int, int]]
 """Numbers of the point and the coordinates (-1: none) of each corner of triangles."""
 
@@ -49,6 +52,7 @@ def _index(text: str, count: int) -> int:
 def read_obj(file: Path, within: Path) -> MeshFile:
     """One part a material; files that it names lie below `within`. Raises MeshError."""
     notes: list[str] = []
+    place = file, within, notes
     library: dict[str, _Material] = {}
     points, uvs = list[list[float]](), list[list[float]]()
     groups: dict[str, _Corners] = {"": []}
@@ -63,7 +67,7 @@ def read_obj(file: Path, within: Path) -> MeshFile:
         elif word == "usemtl":
             faces = groups.setdefault(rest, [])
         elif word == "mtllib":
-            library |= _read_library(rest, file, within, notes)
+            library |= _read_library(rest, place)
     if library and not any(faces for name, faces in groups.items() if name):
         notes.append("names a material library and uses none of it: it has no color")
     at, colors = _vertices(points, notes)
@@ -75,12 +79,11 @@ def read_obj(file: Path, within: Path) -> MeshFile:
         if name and name not in library:
             notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
         part, shade = _gather(faces, at, texels, colors)
-        material = library.get(name, _Material())
-        image = None
+        material, image = library.get(name, _Material()), None
         if material.texture and part.uv is None:
             notes.append("has a texture and no coordinates for it: the color alone is used")
-        elif material.texture:
-            image = _texture(material.texture, file, within, notes)
+        elif material.texture and (path := _find(material.texture, "texture", place)):
+            image = pixels(read_bytes(path))
         parts.append(_looked(part, shade, material, image))
     return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
 
@@ -129,41 +132,28 @@ def _looked(part: Part, shade: Floats | None, material: _Material, image: Any) -
     return replace(part, look=MeshLook(material.kd), uv=None)
 
 
-def _texture(name: str, file: Path, within: Path, notes: list[str]):
-    """Pixels (H,W,4); for a missing file None and a note."""
+def _find(name: str, what: str, place: _Place) -> Path | None:
+    """The file that an OBJ or MTL names as its `what`, or one of about this name, with a note; None
+    and a note for a missing one."""
+    file, within, notes = place
     try:
-        return pixels(read_bytes(find_file(name, file.parent, within)))
+        return find_file(name, file.parent, within)
     except MeshError as error:
         if "outside of" in str(error):
             raise
-        guess = _guess(name, file, within)
-        if guess is None:
-            notes.append(f"has no texture: {error}; the color alone is used")
-            return None
-    notes.append(f"takes {guess.name} for the texture {name!r}")
-    return pixels(read_bytes(guess))
+        last = name.replace("\\", "/").rpartition("/")[2]
+        guess = similar(name, file.parent, within) or similar(last, file.parent, within)
+        missing = f"has no {what}: {error}; it is drawn without"
+        notes.append(f"takes {guess.name} for the {what} {name!r}" if guess else missing)
+        return guess
 
 
-def _guess(name: str, file: Path, within: Path) -> Path | None:
-    last = name.replace("\\", "/").rpartition("/")[2]
-    return similar(name, file.parent, within) or similar(last, file.parent, within)
-
-
-def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict[str, _Material]:
+def _read_library(name: str, place: _Place) -> dict[str, _Material]:
     """Materials of an MTL; if missing none, and a note."""
-    try:
-        path = find_file(name, file.parent, within)
-    except MeshError as error:
-        if "outside of" in str(error):
-            raise
-        path = _guess(name, file, within)
-        if path is None:
-            notes.append(f"has no materials: {error}")
-            return {}
-        notes.append(f"takes {path.name} for the material library {name!r}")
+    path, notes = _find(name, "material library", place), place[2]
     materials: dict[str, _Material] = {}
     current = ""
-    for word, rest in _lines(read_bytes(path)):
+    for word, rest in _lines(read_bytes(path)) if path else ():
         if word == "newmtl":
             current = rest
             materials[current] = _Material()

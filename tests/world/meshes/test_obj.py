@@ -99,7 +99,7 @@ def test_colors_of_vertices_are_a_palette(tmp_path):
         (
             f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n",
             "",
-            "has no materials: 'gone.mtl' was not found",
+            "has no material library: 'gone.mtl' was not found",
         ),
         (
             f"mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n",
