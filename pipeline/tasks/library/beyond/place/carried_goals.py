@@ -5,18 +5,14 @@ from pipeline.tasks.library.domino.set_down.place_empty_cup import PlaceEmptyCup
 
 @register
 class LoadBeltPlate(PlaceContainerPlate):
-    """Grasp a bowl or cup and set it down on a plate that rides on a conveyor belt.
-
-    Success: as `place_container_plate`."""
+    """Grasp a bowl or cup and set it down on a plate that rides on a conveyor belt."""
 
     motion = "conveyor"
 
 
 @register
 class PlaceCupTurntable(PlaceEmptyCup):
-    """Grasp an empty cup and stand it on a coaster that a turntable carries round.
-
-    Success: as `place_empty_cup`."""
+    """Grasp an empty cup and stand it on a coaster that a turntable carries round."""
 
     motion = "turntable"
 

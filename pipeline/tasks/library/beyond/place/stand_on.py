@@ -58,9 +58,7 @@ class StandOn(PickFromBelt):
 
 @register
 class StandHandedObject(StandOn):
-    """Grasp a can or a pill bottle that a flat hand brings, and stand it on a pad.
-
-    Success: as `StandOn`."""
+    """Grasp a can or a pill bottle that a flat hand brings, and stand it on a pad."""
 
     target = manipulated = "object"
     motion = "handed"
@@ -84,9 +82,7 @@ class StandHandedObject(StandOn):
 @register
 class StandHangingMug(StandOn):
     """Grasp a mug that hangs over the table on a cord, draw it away from the cord, and stand it on
-    a coaster.
-
-    Success: as `StandOn`."""
+    a coaster."""
 
     target = manipulated = "mug"
     support, motion = "coaster", "pendulum"
@@ -110,9 +106,7 @@ class StandHangingMug(StandOn):
 @register
 class StandRampCan(StandOn):
     """Grasp a can or a pill bottle that slides down a ramp onto the table, and stand it on a pad
-    beside.
-
-    Success: as `StandOn`."""
+    beside."""
 
     target = manipulated = "can"
     motion = "ramp"
@@ -128,9 +122,7 @@ class StandRampCan(StandOn):
 @register
 class StandTossedCube(StandOn):
     """Close the gripper on a puzzle cube that a plate tosses up, at the top of its flight, and set
-    it down on a pad.
-
-    Success: as `StandOn`."""
+    it down on a pad."""
 
     target = manipulated = "cube"
     motion = "toss"

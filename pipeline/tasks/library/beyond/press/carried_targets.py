@@ -9,9 +9,7 @@ from pipeline.tasks.library.domino.press.press_stapler import PressStapler
 @register
 class PressCirclingStapler(PressStapler):
     """Press the arm of a stapler that moves on a circle, the closed fingers moving with it until
-    they touch.
-
-    Success: as `press_stapler`."""
+    they touch."""
 
     motion = "circle"
 
@@ -22,9 +20,7 @@ class PressCirclingStapler(PressStapler):
 @register
 class RingPushedBell(ClickBell):
     """Press the button of a bell that a paddle has pushed, the closed fingers moving with the bell
-    until they touch.
-
-    Success: as `click_bell`."""
+    until they touch."""
 
     motion = "pushed"
 
@@ -35,9 +31,7 @@ class RingPushedBell(ClickBell):
 @register
 class RingTurningBell(ClickBell):
     """Press the button of a bell that a turntable carries round with the closed fingers of the arm
-    beside it.
-
-    Success: as `click_bell`."""
+    beside it."""
 
     motion = "turntable"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.25)

@@ -59,8 +59,6 @@ class CatchDroppedBall(Task):
 @register
 class CatchDroppedBread(CatchDroppedBall):
     """Grasp a skillet and bring it from below to where a piece of bread that a carrier drops will
-    be.
-
-    Success: as `catch_dropped_ball`."""
+    be."""
 
     target = falls = "bread"

@@ -49,9 +49,7 @@ class PickFromBelt(Task):
 
 @register
 class TakeFromRamp(PickFromBelt):
-    """Grasp a can or a bottle that slides down a ramp onto the table, and lift it.
-
-    Success: as `pick_from_belt`."""
+    """Grasp a can or a bottle that slides down a ramp onto the table, and lift it."""
 
     motion = "ramp"
 
@@ -59,18 +57,14 @@ class TakeFromRamp(PickFromBelt):
 @register
 class StopPushedCan(PickFromBelt):
     """Grasp a can or a bottle that a paddle has pushed and that slides, slowed by friction, off one
-    cushion or two at level 3.
-
-    Success: as `pick_from_belt`."""
+    cushion or two at level 3."""
 
     motion = "pushed"
 
 
 @register
 class StopRollingBall(PickFromBelt):
-    """Close the gripper on a rolling ball and lift it.
-
-    Success: as `pick_from_belt`."""
+    """Close the gripper on a rolling ball and lift it."""
 
     target = manipulated = "ball"
     motion = "rolling"
@@ -88,9 +82,7 @@ class StopRollingBall(PickFromBelt):
 
 @register
 class TakeHandedObject(PickFromBelt):
-    """Grasp a can or a bottle that a flat hand brings, and lift it off the hand.
-
-    Success: as `pick_from_belt`."""
+    """Grasp a can or a bottle that a flat hand brings, and lift it off the hand."""
 
     target = manipulated = "object"
     motion = "handed"
@@ -113,9 +105,7 @@ class TakeHandedObject(PickFromBelt):
 
 @register
 class CatchTossedBall(PickFromBelt):
-    """Close the gripper on a ball that a plate tosses up, at the top of its flight, and lift it.
-
-    Success: as `pick_from_belt`."""
+    """Close the gripper on a ball that a plate tosses up, at the top of its flight, and lift it."""
 
     target = manipulated = "ball"
     motion = "toss"
@@ -136,9 +126,7 @@ class CatchTossedBall(PickFromBelt):
 @register
 class StopOneOfTwoBalls(PickFromBelt):
     """Close the gripper on the ball of the colour asked for, while another one rolls across the
-    table too, and lift it.
-
-    Success: as `pick_from_belt`."""
+    table too, and lift it."""
 
     target = manipulated = "ball"
     motion, movers = "rolling", {"other": "rolling"}
