@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.poses import Pose
 from pipeline.world.looks.materials import WOODS, metal, painted, wood
 from pipeline.world.objects.colliders import box_collider, capsule_between, tray
-from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
+from pipeline.world.objects.contract import NamedFrames, Slide, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
 from pipeline.world.objects.kit import (
@@ -23,7 +23,6 @@ from pipeline.world.objects.kit import (
     standing,
     texture,
 )
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
 BOARD = 0.012
@@ -36,7 +35,7 @@ def _skin(colour: str, texture: int) -> Material:
 
 
 @register("drawer")
-class Drawer(Family):
+class Drawer(Parametric):
     """An open box with a front board and an upright bar handle towards -y; origin under the middle
     of the box."""
 
@@ -51,7 +50,9 @@ class Drawer(Family):
     seed: int
 
     @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
+    def draw(  # pyright: ignore[reportIncompatibleMethodOverride]
+        cls, rng: np.random.Generator
+    ) -> Self:
         return cls(**asdict(Cabinet.draw(rng).drawer()))
 
     @property
@@ -98,8 +99,8 @@ class Drawer(Family):
         handle = mark(*self.handle_at, normal=(0, -1, 0))
         return hollow(self.front_height, 0.006, grips, handle=handle)
 
-    def words(self) -> Words:
-        return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"handle": self.handle_colour}
 
 
 @register("cabinet")

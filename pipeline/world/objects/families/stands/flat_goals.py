@@ -15,7 +15,7 @@ from pipeline.world.looks.materials import (
     wrapped,
 )
 from pipeline.world.objects.colliders import disc, slab
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
 from pipeline.world.objects.kit import (
     COLOURS,
@@ -31,7 +31,6 @@ from pipeline.world.objects.kit import (
     standing,
     texture,
 )
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape, seen_along
 
 MAT = (0.10, 0.17)
@@ -64,7 +63,7 @@ class Coaster(Parametric):
 
 
 @register("mat")
-class Mat(Family):
+class Mat(Parametric):
     """A rectangular cloth mat with a border."""
 
     hx: float
@@ -75,7 +74,7 @@ class Mat(Family):
     seed: int
 
     @classmethod
-    def draw(
+    def draw(  # pyright: ignore[reportIncompatibleMethodOverride]
         cls, rng: Generator, half: tuple[float, float] | None = None, colour: str = ""
     ) -> Self:
         """Draw a mat; half extents `half` (m) and `colour` may be given."""
@@ -99,9 +98,8 @@ class Mat(Family):
     def frames(self) -> NamedFrames:
         return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
-    def words(self) -> Words:
-        size = size_word(self.hx, MAT)
-        return describe("mat", "mat", colour=self.colour, size=size, border=self.border)
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"size": size_word(self.hx, MAT)}
 
 
 HALF = (0.045, 0.075)
