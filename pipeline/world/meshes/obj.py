@@ -133,8 +133,8 @@ def _looked(part: Part, shade: Floats | None, material: _Material, image: Any) -
 
 
 def _find(name: str, what: str, place: _Place) -> Path | None:
-    """The file that an OBJ or MTL names as its `what`, or one of about this name, with a note; None
-    and a note for a missing one."""
+    """The file that an OBJ or MTL names as its `what`, or one of about this name. A note says what
+    was taken, or that it is missing."""
     file, within, notes = place
     try:
         return find_file(name, file.parent, within)
