@@ -45,7 +45,7 @@ def test_the_page_marks_up_no_name_and_has_no_script(rows, tmp_path):
     assert "&lt;b&gt;bad" in page and "<b>bad" not in page
     assert "&lt;i&gt;edited" in page and "<script" not in page
     assert page.count("<tr data-level") == 12
-    assert page.count("8 episodes of 2 tasks") == 5
+    assert page.count("8 in 2 tasks") == 5
 
 
 def test_columns_go_from_paused_over_latencies_to_asynchronous_clocks(tmp_path):
