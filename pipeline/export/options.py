@@ -167,7 +167,7 @@ class ImageOptions(ActionOptions):
 
 @dataclass(frozen=True)
 class LabelOptions(ActionOptions):
-    """Options for labels of objects (shared/labels.py)."""
+    """Options for labels of objects (shared/derived.py)."""
 
     labels: tuple[str, ...] = option(
         f"labels of all objects, as further columns: {', '.join(LABELS)}",

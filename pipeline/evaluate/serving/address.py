@@ -52,7 +52,7 @@ class Address:
         then the other options. Raises PolicyError for a label that is no word."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
-            raise PolicyError(f"--policy {self.text!r}: a label has 80 letters, digits and _.@+-")
+            raise PolicyError(f"--policy {self.text!r}: label: up to 80 letters, digits and _.@+-")
         name = f"{self.scheme}:{given}" if given else f"ws:{served}" if served else ""
         others = sorted(item for item in self.options.items() if item[0] != "label")
         return (name or self.url(self.scheme)) + "".join(f",{k}={v}" for k, v in others)

@@ -305,7 +305,7 @@ def test_a_policy_that_samples_or_fails_needs_a_label():
         pytest.raises(PolicyError, match="the server failed: no weights"),
     ):
         named(port)
-    with pytest.raises(PolicyError, match="a label has up to 80"):
+    with pytest.raises(PolicyError, match="label: up to 80"):
         parse_address(f"openpi://127.0.0.1:{port}?label=a/b", options=("label",)).label()
 
 
