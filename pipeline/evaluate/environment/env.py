@@ -46,7 +46,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     measured ones.
 
     Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
-    change of a potential with `discount` (reward.py); the step limit is then `terminated`, because
+    change of a potential with `discount` (Meter); the step limit is then `terminated`, because
     `time_left` shows it.
 
     `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; no

@@ -84,9 +84,11 @@ class CellExporter[O](Hdf5Exporter[O]):
         of_groups = {"observation": {"bodies": list(facts.log.bodies)}} if painted else {}
         return Contents(arrays, attributes, storage=_storage, of_groups=of_groups, cache=None)
 
-    def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
-        sentences = json_text({"seen": facts.seen, "unseen": facts.unseen})
-        return {f"instructions/episode{index}.json": sentences}
+    def note(self, directory: Path, index: int, facts: Facts) -> dict[str, Any]:
+        path = directory / "instructions" / f"episode{index}.json"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(json_text({"seen": facts.seen, "unseen": facts.unseen}))
+        return scene(facts.spec, facts.meta)
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
         values.setdefault("configurations", []).append(name)
@@ -191,13 +193,11 @@ class Robotwin(CellExporter[RobotwinOptions]):
     def cameras(self, facts: Facts, options: RobotwinOptions) -> dict[str, str]:
         return written_cameras(facts, options.front_camera)
 
-    def note(self, facts: Facts) -> dict[str, Any]:
-        return scene(facts.spec, facts.meta)
-
-    def lists(self, notes: Sequence[dict[str, Any]]) -> Mapping[str, str]:
+    def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None:
         scenes = {f"episode_{index}": note for index, note in enumerate(notes)}
+        (directory / "scene_info.json").write_text(json_text(scenes))
         seeds = " ".join(str(note["spec"]["seed"]) for note in notes)
-        return {"scene_info.json": json_text(scenes), "seed.txt": seeds + "\n"}
+        (directory / "seed.txt").write_text(seeds + "\n")
 
 
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:

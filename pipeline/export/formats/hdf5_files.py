@@ -99,18 +99,10 @@ class Hdf5Exporter[O](Exporter[O]):
         """Plain data on which files depend beside their episodes."""
         return None
 
-    def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
-        """The text files of an episode by name."""
-        return {}
+    def note(self, directory: Path, index: int, facts: Facts) -> Any:
+        """Write what belongs to an episode beside its file; returns what `finish` needs of it."""
 
-    def note(self, facts: Facts) -> Any:
-        return None
-
-    def lists(self, notes: Sequence[Any]) -> Mapping[str, str]:
-        """The text files of a directory by name."""
-        return {}
-
-    def finish(self, directory: Path, validation: float) -> None:
+    def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None:
         """Write what describes a directory."""
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
@@ -135,15 +127,7 @@ class Hdf5Exporter[O](Exporter[O]):
                     if index == 0:
                         name = directory.relative_to(draft.folder).as_posix()
                         self.sum_up(values, name, facts, options)
-                    _write_texts(directory, self.texts(index, facts))
-                    notes.append(self.note(facts))
+                    notes.append(self.note(directory, index, facts))
             values["frames"] += rows.frames
-            _write_texts(directory, self.lists(notes))
-            self.finish(directory, job.validation)
+            self.finish(directory, job.validation, notes)
         return values
-
-
-def _write_texts(directory: Path, texts: Mapping[str, str]) -> None:
-    for name, text in texts.items():
-        (directory / name).parent.mkdir(parents=True, exist_ok=True)
-        (directory / name).write_text(text)

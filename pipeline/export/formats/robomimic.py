@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -96,7 +96,7 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         }
         return Contents(values, attributes, {f"next_{key}": key for key in obs})
 
-    def finish(self, directory: Path, validation: float) -> None:
+    def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None:
         """Write demos.hdf5: links to demos, and masks."""
         columns = ["length", "task", "level", "physics_id", "source", "split"]
         rows = pq.read_table(directory / PROVENANCE, columns=columns).to_pylist()
