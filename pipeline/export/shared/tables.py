@@ -60,13 +60,8 @@ class RowWriter:
             self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._writer.schema))
             self._rows.clear()
 
-    @property
-    def is_open(self) -> bool:
-        """Whether the footer is to be written yet."""
-        return self._writer.is_open
-
     def close(self) -> None:
-        if self.is_open:
+        if self._writer.is_open:
             self._flush()
             self._writer.close()
 

@@ -102,7 +102,7 @@ def test_slow_motion_is_not_drawn_late():
 
 
 def test_a_lost_frame_is_noticed(tmp_path):
-    with pytest.raises(ValueError, match="4 images for 5 frames"):
+    with pytest.raises(ExportError, match="4 images for 5 frames"):
         VideoFile(tmp_path / "file.mp4", FPS).append(encode(clip(4, 0), FPS, Codec()), 5)
 
 

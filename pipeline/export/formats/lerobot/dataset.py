@@ -15,18 +15,17 @@ from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     EPISODES,
     FAILURES,
-    ExportError,
     Facts,
     exported_cameras,
     same,
 )
 from pipeline.export.shared.record import write_card, write_json
-from pipeline.export.shared.statistics import Stats, image_stats
+from pipeline.export.shared.statistics import Stats, image_stats, vector_stats
 from pipeline.export.shared.tables import Provenance
 from pipeline.memory import freeze_garbage
 
 from .format import (
-    column_stats,
+    TEXT_FEATURES,
     data_columns,
     described_cameras,
     features_of,
@@ -35,7 +34,7 @@ from .format import (
     widen,
 )
 from .options import INDEX, LerobotOptions, datasets_of, index_row
-from .videos import Prepared, VideoFile, prepare_all
+from .videos import Prepared, prepare_all
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):
@@ -112,7 +111,7 @@ class Writer(ABC):
         same(self.first, facts)
         task = self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
-        stats = column_stats(columns)
+        stats = {k: vector_stats(v) for k, v in columns.items() if k not in TEXT_FEATURES}
         for camera, counts in episode.colors.items():
             key = image_key(self.names[camera])
             stats[key] = image_stats(counts, episode.sampled)
@@ -124,13 +123,6 @@ class Writer(ABC):
         self.provenance.append(episode.facts)
         self.sampled += episode.sampled
         self.frames += episode.facts.kept
-
-    def append_video(self, video: VideoFile, mp4: bytes, facts: Facts) -> tuple[float, float]:
-        """Append an episode to a video, as VideoFile.append. Raises ExportError."""
-        try:
-            return video.append(mp4, facts.kept)
-        except ValueError as error:
-            raise ExportError(f"{facts.source}: {video.path.name}: {error}") from error
 
     @abstractmethod
     def append(self, episode: Prepared) -> None:

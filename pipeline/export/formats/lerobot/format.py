@@ -20,7 +20,7 @@ from pipeline.export.shared.derived import (
 )
 from pipeline.export.shared.episodes import PAD, ExportError, Facts
 from pipeline.export.shared.script import script_of
-from pipeline.export.shared.statistics import Stats, vector_stats
+from pipeline.export.shared.statistics import Stats
 from pipeline.export.shared.tables import SCALAR_TYPES
 from pipeline.export.shared.video import Codec
 from pipeline.motion.recorded import path_ahead
@@ -171,12 +171,6 @@ def data_columns(
         "task_index": np.full(length, task),
     }
     return {name: values[: facts.kept] for name, values in columns.items()}
-
-
-def column_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
-    return {
-        name: vector_stats(values) for name, values in columns.items() if name not in TEXT_FEATURES
-    }
 
 
 def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:

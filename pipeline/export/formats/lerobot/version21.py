@@ -50,7 +50,7 @@ class V21Writer(Writer):
         for camera, mp4 in episode.videos.items():
             place = self._place(VIDEO_PATH, index, image_key(self.names[camera]))
             with closing(VideoFile(place, facts.fps)) as video:
-                self.append_video(video, mp4, facts)
+                video.append(mp4, facts.kept)
         row = {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}
         self.rows.append(row)
         plain = {

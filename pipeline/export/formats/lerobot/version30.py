@@ -60,7 +60,7 @@ class V3Writer(Writer):
             if key not in self.videos:
                 path = self.root / "videos" / key / chunk_file(self.data.number, "mp4")
                 self.videos[key] = VideoFile(path, facts.fps)
-            start, end = self.append_video(self.videos[key], mp4, facts)
+            start, end = self.videos[key].append(mp4, facts.kept)
             times = {"from_timestamp": start, "to_timestamp": end}
             row |= _below(f"videos/{key}", self.data.place | times)
         for name, entry in stats.items():

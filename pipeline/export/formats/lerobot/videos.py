@@ -43,7 +43,7 @@ class VideoFile:
     _stream: Any = field(default=None, repr=False)
 
     def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
-        """Add an episode; returns its start and end (s). Raises ValueError for another number of
+        """Add an episode; returns its start and end (s). Raises ExportError for another number of
         images."""
         begin = self.frames
         with av.open(io.BytesIO(mp4), "r") as clip:
@@ -55,7 +55,8 @@ class VideoFile:
                 self._stream.time_base = template.time_base
             packets: list[Any] = [p for p in clip.demux(video=0) if p.dts is not None]
             if len(packets) != frames:
-                raise ValueError(f"the encoder returned {len(packets)} images for {frames} frames")
+                counts = f"the encoder returned {len(packets)} images for {frames} frames"
+                raise ExportError(f"{self.path.name}: {counts}")
             shift = int(begin / (self.fps * Fraction(template.time_base or 1)))
             for packet in packets:
                 packet.pts, packet.dts = packet.pts + shift, packet.dts + shift
