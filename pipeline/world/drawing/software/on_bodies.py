@@ -136,11 +136,12 @@ def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geomet
     vertices, last, level = geometry.vertices, -1, 0
     for k in range(len(pixels)):
         p = pixels[k]
-        t = frame.ids[p]
-        z = F(1) / frame.inverse[p]
-        b, c = frame.first[p] * z, frame.second[p] * z
+        t = frame.ids[U(p)]
+        z = F(1) / frame.inverse[U(p)]
+        b, c = frame.first[U(p)] * z, frame.second[U(p)] * z
         a = F(1) - b - c
-        i, j, h = geometry.corners[t, 0], geometry.corners[t, 1], geometry.corners[t, 2]
+        corners = geometry.corners[t]
+        i, j, h = U(corners[0]), U(corners[1]), U(corners[2])
         s[NX + k] = a * vertices[i, 0] + b * vertices[j, 0] + c * vertices[h, 0]
         s[NY + k] = a * vertices[i, 1] + b * vertices[j, 1] + c * vertices[h, 1]
         s[NZ + k] = a * vertices[i, 2] + b * vertices[j, 2] + c * vertices[h, 2]
@@ -239,16 +240,17 @@ def _sun(at_x, at_y, at_z, sunlight: Sunlight):
     h0, h3 = gy * gy * gy * F(1 / 6), fy * fy * fy * F(1 / 6)
     h1 = (F(4) - F(6) * fy * fy + F(3) * fy * fy * fy) * F(1 / 6)
     h2 = F(1) - h0 - h1 - h3
-    total = F(0)
+    a0 = a1 = a2 = a3 = F(0)
+    # without a sign an index needs no look at what is before the start
+    first, second, third, fourth = U(x - 1), U(x), U(x + 1), U(x + 2)
     for row in range(4):
-        d = y + row - 1
-        sum_row = F(0)
-        sum_row += w0 if depths[d, x - 1] >= z else F(0)
-        sum_row += w1 if depths[d, x] >= z else F(0)
-        sum_row += w2 if depths[d, x + 1] >= z else F(0)
-        sum_row += w3 if depths[d, x + 2] >= z else F(0)
-        total += sum_row * (h0 if row == 0 else h1 if row == 1 else h2 if row == 2 else h3)
-    return total
+        d = U(y + row - 1)
+        h = h0 if row == 0 else h1 if row == 1 else h2 if row == 2 else h3
+        a0 += h if depths[d, first] >= z else F(0)
+        a1 += h if depths[d, second] >= z else F(0)
+        a2 += h if depths[d, third] >= z else F(0)
+        a3 += h if depths[d, fourth] >= z else F(0)
+    return a0 * w0 + a1 * w1 + a2 * w2 + a3 * w3
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

@@ -14,7 +14,7 @@ Ids = NDArray[np.int32]
 
 NOTHING = -1
 """Pixels without a surface; triangle t has the number t, and quad k has -2 - k."""
-NARROW = 6  # pixels; rows of wider triangles are entered and left where their edges cross them
+NARROW = 4  # pixels; rows of wider triangles are entered and left where their edges cross them
 
 
 class Frame(NamedTuple):
@@ -219,10 +219,10 @@ def _fill(
         for x in range(low, high + 1):
             here_q, here_u, here_v = q + step_q * x, u + step_u * x, v + step_v * x
             if here_u >= 0 and here_v >= 0 and here_q >= here_u + here_v:
-                inverse = np.float32(here_q)
-                if inverse > inverses[p + x] and here_q <= nearest:
-                    inverses[p + x], ids[p + x] = inverse, number
-                    frame.first[p + x], frame.second[p + x] = here_u, here_v
+                inverse, at = np.float32(here_q), np.uint64(p + x)
+                if inverse > inverses[at] and here_q <= nearest:
+                    inverses[at], ids[at] = inverse, number
+                    frame.first[at], frame.second[at] = here_u, here_v
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
