@@ -1,5 +1,5 @@
-"""The tasks by suite and kind, one file each, with their sentences in phrases/; all are imported
-here."""
+"""The tasks by suite and kind, with their sentences in phrases/. One file holds a task and those
+that vary it; all are imported here."""
 
 import importlib
 import pkgutil
