@@ -24,21 +24,6 @@ GRASP_TRAVEL = 0.02  # m
 
 
 @dataclass(frozen=True, eq=False)
-class FirstContact:
-    """The first contact of an arm with the target: physics `step`, its end `time` (s), `centroid`
-    (3,) m, and poses (7,).
-    """
-
-    side: str
-    step: int
-    time: float
-    centroid: Floats
-    points: int
-    tcp: Pose
-    target: Pose
-
-
-@dataclass(frozen=True, eq=False)
 class Interception:
     """Derived data of one episode; `target` (T,7) are world poses."""
 
@@ -114,14 +99,9 @@ class Interception:
         return sums
 
     @cached_property
-    def first_contacts(self) -> dict[str, FirstContact]:
+    def first_contacts(self) -> dict[str, Touch]:
         """The first contact of each arm that touched the target, by side."""
-        return {touch.side: self._contact(touch) for touch in self.log.touches}
-
-    def _contact(self, touch: Touch) -> FirstContact:
-        time = touch.step / self.rate
-        point, tcp, target = (np.array(values) for values in (touch.point, touch.tcp, touch.target))
-        return FirstContact(touch.side, touch.step, time, point, touch.points, tcp, target)
+        return {touch.side: touch for touch in self.log.touches}
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
@@ -157,10 +137,10 @@ class Interception:
         """(T,7) the tcp pose of the first contact, carried with the target; else the target's
         poses.
         """
-        contacts = sorted(self.first_contacts.values(), key=lambda c: (c.time, c.side))
-        if not contacts:
+        first = min(self.log.touches, key=lambda touch: (touch.step, touch.side), default=None)
+        if first is None:
             return self.target.copy()
-        return compose(self.target, compose(inverse(contacts[0].target), contacts[0].tcp))
+        return compose(self.target, compose(inverse(first.target), np.array(first.tcp)))
 
 
 def pose_at(times: Floats, poses: Floats, time: float) -> Pose:

@@ -80,7 +80,7 @@ def fields(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
     for arm, side in enumerate(SIDES):
         if contact := derived.first_contacts.get(side):
             since = int(np.searchsorted(derived.steps, contact.step))
-            told = (True, contact.step, contact.time, contact.centroid, contact.points)
+            told = (True, contact.step, contact.step / rate, contact.point, contact.points)
             poses = (tool_poses(np.asarray(contact.tcp)), contact.target)
             for field, value in zip(first.values(), (*told, *poses), strict=True):
                 field[since:, arm] = value

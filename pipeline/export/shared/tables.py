@@ -75,7 +75,10 @@ def scalars(
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     start, first = log.times[0], derived.first_contacts
     times = {f"t_{event}": log.time_of(event) for event in ("meeting", "release", "success")}
-    times |= {f"t_contact_{side}": first[side].time if side in first else None for side in SIDES}
+    times |= {
+        f"t_contact_{side}": first[side].step / derived.rate if side in first else None
+        for side in SIDES
+    }
     row = {
         "task": spec.task,
         "category": meta.category,
