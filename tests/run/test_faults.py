@@ -32,7 +32,7 @@ RECIPE = recipe_from(
 # ------------------------------------------------------------------------------------------
 
 
-def failing(spec, _recipe, _phases, _perform=None):
+def failing(spec, _recipe, _perform=None):
     """An attempt that fails in the dry run, as most do that fail."""
     raise Failure("dry_run", "no_path")
 
