@@ -17,7 +17,6 @@ N counts the frames of all episodes, one after the other.
 import json
 import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import atomic_directory
 from pipeline.data.episode.frames import EpisodeError, decode_frame
 from pipeline.data.keys import digest
-from pipeline.data.process.machine import usable_cores
 from training.puma.config import Config, MixtureSource
 from training.puma.errors import TrainError
 from training.puma.preprocess import color_maps, colour_of, resized
@@ -52,8 +50,7 @@ class CodedImages:
 
     def __getitem__(self, which: Any) -> NDArray[np.uint8]:
         if isinstance(which, slice):
-            with ThreadPoolExecutor(usable_cores()) as pool:
-                return np.stack([*pool.map(self.__getitem__, range(*which.indices(len(self))))])
+            return np.stack([self[i] for i in range(*which.indices(len(self)))])
         start = self.ends[which - 1] if which else 0
         return decode_frame(self.coded[start : self.ends[which]].tobytes())
 

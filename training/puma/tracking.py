@@ -250,7 +250,7 @@ def in_order[T](make: Callable[[int], T], count: int) -> Iterator[T]:
         ahead = deque[Future[T]]()
         for number in range(count):
             ahead.append(pool.submit(make, number))
-            if len(ahead) > 2 * cores:
+            if len(ahead) > cores:
                 yield ahead.popleft().result()
         while ahead:
             yield ahead.popleft().result()
@@ -314,19 +314,23 @@ def _find_tracks(
     settings = finder.settings
     numbers = settings.bodies * track_numbers(settings.points)
     out = np.zeros((int(cache.length.sum()), numbers), np.float32)
-    spans = zip(cache.start, cache.length, cache.rows, strict=True)
-    for number, (start, length, row) in enumerate(spans):
-        if number not in episodes:
-            continue
-        tracks, end = Tracks(sight, settings.bodies, settings.memory), start + length
-        ids = network.words.ids(row.instructions[:1])
-        for first in range(start, end, FRAMES):
-            last = min(first + FRAMES, end)
-            points, errors = finder.find(images[first:last], ids.repeat(last - first, 1))
-            times = cache.arrays["time"][first:last]
-            for place, time, *seen in zip(range(first, last), times, points, errors, strict=True):
-                tracks.see(float(time), *seen)
-                out[place] = tracks.numbers
+    blocks = [
+        (number, first, min(first + FRAMES, start + length))
+        for number, (start, length) in enumerate(zip(cache.start, cache.length, strict=True))
+        if number in episodes
+        for first in range(start, start + length, FRAMES)
+    ]
+    tracks = Tracks(sight, settings.bodies, settings.memory)
+    decoded = in_order(lambda block: images[blocks[block][1] : blocks[block][2]], len(blocks))
+    for (number, first, last), shown in zip(blocks, decoded, strict=True):
+        if first == cache.start[number]:
+            tracks = Tracks(sight, settings.bodies, settings.memory)
+        ids = network.words.ids(cache.rows[number].instructions[:1])
+        points, errors = finder.find(shown, ids.repeat(last - first, 1))
+        times = cache.arrays["time"][first:last]
+        for place, time, *seen in zip(range(first, last), times, points, errors, strict=True):
+            tracks.see(float(time), *seen)
+            out[place] = tracks.numbers
     return out
 
 
