@@ -68,7 +68,8 @@ class Placement:
 
     A `fixed` body never moves. With a `slide` it runs in the body that it is `inside` like a
     drawer. A `borne` body is held in the air at the region's `z`. With `inside`, the name of a body
-    placed before, the region is in that body's frame and no room is kept; see Body."""
+    placed before, the region is in that body's frame and no room is kept; see Body. The middle of a
+    `shown` body is in the head camera's image, as that of the target always is."""
 
     name: str
     instance: Family
@@ -79,6 +80,7 @@ class Placement:
     slide: Slide | None = None
     distances: Mapping[str, float] = field(default_factory=dict[str, float])
     borne: bool = False
+    shown: bool = False
 
 
 Bodies = Iterator[Placement]  # a layout, in the order of placing

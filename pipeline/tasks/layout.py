@@ -66,7 +66,8 @@ def lay_out(
     suits: Callable[[dict[str, Body]], bool] = lambda bodies: True,
 ) -> dict[str, Body]:
     """Bodies by name on the table with disjoint footprints, drawn again while `suits` refuses.
-    `in_view` is asked for the target's middle (3,). Raises PlanFailure("layout").
+    `in_view` is asked for the middle (3,) of the target and `shown` bodies. Raises
+    PlanFailure("layout").
     """
     why = ""
     for _ in range(_LAYOUTS):
@@ -76,7 +77,7 @@ def lay_out(
                 pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
             else:
                 others = [b for b in bodies.values() if not b.inside]
-                is_seen = in_view if p.name == task.target else None
+                is_seen = in_view if p.shown or p.name == task.target else None
                 pose = _free_pose(p, others, draw.placement, is_seen)
             if pose is None:
                 why = f"no free place for {p.name}"

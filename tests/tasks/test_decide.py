@@ -12,7 +12,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.wrapped import Change, changed, others_of
-from pipeline.poses import compose, inverse
+from pipeline.poses import compose, inverse, transform
 from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
@@ -44,6 +44,22 @@ def accepted(name):
         except Failure:
             continue
     pytest.fail(f"{name}: none of 6 seeds was accepted")
+
+
+@pytest.mark.parametrize(
+    ("name", "bodies"),
+    [
+        ("load_named_wagon", ["cargo"]),
+        ("stack_turntable_named", ["block", "second", "third"]),
+        ("lid_passing_cup", ["lid"]),
+    ],
+)
+def test_what_lies_ready_is_in_the_first_image(name, bodies):
+    for seed in range(8):
+        scene = build_scene(spec(name, seed))
+        for body in bodies:
+            pose, box = scene.bodies[body].pose, scene.bodies[body].instance.shape().aabb()
+            assert scene.sees(transform(pose, box.mean(axis=0)))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -29,7 +29,7 @@ class LoadNamedWagon(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        x, y = side * draw.uniform(0.02, 0.08), draw.uniform(-0.08, 0.0)
+        x, y = side * draw.uniform(-0.02, 0.04), draw.uniform(-0.08, 0.0)
         first = draw.uniform(-np.pi, np.pi)
         colours = draw.several(COLOURS, 3)
         for i, (name, colour) in enumerate(zip(("wagon", *self.movers), colours, strict=True)):
@@ -42,8 +42,8 @@ class LoadNamedWagon(Task):
                 Region(x=(at[0], at[0]), y=(at[1], at[1]), yaw=(yaw, yaw)),
                 gap=0.004,
             )
-        cargo = Region(x=(side * 0.26, side * 0.32), y=(-0.20, -0.02))
-        yield Placement("cargo", draw.one_of("can", "pill_bottle"), cargo)
+        cargo = Region(x=(side * 0.23, side * 0.32), y=(-0.14, 0.06))
+        yield Placement("cargo", draw.one_of("can", "pill_bottle"), cargo, shown=True)
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"choice": look_of(bodies["wagon"])}

@@ -35,6 +35,7 @@ class StackTurntableNamed(Task):
                 draw.one_of("block", colour=colour),
                 region,
                 distances={"coaster": 0.16, "block": 0.12, "second": 0.12},
+                shown=True,
             )
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:

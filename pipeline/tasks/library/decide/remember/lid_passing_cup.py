@@ -33,7 +33,7 @@ class LidPassingCup(Task):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         lid = Region(x=(side * 0.22, side * 0.30), y=(-0.20, 0.0))
-        yield Placement("lid", draw.one_of("lid"), lid)
+        yield Placement("lid", draw.one_of("lid"), lid, shown=True)
         cup = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0))
         yield Placement("cup", draw.one_of("cup"), cup, distances={"lid": 0.16})
 
