@@ -378,7 +378,7 @@ def effects(rows: Path, out: Path) -> None:
                 axis.plot([low, high], [place, place], color="#9ca3af", lw=2)
                 axis.plot(mean, place, "o", color="#b91c1c" if high < 0 else "#1f2937", ms=5)
         axis.axvline(0, color="#d1d5db", lw=1, zorder=0)
-        axis.set(title=kind, xlim=(-105, 30), xticks=(-100, -50, 0))
+        axis.set(title=kind, xlim=(-108, 108), xticks=(-100, 0, 100))
         axis.spines[["top", "right", "left"]].set_visible(False)
         axis.tick_params(left=False)
     np.atleast_1d(axes)[0].set_yticks(range(len(policies)), policies)

@@ -25,7 +25,7 @@ from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.rehearsal import alike
 from pipeline.evaluate.scenes.case import BLIND, admit
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.scoring.statistics import by_task, interval, wilson
+from pipeline.evaluate.scoring.statistics import by_task, interval, mean, wilson
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
 
@@ -123,7 +123,8 @@ def effect_groups(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
         for row in rows:
             if row["policy"] == text and row["event"] and row["happened"] != "none":
                 kind = row["event"].partition("@")[0]
-                groups[kind, names.get(text, text.rpartition("/")[2])].append(row)
+                name = text.rpartition("/")[2].partition("?")[0].partition(".")[0]
+                groups[kind, names.get(text, name)].append(row)
     return groups
 
 
@@ -140,10 +141,9 @@ def effects(rows: Sequence[Row]) -> str:
 
 def effect(rows: Sequence[Row]) -> tuple[float, float, float]:
     """The paired effect on the success rate and its 95 % interval, in points."""
-    change = by_task([(row["task"], float(row["success"]) - row["control"]) for row in rows])
-    both = interval(change)
-    mean = sum(float(row["success"]) - row["control"] for row in rows) / len(rows)
-    return 100 * mean, 100 * both[0], 100 * both[1]
+    change = by_task([("", float(row["success"]) - row["control"]) for row in rows])
+    low, high = interval(change)
+    return 100 * mean(change), 100 * low, 100 * high
 
 
 def effect_text(rows: Sequence[Row]) -> str:
