@@ -82,6 +82,7 @@ class Renderer:
         numbers = {name: i + 1 for i, name in enumerate(visual_bodies)}
         stock = self._preset.stock
         self._edges = look.edges and self._preset.edges
+        self._plain = np.empty((0, 0, 3), np.uint8)
         shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
         self._shadows: ShadowMap[Any] | None = None
         self._scenes: Sequence[DrawnScene | Picture]
@@ -269,8 +270,10 @@ class Renderer:
         if image.dtype != np.uint8:
             image = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
         if self._edges:
-            smoothed(image, plain := np.empty_like(view.rgb[k]))
-            through_lens(plain, view.rgb[k])
+            if self._plain.shape != view.rgb[k].shape:
+                self._plain = np.empty_like(view.rgb[k])
+            smoothed(image, self._plain)
+            through_lens(self._plain, view.rgb[k])
         else:
             cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=view.rgb[k])
         if view.depth is not None:

@@ -2,12 +2,15 @@
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from .light import NEAREST
 from .raster import Floats32, Frame, Ids
+
+AROUND = np.ones((3, 3), np.uint8)
 
 
 class Stale(NamedTuple):
@@ -49,22 +52,25 @@ def sort_stale(
     return counts
 
 
-@njit(cache=True, error_model="numpy")
 def surrounding(depths: Floats32, least: Floats32, most: Floats32) -> None:
     """Least and most depth in each 4 x 4 texels and those around them."""
+    _extremes(depths, least, most)
+    cv2.erode(least, AROUND, dst=least)
+    cv2.dilate(most, AROUND, dst=most)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _extremes(depths: Floats32, least: Floats32, most: Floats32) -> None:
     n = least.shape[0]
-    lows, highs = np.empty((n, n), np.float32), np.empty((n, n), np.float32)
+    near, far = np.empty(NEAREST * n, np.float32), np.empty(NEAREST * n, np.float32)
     for y in range(n):
+        near[:], far[:] = depths[NEAREST * y], depths[NEAREST * y]
+        for i in range(NEAREST * y + 1, NEAREST * (y + 1)):
+            row = depths[i]
+            for x in range(NEAREST * n):
+                near[x], far[x] = min(near[x], row[x]), max(far[x], row[x])
         for x in range(n):
-            low = high = depths[NEAREST * y, NEAREST * x]
-            for i in range(NEAREST * y, NEAREST * (y + 1)):
-                for j in range(NEAREST * x, NEAREST * (x + 1)):
-                    low, high = min(low, depths[i, j]), max(high, depths[i, j])
-            lows[y, x], highs[y, x] = low, high
-    for y in range(n):
-        for x in range(n):
-            low, high = lows[y, x], highs[y, x]
-            for i in range(max(y - 1, 0), min(y + 2, n)):
-                for j in range(max(x - 1, 0), min(x + 2, n)):
-                    low, high = min(low, lows[i, j]), max(high, highs[i, j])
+            low, high = near[NEAREST * x], far[NEAREST * x]
+            for j in range(NEAREST * x + 1, NEAREST * (x + 1)):
+                low, high = min(low, near[j]), max(high, far[j])
             least[y, x], most[y, x] = low, high

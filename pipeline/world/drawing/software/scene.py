@@ -16,7 +16,7 @@ from ..engine import FAR, NEAR
 from ..shadows import ShadowMap
 from ..surfaces import TABLE, channel, halved, plane_texture
 from .casters import SoftwareCasters
-from .changes import Stale, sort_stale
+from .changes import AROUND, Stale, sort_stale
 from .light import Canvas, Geometry, Lamps, Texels
 from .on_bodies import shade_bodies
 from .on_planes import shade_plane
@@ -24,7 +24,6 @@ from .raster import NOTHING, Frame, Lens, fill_bodies, fill_quads, rotation, sol
 
 Shadows = ShadowMap[SoftwareCasters]
 
-AROUND = np.ones((3, 3), np.uint8)
 LEVELS = 4  # of a body's texture, each half as wide as the one before
 
 
