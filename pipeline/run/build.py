@@ -36,12 +36,9 @@ ATTEMPT_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class BuildResult:
-    """The result of a build.
-
-    `slots` are wanted, variants included, of which the dataset has `accepted` and `given_up`. The
-    rest counts this call: physical slots `made`, their `parts` (OPEN, or what was made again:
-    run/state.py), `attempts`, `reasons` of failure, workers lost. `stopped` has a line for each
-    stopped cell."""
+    """The result of a build: `slots` wanted, variants included, of which the dataset has `accepted`
+    and `given_up`. The rest counts this call: physical slots `made`, their `parts` (OPEN, or what
+    was made again: run/state.py), `attempts`, `reasons` of failure, workers lost."""
 
     slots: int
     accepted: int
