@@ -51,7 +51,7 @@ class Look:
 
 LOOKS = {
     FIRST_LOOK: Look("_first", hard, lambda parts: parts, lambda parts, _: parts, edges=False),
-    SECOND_LOOK: Look("", soft, opened, embossed, edges=True),
+    SECOND_LOOK: Look("_second", soft, opened, embossed, edges=True),
     # an arm at rest trembles by 1e-9 m; a hundredth of a pixel is 1e-5 m at least
     THIRD_LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17),
     LOOK: Look("", soft, opened, embossed, edges=True, step=2.0**-17, software=True),
