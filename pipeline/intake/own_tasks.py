@@ -66,7 +66,7 @@ def check_task(task: Task) -> None:
         raise RecipeError(f"{place}: task {task.name}: its layout {what}") from error
     for name in ("target", "manipulated"):
         if (body := getattr(task, name)) not in bodies:
-            what = f"{name} is {body!r}, which its layout does not place"
+            what = f"{name} is {body!r}; its layout places {', '.join(sorted(bodies))}"
             raise RecipeError(f"{line_of_class(cls, name)}: task {task.name}: {what}")
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.planning import ik_kernels
-from pipeline.planning.budgets import IK, IkBudget, LineSampling
+from pipeline.planning.budgets import IK, LINE, IkBudget
 from pipeline.planning.kinematics import (
     Chain,
     chain_of,
@@ -199,14 +199,15 @@ def test_ik_path_fails_when_the_line_leaves_the_workspace_or_starts_elsewhere() 
     assert ik_path(chain, line_poses(start, start), chain.home + 1.0) is None
 
 
-def test_line_poses_spacing_and_shorter_way_round() -> None:
+@pytest.mark.parametrize("metres", [0.5, 0.05])  # steps follow from the way, or from the turn
+def test_line_poses_spacing_and_shorter_way_round(metres: float) -> None:
     a = pose((0, 0, 0), quat_about((0, 0, 1), 0.1))
-    b = pose((0.3, 0.4, 0), -quat_about((0, 0, 1), 1.1))
-    line = line_poses(a, b, LineSampling(step=0.02, turn=0.03))
+    b = pose((0.6 * metres, 0.8 * metres, 0), -quat_about((0, 0, 1), 1.1))
+    line = line_poses(a, b)
     np.testing.assert_allclose(line[0], a, atol=1e-15)
     np.testing.assert_allclose(line[-1, :3], b[:3], atol=1e-15)
     assert angle_between(line[-1, 3:], b[3:]) < 1e-7
-    assert len(line) == 1 + int(np.ceil(max(0.5 / 0.02, 1.0 / 0.03)))
+    assert len(line) == 1 + int(np.ceil(max(metres / LINE.step, 1.0 / LINE.turn)))
     middle = line[len(line) // 2]
     fraction = (len(line) // 2) / (len(line) - 1)
     assert angle_between(middle[3:], quat_about((0, 0, 1), 0.1 + fraction)) < 1e-7

@@ -80,10 +80,7 @@ def test_a_plan_of_nothing_uses_the_benchmarks():
 
 def test_a_new_build_that_nothing_bounds_is_refused_with_what_it_would_make(tmp_path):
     dataset = Dataset(tmp_path / "new")
-    with pytest.raises(
-        Unbounded,
-        match=r"^this build would make 4 episodes, 1 min to .* min on 1 worker and .* MB .*--yes$",
-    ):
+    with pytest.raises(Unbounded, match=r"4 episodes, .* min on 1 worker and .* MB .*--yes$"):
         check_bounded(["seed", "alpha"], RECIPE, dataset, 1)
     assert not dataset.root.exists()
     for key in BOUNDS:

@@ -180,7 +180,7 @@ def _is_gone(process):
         ("raise SystemExit", "cannot be loaded: the process ended by itself: exit code 0"),
         ("def make_policy(:", "SyntaxError"),
         ("x = 1", "has no function make_policy"),
-        ("def make_policy(): return 7", "int without a method reset"),
+        ("def make_policy(): return 7", "has no method reset"),
         (
             (
                 "import sys\nclass P:\n    setup = property(lambda self: sys.exit(0))\n    reset ="

@@ -19,7 +19,7 @@ from pipeline.data.setup.brought import (
     textures_of,
 )
 from pipeline.data.spec import EpisodeSpec
-from pipeline.stages.drawing.render import images_of, visuals_of
+from pipeline.stages.drawing.render import surface_images, visuals_of
 from pipeline.world.looks.visuals import BRIGHTNESS, CLEAN
 
 
@@ -54,7 +54,7 @@ def test_textures_of_a_directory_are_the_looks_of_an_episode(tmp_path):
     first = next(v for v in drawn if v.table.seed == 0)
     assert np.allclose(np.multiply(first.table.color, 255), (200, 100, 50), atol=1)
     assert first.ground == CLEAN.ground and first.sun == CLEAN.sun
-    images = images_of(first, setup)
+    images = surface_images(first, setup)
     assert set(images) == {"table", "wall"} and (images["wall"][0, 0] == (10, 200, 30, 255)).all()
     image(tmp_path / "wall" / "brick.png", (11, 200, 30))
     assert bring_textures(str(tmp_path)).content != brought.content
