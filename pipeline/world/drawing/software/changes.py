@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .light import NEAREST
-from .raster import Floats32, Frame, Ids
+from .raster import Floats32, Frame, Ids, kernel
 
 AROUND = np.ones((3, 3), np.uint8)
 
@@ -23,7 +22,7 @@ class Stale(NamedTuple):
     changed: NDArray[np.bool_]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sort_stale(
     frame: Frame,
     stale: Stale,
@@ -59,7 +58,7 @@ def surrounding(depths: Floats32, least: Floats32, most: Floats32) -> None:
     cv2.dilate(most, AROUND, dst=most)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _extremes(depths: Floats32, least: Floats32, most: Floats32) -> None:
     n = least.shape[0]
     near, far = np.empty(NEAREST * n, np.float32), np.empty(NEAREST * n, np.float32)

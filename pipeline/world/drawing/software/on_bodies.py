@@ -1,7 +1,6 @@
 """Light on bodies, as in shaders/common/lit.glsl."""
 
 import numpy as np
-from numba import njit
 
 from .light import (
     ARRIVES,
@@ -58,17 +57,17 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens
+from .raster import Floats32, Frame, Ids, Lens, kernel
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _square(x, y):
     h = U(U(x) * U(73856093)) ^ U(U(y) * U(19349663))
     h = U(U(h ^ U(h >> U(13))) * U(1540483477))
     return F(I32(U(h >> U(16)) & U(255))) * F(1 / 255)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _sampled(texels: Texels, texture: int, u, v):
     """Bilinear colour 0-1 of a repeating texture."""
     first, width, height = (
@@ -113,7 +112,7 @@ def _sampled(texels: Texels, texture: int, u, v):
     return red * scale, green * scale, blue * scale
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _level(geometry: Geometry, t: int, seen: Floats32) -> int:
     """How often a triangle's texture was halved, so that no edge has more texels than pixels."""
     texture = int(geometry.materials[geometry.material[t], 5])
@@ -131,7 +130,7 @@ def _level(geometry: Geometry, t: int, seen: Floats32) -> int:
     return level
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geometry) -> None:
     vertices, last, level = geometry.vertices, -1, 0
     for k in range(len(pixels)):
@@ -168,7 +167,7 @@ def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geomet
             s[WEAR + k] = F(0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _surfaces(s: Floats32, n: int, lamps: Lamps, sunlight: Sunlight) -> None:
     """Normals towards the camera, wear, room light, and where shadows are looked up."""
     sx, sy, sz = lamps.room[1, 0], lamps.room[1, 1], lamps.room[1, 2]
@@ -217,7 +216,7 @@ def _surfaces(s: Floats32, n: int, lamps: Lamps, sunlight: Sunlight) -> None:
         s[ROUGH + k] = rough * rough
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _sun(at_x, at_y, at_z, sunlight: Sunlight):
     """Share of the sun at a texel's coordinates: 16 depths weighted by a cubic B-spline."""
     depths = sunlight.depths
@@ -253,7 +252,7 @@ def _sun(at_x, at_y, at_z, sunlight: Sunlight):
     return a0 * w0 + a1 * w1 + a2 * w2 + a3 * w3
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _lit(s: Floats32, n: int, lamps: Lamps) -> None:
     """Radiance of bodies, into DR, DG and DB."""
     room, points = lamps.room, lamps.points
@@ -321,7 +320,7 @@ def _lit(s: Floats32, n: int, lamps: Lamps) -> None:
         s[DB + k] = r + (f + grazing * (F(1) - f)) * ((ab * sky + tb * under) * opened)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def shade_bodies(
     pixels: Ids,
     frame: Frame,

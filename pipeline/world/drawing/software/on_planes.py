@@ -1,7 +1,6 @@
 """Light on the room's planes, as in shaders/common/plane.glsl, with all of it per pixel."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .light import (
@@ -46,18 +45,18 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens
+from .raster import Floats32, Frame, Ids, Lens, kernel
 
 FX, FY = LZ, ROUGH  # of planes, which have neither
 W0, W1, W2, W3 = (GROUP * k for k in range(4))  # places and then contents of four texels
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _byte(word, shift):
     return F(I32(U(U(word >> U(shift)) & U(255))))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: Texels) -> None:
     """Albedo by bilinear colours of a plane's texture."""
     place = texels.places[int(row[7])]
@@ -106,7 +105,7 @@ def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: 
         s[RED + k], s[GREEN + k], s[BLUE + k] = red * red, green * green, blue * blue
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _masked(
     s: Floats32,
     w: NDArray[np.uint32],
@@ -146,7 +145,7 @@ def _masked(
         s[OPEN + k] = F(1) + on_table * (opened * scale - F(1))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def shade_plane(
     pixels: Ids,
     frame: Frame,

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.world.shapes import Mesh
 
+kernel = njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
+"""Compiles a function that meets no NaN. Sums keep their order and products are not fused, so that
+the same image has the same bytes however and wherever it was compiled."""
+
 Floats32 = NDArray[np.float32]
 Ids = NDArray[np.int32]
 
@@ -39,7 +43,7 @@ class Lens(NamedTuple):
     far: float
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def rotation(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Matrix (3,3) of a pose (7,)."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
@@ -63,7 +67,7 @@ def rotation(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def joined(
     turn: NDArray[np.float64], at: NDArray[np.float64], pose: NDArray[np.float64]
 ) -> Floats32:
@@ -77,7 +81,7 @@ def joined(
     return out
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def turned(
     normals: Floats32, span: NDArray[np.int64], pose: NDArray[np.float64], out: Floats32
 ) -> None:
@@ -90,7 +94,7 @@ def turned(
         out[i, 2] = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _project(
     points: Floats32, span: NDArray[np.int64], move: Floats32, lens: Lens, out: Floats32
 ) -> None:
@@ -131,7 +135,7 @@ def solids_of(meshes: Sequence[Mesh]) -> Solids:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def fill_bodies(
     solids: Solids,
     shown: NDArray[np.int64],
@@ -149,7 +153,7 @@ def fill_bodies(
         _fill_triangles(solids.corners, (span[2], span[3]), frame.seen, lens, frame)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _fill_triangles(
     corners: Ids, span: tuple[int, int], seen: Floats32, lens: Lens, frame: Frame
 ) -> None:
@@ -181,7 +185,7 @@ def _fill_triangles(
         _fill((a, b, c), t, box, lens, frame)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _fill(
     corners: tuple[tuple[float, float, float], ...],
     number: int,
@@ -225,7 +229,7 @@ def _fill(
                     frame.first[at], frame.second[at] = here_u, here_v
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def fill_quads(
     quads: NDArray[np.float64], walls: NDArray[np.bool_], lens: Lens, frame: Frame
 ) -> None:
@@ -268,7 +272,7 @@ def fill_quads(
                 )
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _line(q, step, number, inverses, ids) -> None:
     for x in range(len(inverses)):
         here = q + step * np.float32(x)
@@ -277,7 +281,7 @@ def _line(q, step, number, inverses, ids) -> None:
         ids[x] = number if nearer else ids[x]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _cut(at: float, step: float, low: int, high: int, margin: int) -> tuple[int, int]:
     """The part of low..high in which at + step * x is 0 or more, and a margin."""
     if step > 1e-12:
@@ -287,7 +291,7 @@ def _cut(at: float, step: float, low: int, high: int, margin: int) -> tuple[int,
     return (low, high) if at >= 0 else (low, low - 1)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def fill_depths(
     solids: Solids,
     shown: NDArray[np.int64],
@@ -309,7 +313,7 @@ def fill_depths(
         _fill_depths(solids.corners, (solids.spans[k, 2], solids.spans[k, 3]), seen, depths)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel
 def _fill_depths(corners: Ids, span: tuple[int, int], seen: Floats32, depths: Floats32) -> None:
     size = depths.shape[0]
     for t in range(span[0], span[1]):

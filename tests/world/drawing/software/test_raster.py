@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from numba.extending import is_jitted
 
 from pipeline.poses import IDENTITY, pose, quat_from_rpy, quat_rotate
+from pipeline.world.drawing import edges, masks, silhouettes, surfaces
+from pipeline.world.drawing.software import changes, light, on_bodies, on_planes, raster
 from pipeline.world.drawing.software.changes import surrounding
 from pipeline.world.drawing.software.raster import (
     NOTHING,
@@ -20,6 +23,8 @@ from pipeline.world.shapes import Mesh
 LENS = Lens(64, 48, 50.0, 0.02, 12.0)
 VIEW = np.column_stack([np.eye(3), np.zeros(3)])  # the camera is at the origin and looks along z
 HERE = np.asarray(IDENTITY, float)[None]
+
+MODULES = (changes, light, on_bodies, on_planes, raster, edges, masks, silhouettes, surfaces)
 
 
 def drawn(corners: list, order: tuple = (0, 2, 1)) -> Frame:
@@ -127,3 +132,12 @@ def test_the_sun_sees_far_sides_and_blocks_hold_their_least_and_most() -> None:
     surrounding(depths, least, most)
     assert least[2, 2] == depths[4:16, 4:16].min() and most[2, 2] == depths[4:16, 4:16].max()
     assert least[0, 7] == depths[:8, 24:].min() and most[0, 7] == depths[:8, 24:].max()
+
+
+def test_no_kernel_may_reorder_sums_or_fuse_products() -> None:
+    """With such freedom a cached kernel and one that was compiled in another order differed in
+    their last bits, and so did the bytes of an episode."""
+    kernels = [each for module in MODULES for each in vars(module).values() if is_jitted(each)]
+    assert len(kernels) > 20
+    for each in kernels:
+        assert set(each.targetoptions.get("fastmath") or ()) <= {"nnan", "nsz"}, each.__name__
