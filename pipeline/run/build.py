@@ -122,7 +122,7 @@ def _progress(
                 " Ctrl-C stops; rerun the same command to resume"
             )
             if not is_compiled():
-                progress.show_activity("compiling, once, about 15 s")
+                progress.show_activity("compiling, once, about 30 s")
                 if crew.executor != "inline":
                     warm_up(jobs[0].slot.cell.embodiment)
             if crew.executor != "inline":
