@@ -69,14 +69,22 @@ def spread(values: ByTask) -> float:
 
 
 def interval(change: ByTask) -> tuple[float, float]:
-    """Bootstrap the 95 % interval of the mean over scenes in tasks; exact if all changed alike."""
+    """Bootstrap the 95 % interval of the mean over scenes in tasks; exact if all changed alike. A
+    task of one scene, or any if no task varies, adds its exact interval (Zou & Donner 2008)."""
     values = np.concatenate(list(change.values()))
     if np.ptp(values) == 0:
         return _exact(float(values[0]), len(values))
     rng = np.random.default_rng(0)
     sizes = ((v, (RESAMPLES, len(v))) for v in change.values())
     means = np.mean([v[rng.integers(len(v), size=size)].mean(1) for v, size in sizes], axis=0)
-    low, high = np.quantile(means, [0.025, 0.975])
+    ends = np.quantile(means, [0.025, 0.975])
+    none_varies = all(np.ptp(v) == 0 for v in change.values())
+    few = [v for v in change.values() if len(v) == 1 or none_varies]
+    if few:
+        exact = np.array([np.subtract(_exact(float(v[0]), len(v)), v[0]) for v in few])
+        margins = np.vstack([ends - mean(change), exact / len(change)])
+        ends = mean(change) + np.array([-1, 1]) * np.linalg.norm(margins, axis=0)
+    low, high = np.clip(ends, -1, 1)
     return float(low), float(high)
 
 
