@@ -157,8 +157,9 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with
     intervals."""
     from pipeline.evaluate.asking import ANSWERS
+    from pipeline.evaluate.evaluate import BASELINES, together
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.evaluate import together
+    from pipeline.evaluate.names import POLICIES, is_ours
     from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scoring.clock import parse_clock
     from pipeline.evaluate.scoring.summary import by_clock, table
@@ -208,6 +209,17 @@ def evaluate(
         cells = tuple(frozen.choose(recipe, given.values, given.values.get("tasks", ())))
         evaluation = replace(evaluation, benchmark=frozen, cells=cells)
     others = [parse_clock(text) for text in clocks[1:]]
+    tried = [evaluation.clock, *others]
+    if len({*tried}) < len(tried):
+        raise UsageError(f"--clock {clock} names a clock twice: name each once")
+    scripted = [
+        name
+        for name in (policy, *(BASELINES if baselines else ()))
+        if is_ours(name) and getattr(POLICIES[name.partition(":")[0]], "scripted", False)
+    ]
+    if scripted and (late := [one.name for one in tried if one.join]):
+        why = f"--policy {scripted[0]} cannot overlap its chunks"
+        raise UsageError(f"--clock {late[0]}: {why}: use latency:...")
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
     if (paired or conditions) and not setup.events:
         raise UsageError("--paired and --conditions withhold --events: name some")

@@ -141,11 +141,11 @@ class EventSpec(_Strict):
         """ "stop@0.8", "stop@share=0.6", "stop@meeting" and "stop@near"."""
         if not isinstance(value, str):
             return value
-        kind, _, when = value.partition("@")
+        kind, timed, when = value.partition("@")
         _known(kind)
         trigger, named, number = when.partition("=")
-        if not when or when == "meeting":
-            return {"kind": kind} | ({"when": when} if when else {})
+        if not timed or when == "meeting":
+            return {"kind": kind} | ({"when": when} if timed else {})
         if when in get_args(Phase):
             return {"kind": kind, "when": {"phase": when}}
         if named and trigger not in TRIGGERS:

@@ -28,7 +28,9 @@ class _Stream:
 
     def __init__(self, chunk: float = 1) -> None:
         if chunk != int(chunk) or not 1 <= chunk <= LONGEST_CHUNK:
-            raise PolicyError(f"chunk={chunk:g}: give a whole number, 1 to {LONGEST_CHUNK}")
+            raise PolicyError(
+                f"--policy: chunk={chunk:g}: give a whole number, 1 to {LONGEST_CHUNK}"
+            )
         self._chunk = int(chunk)
         self._motions: Iterator[Floats] = iter(())
         self._ready, self._last = np.empty((0, 0)), cast(Floats | None, None)
@@ -85,6 +87,9 @@ class Interceptor(_Stream):
         foresight: float = 0,
     ) -> None:
         super().__init__(chunk)
+        for name, value in (("cue", cue), ("foresight", foresight)):
+            if value not in (0, 1):
+                raise PolicyError(f"--policy: {name}={value:g}: give 0 or 1")
         self._noise, self._delay, self._cue, self._foresight = noise, delay, cue, foresight
 
     def see(self, trial: Trial, case: Case) -> None:

@@ -53,6 +53,7 @@ def test_other_words_are_refused_in_one_line(wrong):
     ("wrong", "said"),
     [
         ("stopp@0.5", "must be one of stop, reverse, .*, latency"),
+        ("stop@", "is not written as KIND@WHEN"),
         ("stop@nan", "time must be 0 to 60"),
         ("stop@inf", "time must be 0 to 60"),
         ("stop@-1", "time must be 0 to 60"),
