@@ -19,6 +19,7 @@ from random import Random
 from typing import Any
 
 from benchmarks.hardware import hardware
+from pipeline.data.errors import DominoError
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import policy_name
@@ -26,7 +27,9 @@ from pipeline.evaluate.policies.rehearsal import alike
 from pipeline.evaluate.scenes.case import BLIND, admit
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.scoring.statistics import by_task, interval, mean, wilson
+from pipeline.run.names import check_known
 from pipeline.stages.failure import Failure
+from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
 
 Row = dict[str, Any]
@@ -199,6 +202,10 @@ def main() -> None:
     parser.add_argument("--rows", type=Path, required=True, help="file of JSON lines")
     parser.add_argument("--table", action="store_true", help="run nothing")
     args = parser.parse_args()
+    try:
+        check_known("task", expand_tasks(args.tasks.split(",")), TASKS, "--tasks: ")
+    except DominoError as error:
+        parser.exit(2, f"{error}\n")
     text = args.rows.read_text() if args.rows.exists() else ""
     rows: list[Row] = [json.loads(line) for line in text.splitlines()]
     if not args.table:

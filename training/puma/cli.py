@@ -286,16 +286,30 @@ def many(
     """Train one policy for many tasks and evaluate it: data, networks, evaluations, table. Rerun
     the same command to resume."""
     from pipeline.data.parsing import ParseError, whole
-    from training.puma.many import CONDITIONS, STAGES, Many, commands, estimate, results, table
+    from pipeline.run.names import check_known
+    from pipeline.tasks import TASKS
+    from pipeline.tasks.contract import expand_tasks
+    from training.puma.many import (
+        CONDITIONS,
+        SPENT,
+        STAGES,
+        Many,
+        commands,
+        estimate,
+        results,
+        table,
+    )
 
     full = Many.full(out)
+    named = expand_tasks(tasks.split(",")) if tasks else full.tasks
+    check_known("task", named, TASKS, "--tasks: ")
     try:
         chosen = tuple(whole(part, 0, 3) for part in levels.split(",")) if levels else full.levels
     except ParseError as error:
         raise typer.BadParameter(f"--levels {levels}: {error}") from error
     wanted = Many(
         out,
-        tuple(tasks.split(",")) if tasks else full.tasks,
+        named,
         chosen,
         demonstrations or full.demonstrations,
         networks,
@@ -307,8 +321,8 @@ def many(
     )
     costs = estimate(wanted)
     for name, count, hours in costs:
-        print(f"{name:12} {count:8} {hours:6.1f} core-hours")
-    print(f"{'together':12} {'':8} {sum(hours for *_, hours in costs):6.1f} core-hours")
+        print(f"{name:12} {count:8} {SPENT[name][2]:14} {hours:6.1f} core-hours")
+    print(f"{'together':36} {sum(hours for *_, hours in costs):6.1f} core-hours")
     if plan:
         return
     _run(commands(wanted))

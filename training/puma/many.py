@@ -40,8 +40,13 @@ HELD = 0.3
 FRESH = ("--seed", "5")
 """Scenes that no choice was made on."""
 
-SPENT = {"data": 1.3, "finder": 0.33, "policy": 0.08, "evaluation": 2.5}
-"""Core-seconds of a demonstration, of a step of either training, and of an evaluated episode."""
+SPENT = {
+    "data": ("data", 1.3, "demonstrations"),
+    "finder": ("networks", 0.33, "steps"),
+    "policy": ("networks", 0.08, "steps"),
+    "evaluation": ("evaluation", 2.5, "episodes"),
+}
+"""Works: their stage, core-seconds of one, and what one is."""
 
 
 UNSEEN, SWAPPED = "unseen sentences", "swapped sentences"
@@ -138,17 +143,21 @@ class Many:
 
 
 def estimate(many: Many) -> list[tuple[str, int, float]]:
-    """Stages, how often each does its work, and their core-hours on a core that does nothing
-    else."""
+    """Works of the stages that are done, how often each is done, and their core-hours on a core
+    that does nothing else."""
     finder, policy = many.steps
-    cells = [len(many.evaluated(name)) * many.scenes_of(name) for name in CONDITIONS]
+    cells = [len(many.evaluated(name)) * many.scenes_of(name) for name in many.conditions]
     counts = {
         "data": len(many.tasks) * len(many.levels) * len(LOOKS) * many.demonstrations,
         "finder": many.networks * finder,
         "policy": many.networks * policy,
         "evaluation": many.networks * len(many.tasks) * sum(cells),
     }
-    return [(name, count, count * SPENT[name] / 3600) for name, count in counts.items()]
+    return [
+        (name, counts[name], counts[name] * seconds / 3600)
+        for name, (stage, seconds, _) in SPENT.items()
+        if stage in many.stages
+    ]
 
 
 def commands(many: Many) -> Iterator[Command]:

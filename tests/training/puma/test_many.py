@@ -3,18 +3,21 @@ made of commands that resume."""
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from pipeline.data.recipe.model import RecipeError
 from pipeline.export import EXPORTERS, Job
 from tests.synthetic import episode_path, make_episode
 from tests.training.puma.test_track import SIGHT, small
 from tests.training.puma.test_train import seen, start
 from training.puma import tracking
 from training.puma.checks import errors, replay_check
+from training.puma.cli import app
 from training.puma.config import Config, Finder, parse_config
 from training.puma.data import batch_of, open_corpus, pooled
 from training.puma.errors import TrainError
@@ -194,6 +197,11 @@ def test_poses_of_all_objects_must_be_in_the_export(dataset: Path, cache: Path):
         open_corpus(several([dataset, dataset], cache))
 
 
+def test_an_unknown_task_is_refused_before_a_plan(tmp_path: Path):
+    with pytest.raises(RecipeError, match="no task 'click_bel', but click_bell"):
+        app(["many", "--out", str(tmp_path), "--tasks", "click_bel"], standalone_mode=False)
+
+
 def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path):
     many = Many(tmp_path, ("click_bell", "adjust_bottle"), (0, 1), 2, networks=1, scenes=4)
     first = [str(command) for command, _ in zip(commands(many), range(9), strict=False)]
@@ -202,6 +210,8 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
     assert "puma train" in first[-1] and "after_success" in first[-1]
     # levels 0 and 1 by unseen sentences, level 1 in three other ways, one of them on a scene
     assert {name: count for name, count, _ in estimate(many)}["evaluation"] == 2 * (4 * 4 + 1)
+    part = replace(many, stages=("evaluation",), conditions=("unseen sentences",))
+    assert [(name, count) for name, count, _ in estimate(part)] == [("evaluation", 2 * 2 * 4)]
     out = many.evaluation(0, "unseen sentences") / "click_bell"
     out.mkdir(parents=True)
     rows = [
