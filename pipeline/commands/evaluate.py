@@ -246,6 +246,8 @@ def evaluate(
     text = [table(outcome.cells), *_mean_lines(outcome)]
     if others:
         text = by_clock(outcome.cells, outcome.means)
+    if paired:
+        text.append(f"with events; against without: domino-data compare {out}")
     if outcome.benchmark:
         text.append(str(outcome.benchmark))
     print_result(outcome.to_dict(), as_json, "\n".join(text))
