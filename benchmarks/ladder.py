@@ -57,7 +57,7 @@ TRIES = 30  # seeds of a scene, of which the first that the expert solves is tak
 
 
 @dataclass(frozen=True)
-class SceneJob:
+class LadderJob:
     """A scene, and the policies, clocks and events to try in it."""
 
     task: str
@@ -67,7 +67,7 @@ class SceneJob:
     wanted: tuple[tuple[str, str, str], ...]
 
 
-def run(job: SceneJob) -> list[Row]:
+def run(job: LadderJob) -> list[Row]:
     """The rows of a scene; none if the expert solves none of its seeds."""
     for number in range(TRIES):
         seed = job.seed + 1000 * job.scene + number
@@ -225,7 +225,7 @@ def main() -> None:
     print("\n\n".join(tables(rows)))
 
 
-def wanted(args: argparse.Namespace, known: set[tuple[Any, ...]]) -> Iterator[SceneJob]:
+def wanted(args: argparse.Namespace, known: set[tuple[Any, ...]]) -> Iterator[LadderJob]:
     """The scenes with what is not known of them."""
     policies = (
         [*GROUPS[args.policies].values()] if args.policies in GROUPS else args.policies.split()
@@ -236,7 +236,7 @@ def wanted(args: argparse.Namespace, known: set[tuple[Any, ...]]) -> Iterator[Sc
                 for event in args.events.split(","):
                     tried = [(p, c, event) for p in policies for c in args.clocks.split(",")]
                     left = [one for one in tried if (task, level, scene, *one) not in known]
-                    yield SceneJob(task, level, scene, args.seed, tuple(left))
+                    yield LadderJob(task, level, scene, args.seed, tuple(left))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pipeline.data.cameras import CAMERA_TYPES, Camera, look
 from pipeline.data.process.machine import usable_cores
 from pipeline.poses import IDENTITY
 from pipeline.world.drawing.renderer import Renderer
-from pipeline.world.drawing.silhouettes import draw, solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import draw, occluders_of, track_bodies
 from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.shapes import Material, Mesh
 
@@ -51,7 +51,7 @@ def compile_drawing() -> None:
     camera = Camera("camera", kind, None, look((0.0, -0.5, 1.3), (0.0, 0.6, -0.6)))
     with Renderer({"body": parts}, [], [camera], CLEAN) as drawing:
         drawing.render({"body": here})
-    solids = solids_of({"body": parts}, [])
+    solids = occluders_of({"body": parts}, [])
     track_bodies(solids, {"body": here}, ["body"], kind, here)
 
 

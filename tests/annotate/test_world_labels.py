@@ -13,7 +13,7 @@ from pipeline.data.episode.state_log import CONTACT_DTYPE, Event
 from pipeline.data.episode.world import BodyFacts, WorldTruth, twists_of
 from pipeline.poses import compose, inverse, matrix, pose, quat_about, quat_rotate, transform
 from pipeline.world.drawing.room import box
-from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 from pipeline.world.drawing.truth import surfaces_of
 from pipeline.world.looks.materials import plastic
 from tests.synthetic import make_log
@@ -43,10 +43,10 @@ def seen():
         ),
     }
     camera = Camera("wrist", KIND, "hand", pose((0.1, 0, 0)))
-    surfaces = surfaces_of(solids_of(PARTS, FLOOR), poses, camera)
+    surfaces = surfaces_of(occluders_of(PARTS, FLOOR), poses, camera)
     at = world_poses(camera, poses, FRAMES)
     objects = ("block", "wall")
-    track = track_bodies(solids_of(PARTS, FLOOR), poses, objects, KIND, at)
+    track = track_bodies(occluders_of(PARTS, FLOOR), poses, objects, KIND, at)
     facts = {n: BodyFacts(m.vertices, m.triangles, 0.2, 0.5) for n, ((m, _),) in PARTS.items()}
     truth = WorldTruth(facts, surfaces, objects, track.box, track.visible)
     log = make_log("aloha-agilex", FRAMES, 15, 0)

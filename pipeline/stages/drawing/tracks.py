@@ -13,7 +13,7 @@ from pipeline.motion.recorded import LEAST, SECONDS, TRACKS, before_meeting, is_
 from pipeline.stages.attempt import Rollout
 from pipeline.stages.failure import Failure
 from pipeline.world.drawing.room import table_legs, table_top
-from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 
 from .render import Appearance, appearance_of, body_poses
 
@@ -23,7 +23,7 @@ def track_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Arrays of `objects` by key, such as "tracks/<camera>/box" (silhouettes.BodyTracks)."""
     fixed = [*appearance.furniture, *table_legs(), *table_top(appearance.visuals)]
-    solids, poses = solids_of(appearance.bodies, fixed), body_poses(log)
+    solids, poses = occluders_of(appearance.bodies, fixed), body_poses(log)
     found: dict[str, NDArray[Any]] = {}
     for camera in appearance.cameras:
         at = world_poses(camera, poses, len(log))

@@ -8,7 +8,7 @@ from pipeline.data.cameras import world_poses
 from pipeline.data.episode.file import Episode, EpisodeError
 from pipeline.data.episode.world import BodyFacts, WorldTruth
 from pipeline.world.drawing.room import shell, table_legs, table_top
-from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 from pipeline.world.drawing.truth import surfaces_of
 from pipeline.world.objects import FAMILIES
 from pipeline.world.robots import get_embodiment
@@ -30,14 +30,14 @@ def truth(path: Path, camera: str, bodies: Path) -> WorldTruth:
     shown, poses = appearance.bodies, body_poses(log)
     objects = tuple(name for name in episode.meta.objects if shown.get(name))
     at = world_poses(found[0], poses, len(log))
-    track = track_bodies(solids_of(shown, fixed), poses, objects, found[0].type, at)
+    track = track_bodies(occluders_of(shown, fixed), poses, objects, found[0].type, at)
     facts = _facts(episode)
     meshes = {name: merge([mesh for mesh, _ in parts]) for name, parts in shown.items() if parts}
     known = {
         n: BodyFacts(m.vertices, m.triangles, *facts.get(n, (None, None)))
         for n, m in meshes.items()
     }
-    surfaces = surfaces_of(solids_of(shown, [*fixed, *room]), poses, found[0])
+    surfaces = surfaces_of(occluders_of(shown, [*fixed, *room]), poses, found[0])
     return WorldTruth(known, surfaces, objects, track.box, track.visible)
 
 

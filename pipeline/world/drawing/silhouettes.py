@@ -22,7 +22,7 @@ FIXED = "what stands still"  # no name of a body: those have no spaces
 
 
 @dataclass(frozen=True, eq=False)
-class Solids:
+class Occluders:
     """Triangles of B bodies: vertices (V,3) in the frame of `owner` (V,), triangles (M,3), and
     ranges (B,2)."""
 
@@ -34,7 +34,7 @@ class Solids:
     corners: NDArray[np.int64]
 
 
-def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
+def occluders_of(bodies: Mapping[str, Parts], fixed: Parts) -> Occluders:
     """All occluders; `fixed` is in the world frame."""
     vertices: list[NDArray[Any]] = [np.zeros((0, 3))]
     owner: list[NDArray[Any]] = [np.zeros(0, np.int64)]
@@ -51,7 +51,7 @@ def solids_of(bodies: Mapping[str, Parts], fixed: Parts) -> Solids:
         spans.append((first[0], faces))
         corners.append((first[1], count))
     stacked = np.concatenate(vertices), np.concatenate(owner), np.concatenate(triangles)
-    return Solids((*bodies, FIXED), *stacked, np.array(spans), np.array(corners))
+    return Occluders((*bodies, FIXED), *stacked, np.array(spans), np.array(corners))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class BodyTracks:
 
 
 def track_bodies(
-    solids: Solids,
+    solids: Occluders,
     poses: Mapping[str, Floats],
     names: Sequence[str],
     kind: CameraType,
@@ -102,7 +102,7 @@ def track_bodies(
     )
 
 
-def _middle(solids: Solids, body: int) -> Floats:
+def _middle(solids: Occluders, body: int) -> Floats:
     first, end = solids.corners[body]
     inside = solids.vertices[first:end]
     return (inside.min(0) + inside.max(0)) / 2 if len(inside) else np.zeros(3)

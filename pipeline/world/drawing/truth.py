@@ -11,10 +11,10 @@ from pipeline.data.cameras import Camera, Surfaces, extrinsics_cv, intrinsics, w
 from pipeline.poses import IDENTITY, matrix
 
 from .engine import NEAR
-from .silhouettes import Floats, Solids, draw
+from .silhouettes import Floats, Occluders, draw
 
 
-def surfaces_of(solids: Solids, poses: Mapping[str, Floats], camera: Camera) -> Surfaces:
+def surfaces_of(solids: Occluders, poses: Mapping[str, Floats], camera: Camera) -> Surfaces:
     """The surfaces at pixel centres; `poses` (T,7) by body."""
     frames, kind = len(next(iter(poses.values()))), camera.type
     k, at = intrinsics(kind), world_poses(camera, poses, frames)

@@ -10,7 +10,7 @@ from pipeline.world.drawing import silhouettes
 from pipeline.world.drawing.engine import NEAR
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import box, table_legs, table_top
-from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.materials import plastic
 from pipeline.world.looks.visuals import CLEAN
@@ -48,7 +48,7 @@ POSES = {
 def track():
     fixed = [*table_legs(), *table_top(CLEAN)]
     return track_bodies(
-        solids_of(BODIES, fixed), POSES, ["block"], KIND, world_poses(CAMERA, POSES, FRAMES)
+        occluders_of(BODIES, fixed), POSES, ["block"], KIND, world_poses(CAMERA, POSES, FRAMES)
     )
 
 
@@ -66,7 +66,7 @@ def test_the_visible_share_is_that_of_the_segmentation(track, monkeypatch):
     assert track.visible[1, 0] == pytest.approx(seen[1] / alone[1], abs=2e-3)
     monkeypatch.setattr(silhouettes, "SAMPLES", 300)
     coarse = track_bodies(
-        solids_of(BODIES, []), POSES, ["block"], KIND, world_poses(CAMERA, POSES, FRAMES)
+        occluders_of(BODIES, []), POSES, ["block"], KIND, world_poses(CAMERA, POSES, FRAMES)
     )
     assert coarse.visible[1, 0] == pytest.approx(seen[1] / alone[1], abs=0.05)
 
@@ -113,6 +113,6 @@ def test_what_is_behind_the_camera_is_not_there():
         name: np.repeat(compose(CAMERA.pose, pose((-1.0, 0, 0)))[None], 1, 0) for name in BODIES
     }
     track = track_bodies(
-        solids_of(BODIES, []), behind, ["wall", "block"], KIND, world_poses(CAMERA, behind, 1)
+        occluders_of(BODIES, []), behind, ["wall", "block"], KIND, world_poses(CAMERA, behind, 1)
     )
     assert not track.box.any() and not track.centre.any() and not track.visible.any()

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import shell, table_legs, table_top
-from pipeline.world.drawing.silhouettes import solids_of
+from pipeline.world.drawing.silhouettes import occluders_of
 from pipeline.world.drawing.truth import surfaces_of
 from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.visuals import CLEAN
@@ -20,7 +20,9 @@ except NoRenderer as error:
 def test_depth_and_bodies_are_those_of_the_renderer():
     """The last frame has a corner cut off by the near plane."""
     room = [part for parts in shell(CLEAN).values() for part in parts]
-    found = surfaces_of(solids_of(BODIES, [*table_legs(), *table_top(CLEAN), *room]), POSES, CAMERA)
+    found = surfaces_of(
+        occluders_of(BODIES, [*table_legs(), *table_top(CLEAN), *room]), POSES, CAMERA
+    )
     with Renderer(BODIES, [], [CAMERA], CLEAN) as renderer:
         (view,) = renderer.render(POSES, depth=True, segmentation=True)
     assert view.depth is not None and set(np.unique(found.segmentation)) == {0, 1, 2}

@@ -9,7 +9,7 @@ from pipeline.data.cameras import CAMERA_TYPES, project, visible
 from pipeline.data.names import SIDES
 from pipeline.poses import compose, matrix, transform
 from pipeline.world.cameras import cameras_of
-from pipeline.world.drawing.silhouettes import solids_of, track_bodies
+from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 from pipeline.world.robots import ALIASES, MODELS, UnknownEmbodiment, canonical_name, get_embodiment
 from pipeline.world.robots.contract import (
     Embodiment,
@@ -138,7 +138,7 @@ def test_of_its_own_arm_a_wrist_camera_sees_the_fingers_only(name):
         side = camera.name.split("_")[0]
         arm = e.arms[side]
         poses = {name: at[None] for name, at in arm_poses(arm, arm.home).items()}
-        solids = solids_of({link.name: link.visual for link in arm.links}, ())
+        solids = occluders_of({link.name: link.visual for link in arm.links}, ())
         others = [
             link.name for link in arm.links if link.visual and link.name not in arm.gripper.fingers
         ]

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels import kernel
 from .light import NEAREST
-from .raster import Floats32, Frame, Ids, kernel
+from .raster import Floats32, Frame, Ids
 
 AROUND = np.ones((3, 3), np.uint8)
 

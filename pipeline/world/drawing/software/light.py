@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pipeline.world.physics.body import TABLE_TOP
 
 from ..masks import BLOCK
-from .raster import Floats32, Ids, Lens, kernel
+from .kernels import kernel
+from .raster import Floats32, Ids, Lens
 
 F, I32, U = np.float32, np.int32, np.uint32
 NEAREST = 4  # texels a side of what `surrounding` tells the depths of

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .kernels import kernel
 from .light import (
     ARRIVES,
     BLUE,
@@ -48,7 +49,6 @@ from .light import (
     Geometry,
     Lamps,
     Sunlight,
-    Texels,
     U,
     Z,
     clamped,
@@ -57,77 +57,8 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens, kernel
-
-
-@kernel
-def _square(x, y):
-    h = U(U(x) * U(73856093)) ^ U(U(y) * U(19349663))
-    h = U(U(h ^ U(h >> U(13))) * U(1540483477))
-    return F(I32(U(h >> U(16)) & U(255))) * F(1 / 255)
-
-
-@kernel
-def _sampled(texels: Texels, texture: int, u, v):
-    """Bilinear colour 0-1 of a repeating texture."""
-    first, width, height = (
-        texels.places[texture, 0],
-        texels.places[texture, 1],
-        texels.places[texture, 2],
-    )
-    x, y = (u - np.floor(u)) * F(width) - F(0.5), (v - np.floor(v)) * F(height) - F(0.5)
-    lx, ly = np.floor(x), np.floor(y)
-    fx, fy = x - lx, y - ly
-    x0, y0 = I32(lx), I32(ly)
-    x1, y1 = x0 + 1, y0 + 1
-    x0 = width - 1 if x0 < 0 else x0
-    y0 = height - 1 if y0 < 0 else y0
-    x1 = 0 if x1 >= width else x1
-    y1 = 0 if y1 >= height else y1
-    a, b = texels.words[U(first + y0 * width + x0)], texels.words[U(first + y0 * width + x1)]
-    c, d = texels.words[U(first + y1 * width + x0)], texels.words[U(first + y1 * width + x1)]
-    wa, wb = (F(1) - fx) * (F(1) - fy), fx * (F(1) - fy)
-    wc, wd = (F(1) - fx) * fy, fx * fy
-    scale = F(1 / 255)
-    red = (
-        F(I32(a & U(255))) * wa
-        + F(I32(b & U(255))) * wb
-        + F(I32(c & U(255))) * wc
-        + F(I32(d & U(255))) * wd
-    )
-    m = U(8)
-    green = (
-        F(I32((a >> m) & U(255))) * wa
-        + F(I32((b >> m) & U(255))) * wb
-        + F(I32((c >> m) & U(255))) * wc
-        + F(I32((d >> m) & U(255))) * wd
-    )
-    m = U(16)
-    blue = (
-        F(I32((a >> m) & U(255))) * wa
-        + F(I32((b >> m) & U(255))) * wb
-        + F(I32((c >> m) & U(255))) * wc
-        + F(I32((d >> m) & U(255))) * wd
-    )
-    return red * scale, green * scale, blue * scale
-
-
-@kernel
-def _level(geometry: Geometry, t: int, seen: Floats32) -> int:
-    """How often a triangle's texture was halved, so that no edge has more texels than pixels."""
-    texture = int(geometry.materials[geometry.material[t], 5])
-    places, uvs, corners = geometry.texels.places, geometry.uvs, geometry.corners
-    wide, high, most = F(places[texture, 1]), F(places[texture, 2]), F(0)
-    for k in range(3):
-        i, j = corners[t, k], corners[t, (k + 1) % 3]
-        u, v = (uvs[i, 0] - uvs[j, 0]) * wide, (uvs[i, 1] - uvs[j, 1]) * high
-        x, y = seen[i, 3] - seen[j, 3], seen[i, 4] - seen[j, 4]
-        most = max(most, (u * u + v * v) / max(x * x + y * y, F(1e-6)))
-    level, bound = 0, F(2)  # squares of the root of two, twice that, ...
-    while most > bound and level < places[texture, 3] - 1:
-        level += 1
-        bound *= F(4)
-    return level
+from .raster import Floats32, Frame, Ids, Lens
+from .texels import level_of, sampled, square
 
 
 @kernel
@@ -160,9 +91,9 @@ def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geomet
             u = a * geometry.uvs[i, 0] + b * geometry.uvs[j, 0] + c * geometry.uvs[h, 0]
             v = a * geometry.uvs[i, 1] + b * geometry.uvs[j, 1] + c * geometry.uvs[h, 1]
             if t != last:
-                last, level = t, _level(geometry, t, frame.seen)
+                last, level = t, level_of(geometry, t, frame.seen)
             texture += level
-            red, green, blue = _sampled(geometry.texels, texture, u, v)
+            red, green, blue = sampled(geometry.texels, texture, u, v)
             s[RED + k], s[GREEN + k], s[BLUE + k] = red * red, green * green, blue * blue
             s[WEAR + k] = F(0)
 
@@ -200,11 +131,11 @@ def _surfaces(s: Floats32, n: int, lamps: Lamps, sunlight: Sunlight) -> None:
         fx, fy = x - lx, y - ly
         ix, iy = I32(lx), I32(ly)
         fx, fy = fx * fx * (F(3) - F(2) * fx), fy * fy * (F(3) - F(2) * fy)
-        a, b = _square(ix, iy), _square(ix + I32(1), iy)
-        c, d = _square(ix, iy + I32(1)), _square(ix + I32(1), iy + I32(1))
+        a, b = square(ix, iy), square(ix + I32(1), iy)
+        c, d = square(ix, iy + I32(1)), square(ix + I32(1), iy + I32(1))
         top, bottom = a + (b - a) * fx, c + (d - c) * fx
         wide = top + (bottom - top) * fy
-        fine = _square(I32(np.floor(ax * F(620))), I32(np.floor(ay * F(620))))
+        fine = square(I32(np.floor(ax * F(620))), I32(np.floor(ay * F(620))))
         rubbed = clamped(F(2.5) * wide - F(1.5)) * s[WEAR + k]
         tone = (F(-0.075) + F(0.10) * wide + F(0.07) * fine) * s[WEAR + k]
         rough = s[ROUGH + k]

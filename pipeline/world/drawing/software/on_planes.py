@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels import kernel
 from .light import (
     ARRIVES,
     BLUE,
@@ -45,15 +46,11 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens, kernel
+from .raster import Floats32, Frame, Ids, Lens
+from .texels import byte
 
 FX, FY = LZ, ROUGH  # of planes, which have neither
 W0, W1, W2, W3 = (GROUP * k for k in range(4))  # places and then contents of four texels
-
-
-@kernel
-def _byte(word, shift):
-    return F(I32(U(U(word >> U(shift)) & U(255))))
 
 
 @kernel
@@ -98,9 +95,9 @@ def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: 
         wb, wc = fx - wd, fy - wd
         wa = F(1) - fx - wc
         a, b, c, d = w[W0 + k], w[W1 + k], w[W2 + k], w[W3 + k]
-        red = _byte(a, 0) * wa + _byte(b, 0) * wb + _byte(c, 0) * wc + _byte(d, 0) * wd
-        green = _byte(a, 8) * wa + _byte(b, 8) * wb + _byte(c, 8) * wc + _byte(d, 8) * wd
-        blue = _byte(a, 16) * wa + _byte(b, 16) * wb + _byte(c, 16) * wc + _byte(d, 16) * wd
+        red = byte(a, 0) * wa + byte(b, 0) * wb + byte(c, 0) * wc + byte(d, 0) * wd
+        green = byte(a, 8) * wa + byte(b, 8) * wb + byte(c, 8) * wc + byte(d, 8) * wd
+        blue = byte(a, 16) * wa + byte(b, 16) * wb + byte(c, 16) * wc + byte(d, 16) * wd
         red, green, blue = red * scale, green * scale, blue * scale
         s[RED + k], s[GREEN + k], s[BLUE + k] = red * red, green * green, blue * blue
 
@@ -138,9 +135,9 @@ def _masked(
         wb, wc = fx - wd, fy - wd
         wa = F(1) - fx - wc
         a, b, c, d = w[W0 + k], w[W1 + k], w[W2 + k], w[W3 + k]
-        sun = _byte(a, shift) * wa + _byte(b, shift) * wb
-        sun += _byte(c, shift) * wc + _byte(d, shift) * wd
-        opened = _byte(a, 16) * wa + _byte(b, 16) * wb + _byte(c, 16) * wc + _byte(d, 16) * wd
+        sun = byte(a, shift) * wa + byte(b, shift) * wb
+        sun += byte(c, shift) * wc + byte(d, shift) * wd
+        opened = byte(a, 16) * wa + byte(b, 16) * wb + byte(c, 16) * wc + byte(d, 16) * wd
         s[ARRIVES + k] = sun * facing
         s[OPEN + k] = F(1) + on_table * (opened * scale - F(1))
 

@@ -1,19 +1,30 @@
 """The rasteriser against closed forms: coverage, depth, near plane, and the sun's view."""
 
+from uuid import uuid4
+
 import numpy as np
 import pytest
 from numba.extending import is_jitted
 
 from pipeline.poses import IDENTITY, pose, quat_from_rpy, quat_rotate
 from pipeline.world.drawing import edges, masks, silhouettes, surfaces
-from pipeline.world.drawing.software import changes, light, on_bodies, on_planes, raster
+from pipeline.world.drawing.software import (
+    casters,
+    changes,
+    light,
+    on_bodies,
+    on_planes,
+    raster,
+    texels,
+)
+from pipeline.world.drawing.software.casters import fill_depths
 from pipeline.world.drawing.software.changes import surrounding
+from pipeline.world.drawing.software.kernels import kernel
 from pipeline.world.drawing.software.raster import (
     NOTHING,
     Frame,
     Lens,
     fill_bodies,
-    fill_depths,
     fill_quads,
     rotation,
     solids_of,
@@ -24,7 +35,19 @@ LENS = Lens(64, 48, 50.0, 0.02, 12.0)
 VIEW = np.column_stack([np.eye(3), np.zeros(3)])  # the camera is at the origin and looks along z
 HERE = np.asarray(IDENTITY, float)[None]
 
-MODULES = (changes, light, on_bodies, on_planes, raster, edges, masks, silhouettes, surfaces)
+MODULES = (
+    casters,
+    changes,
+    light,
+    on_bodies,
+    on_planes,
+    raster,
+    texels,
+    edges,
+    masks,
+    silhouettes,
+    surfaces,
+)
 
 
 def drawn(corners: list, order: tuple = (0, 2, 1)) -> Frame:
@@ -141,3 +164,18 @@ def test_no_kernel_may_reorder_sums_or_fuse_products() -> None:
     assert len(kernels) > 20
     for each in kernels:
         assert set(each.targetoptions.get("fastmath") or ()) <= {"nnan", "nsz"}, each.__name__
+
+
+def double(x: float) -> float:
+    return 2 * x
+
+
+def test_a_kernel_is_compiled_again_if_any_source_of_the_rasteriser_changed() -> None:
+    """Numba itself looks only at the file in which the kernel stands."""
+    old, new = uuid4().hex, uuid4().hex
+    found = list[bool]()
+    for sources in (old, old, new):
+        compiled = kernel(double, sources)
+        assert compiled(2.0) == 4.0
+        found.append(bool(compiled.stats.cache_hits))
+    assert found == [False, True, False]
