@@ -115,7 +115,8 @@ def evaluate(
     with exclusive(out):
         results = Results(out / EPISODES, check_episode)
         _check_identity(evaluation, results)
-        tell("admitting seeds")
+        if not frozen:
+            tell("admitting seeds")
         admitted = frozen or seeds.admitted(evaluation.cells, evaluation.episodes, run)
         if evaluation.conditions:
             admitted = in_every_arm(admitted, len(evaluation.setup.events))
