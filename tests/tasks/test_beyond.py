@@ -16,8 +16,9 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
-from pipeline.tasks.language.check import check_templates, faults
+from pipeline.tasks.language.check import check_templates
 from pipeline.tasks.language.sentences import instructions
+from tests.tasks.language.grammar import faults
 
 NAMES = expand_tasks(["beyond"])
 SCENERY = {

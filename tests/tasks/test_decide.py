@@ -18,9 +18,10 @@ from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
-from pipeline.tasks.language.check import check_templates, faults
+from pipeline.tasks.language.check import check_templates
 from pipeline.tasks.language.sentences import instructions
 from pipeline.world.looks.visuals import CLEAN
+from tests.tasks.language.grammar import faults
 
 NAMES = (
     *("pick_named", "pick_ripe", "sort_two_belt"),

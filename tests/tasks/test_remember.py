@@ -16,9 +16,10 @@ from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
-from pipeline.tasks.language.check import check_templates, faults
+from pipeline.tasks.language.check import check_templates
 from pipeline.tasks.language.sentences import instructions
 from pipeline.tasks.outcome import failed
+from tests.tasks.language.grammar import faults
 
 NAMES = [n for n in TASKS if ".decide.remember." in type(TASKS[n]).__module__]
 

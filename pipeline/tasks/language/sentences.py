@@ -23,7 +23,7 @@ from pipeline.world.objects.words import LanguageError, two_lists
 
 MOVING = "~"
 _SLOT = re.compile(r"\{(\w+)(?::([a-z]+))?\}")
-_NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
+NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
 _PART = re.compile(r"\s+(?:with|of|on|in|made of)\s+")
 _SIZE = re.compile(
@@ -127,7 +127,7 @@ def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
     sides = [arms[name] for name in slots(template) if name in arms]
     if len(set(sides)) < len(sides):
         return False
-    return {side.lower() for side in _NAMED_ARM.findall(template)} <= set(arms.values())
+    return {side.lower() for side in NAMED_ARM.findall(template)} <= set(arms.values())
 
 
 @dataclass(frozen=True)

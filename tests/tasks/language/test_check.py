@@ -8,10 +8,11 @@ import pytest
 
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
-from pipeline.tasks.language.check import CHECKS, faults
+from pipeline.tasks.language.check import CHECKS
 from pipeline.tasks.language.sentences import Wording, instructions
 from pipeline.tasks.layout import lay_out
 from pipeline.world.objects.contract import Words
+from tests.tasks.language.grammar import GRAMMAR, faults
 
 CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
 BASKET = Words("bread basket", ("bread basket", "basket with a brown handle"), ("wicker tray",))
@@ -78,7 +79,7 @@ def test_a_fault_is_found(text, scene, fault):
 
 
 def test_every_check_has_a_sentence_that_fails_it():
-    assert {fault for _, _, fault in FAULTY} == set(CHECKS)
+    assert {fault for _, _, fault in FAULTY} == {*CHECKS, *GRAMMAR}
 
 
 @pytest.mark.parametrize(

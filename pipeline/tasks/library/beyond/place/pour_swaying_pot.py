@@ -16,9 +16,7 @@ FLIGHT = 0.03  # m from the opening at which the balls land, about
 
 @register
 class PourSwayingPot(Task):
-    """Grasp a cup with two balls in it and pour them into a pot that moves along a wave.
-
-    Success: both balls are in the upright pot, and the acting arm holds the cup."""
+    """Grasp a cup with two balls in it and pour them into a pot that moves along a wave."""
 
     category = "tracking"
     step_limit = 500

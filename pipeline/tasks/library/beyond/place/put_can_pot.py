@@ -20,9 +20,7 @@ from pipeline.tasks.outcome import Outcome, within
 @register
 class PutCanPot(Task):
     """Grasp a can and set it down inside a pot that a turntable carries round, the hand moving with
-    the pot until they touch.
-
-    Success: the can lies in the middle of the upright pot, released."""
+    the pot until they touch."""
 
     target, manipulated = "pot", "can"
     motion = "turntable"
@@ -66,9 +64,7 @@ ABOVE = 0.03  # m over the rim from which the ball is dropped
 @register
 class DropBallSwayingBowl(PutCanPot):
     """Grasp a ball, hold it over a bowl that moves along a wave, at the bowl's velocity, and let it
-    fall in.
-
-    Success: the ball lies in the middle of the upright bowl, released."""
+    fall in."""
 
     target, manipulated = "bowl", "ball"
     motion = "sinusoid"

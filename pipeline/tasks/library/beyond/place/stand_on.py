@@ -14,9 +14,7 @@ from pipeline.world.physics.body import TABLE_TOP
 
 class StandOn(PickFromBelt):
     """Grasp the target by one of `kinds` of grasps, draw it `away` (3,) m, and stand it on body
-    `support`.
-
-    Success: it rests upright in the middle of the support, released."""
+    `support`."""
 
     kinds: Sequence[str] | None = None
     away: tuple[float, float, float] = (0.0, 0.0, 0.10)

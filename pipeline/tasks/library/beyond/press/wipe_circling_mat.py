@@ -22,9 +22,7 @@ STROKE = 0.08  # m
 @register
 class WipeCirclingMat(Task):
     """Grasp a block, bring it down on a mat that moves on a circle, at the mat's velocity, and draw
-    it across.
-
-    Success: touching the mat, the held block moves over it."""
+    it across."""
 
     target, manipulated = "mat", "block"
     motion = "circle"

@@ -8,9 +8,7 @@ from pipeline.world.physics.body import TABLE_TOP
 
 @register
 class CatchDroppedBall(Task):
-    """Grasp a skillet and bring it from below to where a ball that a carrier drops will be.
-
-    Success: the ball lies in the skillet, which is held off the table."""
+    """Grasp a skillet and bring it from below to where a ball that a carrier drops will be."""
 
     step_limit = 500
     target, manipulated, falls = "ball", "skillet", "ball"

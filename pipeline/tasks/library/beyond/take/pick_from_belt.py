@@ -11,9 +11,7 @@ from pipeline.world.physics.body import TABLE_TOP
 
 @register
 class PickFromBelt(Task):
-    """Grasp a can or a bottle that rides on a belt and lift it off.
-
-    Success: the acting arm holds it above where they met, off the table."""
+    """Grasp a can or a bottle that rides on a belt and lift it off."""
 
     target = "product"
     motion = "conveyor"

@@ -8,9 +8,7 @@ from pipeline.world.physics.body import TABLE_TOP
 
 @register
 class TakeHangingMug(Task):
-    """Grasp a mug that hangs over the table on a cord, and draw it away from the cord.
-
-    Success: the acting arm holds it away from where they met, off the table."""
+    """Grasp a mug that hangs over the table on a cord, and draw it away from the cord."""
 
     target = "mug"
     motion = "pendulum"

@@ -17,9 +17,7 @@ CLEARANCES = (0.05, 0.10, 0.15, 0.22)
 @register
 class AdjustBottle(Task):
     """Catch a bottle that lies on its side, its cap towards the middle of the table, and hold it
-    with the cap up.
-
-    Success: the bottle is held upright above the table, its cap out on the arm's side."""
+    with the cap up."""
 
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)

@@ -9,9 +9,7 @@ from pipeline.world.physics.body import Body
 
 @register
 class GrabRoller(Task):
-    """Catch a moving rolling pin at both ends at the same time and lift it level.
-
-    Success: both arms hold the roller, grippers commanded to be closed, above where it lay."""
+    """Catch a moving rolling pin at both ends at the same time and lift it level."""
 
     target = "roller"
     workspace = Workspace(-0.35, 0.35, -0.30, 0.10)

@@ -25,9 +25,7 @@ QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
 @register
 class HandoverBlock(Task):
     """Catch a long block with the left arm, hand it over in the air to the right arm, which stands
-    it on a pad.
-
-    Success: the block rests upright on the middle of the pad, released."""
+    it on a pad."""
 
     step_limit = 800
     target = "block"

@@ -26,9 +26,7 @@ TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)
 @register
 class HandoverMic(Task):
     """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other
-    arm.
-
-    Success: the receiver alone holds the microphone, its head up on the receiver's side."""
+    arm."""
 
     step_limit = 600
     target = "microphone"

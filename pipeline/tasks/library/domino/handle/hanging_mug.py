@@ -24,10 +24,7 @@ TILTS = (0.0, -0.3, -0.6, -0.9)  # rad about the axis of the hole; negative ones
 @register
 class HangingMug(Task):
     """Catch a moving mug with the left arm, set it down in the middle, and hang it on the rack's
-    peg with the right arm.
-
-    Success: the peg passes through the hole of the handle, and the mug hangs on the rack,
-    released."""
+    peg with the right arm."""
 
     step_limit = 900
     target = "mug"

@@ -13,9 +13,7 @@ from pipeline.world.physics.body import TABLE_TOP
 @register
 class MoveCanPot(Task):
     """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm
-    that caught it.
-
-    Success: the can rests upright beside the pot on that side, released."""
+    that caught it."""
 
     target = "can"
     workspace = Workspace(-0.35, 0.35, -0.10, 0.20)

@@ -11,9 +11,7 @@ from pipeline.world.physics.body import TABLE_TOP
 @register
 class MovePlayingcardAway(Task):
     """Catch a moving deck of cards near the middle of the table and set it down far out on the side
-    of the arm.
-
-    Success: the deck rests flat on the table far out on that side, released."""
+    of the arm."""
 
     target = "cards"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)

@@ -93,17 +93,13 @@ class PlaceBeside(Task):
 
 @register
 class PlaceA2bLeft(PlaceBeside):
-    """Catch object A while it moves and set it down on the table to the left of object B.
-
-    Success: A rests on the table near B, to its left and level with it, released."""
+    """Catch object A while it moves and set it down on the table to the left of object B."""
 
     direction = -1
 
 
 @register
 class PlaceA2bRight(PlaceBeside):
-    """Catch object A while it moves and set it down on the table to the right of object B.
-
-    Success: A rests on the table near B, to its right and level with it, released."""
+    """Catch object A while it moves and set it down on the table to the right of object B."""
 
     direction = 1

@@ -13,9 +13,7 @@ from pipeline.world.physics.body import TABLE_TOP
 @register
 class RotateQrcode(Task):
     """Catch a moving QR code sign, turn it and stand it beside the arm so that the code faces the
-    robot.
-
-    Success: the sign rests at its place on the arm's side, turned to the robot, released."""
+    robot."""
 
     target = "sign"
     workspace = Workspace(-0.35, 0.35, -0.20, 0.15)

@@ -40,10 +40,7 @@ TURNS = (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)
 @register
 class ScanObject(Task):
     """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan
-    the box in the air.
-
-    Success: the middle of the box is on the ray out of the scanner's window, near it, both held
-    up."""
+    the box in the air."""
 
     step_limit = 500
     target = "box"

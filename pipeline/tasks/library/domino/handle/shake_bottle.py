@@ -9,9 +9,7 @@ from pipeline.world.objects.families.goods.bottles import BODY
 @register
 class ShakeBottle(Task):
     """Catch a moving bottle, lift it, swing it from side to side three times and hold it upright
-    again.
-
-    Success: the bottle is held up, upright, and swung often and wide enough."""
+    again."""
 
     step_limit = 700
     target = "bottle"

@@ -25,9 +25,7 @@ SPOTS = (
 @register
 class ShakeBottleHorizontally(Task):
     """Catch a moving bottle, lift it, tip it until it lies level, and rock it about the level six
-    times.
-
-    Success: the bottle is held up, level, and was rocked often and wide enough."""
+    times."""
 
     step_limit = 700
     target = "bottle"

@@ -8,10 +8,7 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 
 @register
 class BeatBlockHammer(Task):
-    """Take the hammer and bring its face down on the top of a block that moves.
-
-    Success: where they touch, hammer face and block top are close in the plane, the held hammer
-    over the table."""
+    """Take the hammer and bring its face down on the top of a block that moves."""
 
     target, manipulated = "block", "hammer"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)

@@ -6,9 +6,7 @@ from .press import Press
 
 @register
 class ClickAlarmclock(Press):
-    """Press the button on top of a moving alarm clock with the closed fingers of the arm beside it.
-
-    Success: a closed finger of the acting arm touched the clock near its button."""
+    """Press the button of a moving alarm clock with the closed fingers of the arm beside it."""
 
     target = "clock"
     workspace = Workspace(-0.40, 0.40, -0.30, 0.20)

@@ -6,9 +6,7 @@ from .press import Press
 
 @register
 class ClickBell(Press):
-    """Press the button of a moving bell with the closed fingers of the arm beside it.
-
-    Success: a closed finger of the acting arm touched the bell near its button."""
+    """Press the button of a moving bell with the closed fingers of the arm beside it."""
 
     target = "bell"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)

@@ -8,10 +8,7 @@ from .press import Press
 @register
 class PressStapler(Press):
     """Press the arm of a moving stapler near its mouth with the closed fingers of the arm beside
-    it.
-
-    Success: a closed finger of the acting arm touched the stapler near the place to press; under
-    domino rules a finger of either arm, open or closed."""
+    it."""
 
     target, part = "stapler", "press"
     workspace = Workspace(-0.35, 0.35, -0.20, 0.20)

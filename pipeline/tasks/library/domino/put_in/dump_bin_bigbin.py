@@ -45,9 +45,7 @@ HELD_UP, FLIGHT = 0.31, 0.15  # m over the table at the end; m that the balls fl
 @register
 class DumpBinBigbin(Task):
     """Catch a moving table bin with five balls in it and pour them into the big bin with the left
-    arm. A bin on the right is caught by the right arm and set down in the middle for the left one.
-
-    Success: every ball is at the bottom of the big bin, and the left arm holds the table bin up."""
+    arm. The right arm sets a bin on the right down in the middle for the left one."""
 
     step_limit = 600
     target = "bin"

@@ -17,9 +17,7 @@ SLACK = 0.016
 
 @register
 class PlaceBreadBasket(Task):
-    """Grasp a piece of bread and lay it in a bread basket that moves.
-
-    Success: the bread rests in the middle of the basket, off the table, released."""
+    """Grasp a piece of bread and lay it in a bread basket that moves."""
 
     step_limit = 700
     target, manipulated = "basket", "bread"

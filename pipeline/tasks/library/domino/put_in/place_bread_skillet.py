@@ -40,9 +40,7 @@ JUDGED = 30  # places of the pan at which the way of the bread is looked at
 @register
 class PlaceBreadSkillet(Task):
     """Catch a moving piece of bread, lift the skillet by its handle with the other arm, and lay the
-    bread in it.
-
-    Success: the bread rests in the middle of the held pan, released, both lifted."""
+    bread in it."""
 
     step_limit = 500
     target = "bread"

@@ -8,9 +8,7 @@ from .basket import IntoBasket
 @register
 class PlaceCanBasket(IntoBasket):
     """Catch a moving can, put it in the basket, and lift the basket by its handle with the other
-    arm.
-
-    Success: the can is in the basket, both lifted."""
+    arm."""
 
     target = "can"
 

@@ -16,9 +16,7 @@ SLACK = 0.012
 @register
 class PlaceObjectBasket(IntoBasket):
     """Catch a moving deck of cards or toy car, put it in the basket, and lift the basket by its
-    handle with the other arm.
-
-    Success: the object is in the basket, both lifted."""
+    handle with the other arm."""
 
     target = "object"
 

@@ -24,9 +24,7 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 @register
 class PutBottlesDustbin(Task):
     """Catch a moving bottle and drop it into the dustbin beside the table, with the left arm. On
-    the right the right arm catches it by its upper part and hands it over in the air.
-
-    Success: the bottle is below the rim and within the outline of the dustbin, released."""
+    the right the right arm catches it by its upper part and hands it over in the air."""
 
     step_limit = 1700
     target = "bottle"

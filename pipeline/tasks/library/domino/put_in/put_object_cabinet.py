@@ -47,9 +47,7 @@ OBJECTS = (
 @register
 class PutObjectCabinet(Task):
     """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the
-    other arm, put the object in.
-
-    Success: the object is in the open part of the open drawer, off the table, released."""
+    other arm, put the object in."""
 
     step_limit = 700
     target = "object"

@@ -5,9 +5,7 @@ from .set_down import SetDown
 
 @register
 class MovePillbottlePad(SetDown):
-    """Grasp a pill bottle and stand it on a small pad that moves.
-
-    Success: the bottle rests upright on the middle of the pad, released."""
+    """Grasp a pill bottle and stand it on a small pad that moves."""
 
     target, manipulated = "pad", "bottle"
     up = above = 0.06

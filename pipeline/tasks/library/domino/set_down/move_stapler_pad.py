@@ -10,9 +10,7 @@ EITHER_WAY = (0.0, np.pi)
 @register
 class MoveStaplerPad(SetDown):
     """Grasp a stapler and set it down along the long side of a pad that moves, its mouth to either
-    end.
-
-    Success: the stapler rests on the middle of the pad, along it, released."""
+    end."""
 
     target, manipulated = "pad", "stapler"
     yaws, turns = EITHER_WAY, 2

@@ -5,9 +5,7 @@ from .set_down import SetDown
 
 @register
 class PlaceContainerPlate(SetDown):
-    """Grasp a bowl or cup and set it down on a plate that moves.
-
-    Success: the container rests on the middle of the plate, released."""
+    """Grasp a bowl or cup and set it down on a plate that moves."""
 
     target, manipulated = "plate", "container"
     limits = by_name(plane=Limit(0.05), height=Limit(0.03), lift=Limit(0.03))

@@ -6,9 +6,7 @@ from .set_down import SetDown
 
 @register
 class PlaceEmptyCup(SetDown):
-    """Grasp an empty cup and stand it on a coaster that moves.
-
-    Success: the cup rests upright on the middle of the coaster, released."""
+    """Grasp an empty cup and stand it on a coaster that moves."""
 
     step_limit = 500
     target, manipulated = "coaster", "cup"

@@ -11,9 +11,7 @@ from .set_down import SetDown
 
 @register
 class PlaceFan(SetDown):
-    """Grasp a desk fan by its cage and stand it on a pad that moves, blowing towards the robot.
-
-    Success: the fan rests on the middle of the pad, turned to the robot, released."""
+    """Grasp a desk fan by its cage and stand it on a pad that moves, blowing towards the robot."""
 
     target, manipulated = "pad", "fan"
     limits = by_name(

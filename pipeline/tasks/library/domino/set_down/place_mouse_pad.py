@@ -10,9 +10,7 @@ EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np
 
 @register
 class PlaceMousePad(SetDown):
-    """Grasp a computer mouse and set it down along a pad that moves, buttons to either end.
-
-    Success: the mouse rests on the middle of the pad, along it, released."""
+    """Grasp a computer mouse and set it down along a pad that moves, buttons to either end."""
 
     target, manipulated = "pad", "mouse"
     yaws = EITHER_WAY

@@ -6,9 +6,7 @@ from .set_down import SetDown
 
 @register
 class PlaceObjectScale(SetDown):
-    """Grasp a mouse, stapler or bell and set it down on a scale that moves.
-
-    Success: the object rests on the middle of the platter, released."""
+    """Grasp a mouse, stapler or bell and set it down on a scale that moves."""
 
     target, manipulated = "scale", "object"
     limits = by_name(plane=Limit(0.035), below=Limit(0.01), lift=Limit(0.03))

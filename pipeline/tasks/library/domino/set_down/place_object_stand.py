@@ -7,9 +7,7 @@ from .set_down import SetDown
 
 @register
 class PlaceObjectStand(SetDown):
-    """Grasp a small object and set it down on the plate of a display stand that moves.
-
-    Success: the object rests on the middle of the plate, released."""
+    """Grasp a small object and set it down on the plate of a display stand that moves."""
 
     target, manipulated = "stand", "object"
     onto, up, above = "top", 0.12, 0.07

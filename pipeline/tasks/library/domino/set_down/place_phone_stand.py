@@ -12,9 +12,7 @@ GAP = 0.003
 
 @register
 class PlacePhoneStand(SetDown):
-    """Grasp a phone and set it on a phone stand that moves, leaning against the back rest.
-
-    Success: the phone rests tilted on the stand, its foot at the seat, released."""
+    """Grasp a phone and set it on a phone stand that moves, leaning against the back rest."""
 
     target, manipulated = "stand", "phone"
     limits = by_name(

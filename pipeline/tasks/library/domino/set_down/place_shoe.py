@@ -13,9 +13,7 @@ TO_THE_LEFT = yawed((0, 0, 0), np.pi)  # the shoe in the mat's frame, toe toward
 
 @register
 class PlaceShoe(SetDown):
-    """Grasp a shoe and set it down along a mat that moves, its toe to the left.
-
-    Success: the shoe rests upright on the middle of the mat, its toe to the left, released."""
+    """Grasp a shoe and set it down along a mat that moves, its toe to the left."""
 
     step_limit = 500
     target, manipulated = "mat", "shoe"

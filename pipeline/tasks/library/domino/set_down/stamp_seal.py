@@ -7,9 +7,7 @@ from .set_down import SetDown
 
 @register
 class StampSeal(SetDown):
-    """Grasp a stamp by its handle and press it upright onto the middle of a small pad that moves.
-
-    Success: the stamp rests upright on the middle of the pad, released."""
+    """Grasp a stamp by its handle and press it upright onto a small pad that moves."""
 
     target, manipulated = "pad", "stamp"
     up = 0.06
